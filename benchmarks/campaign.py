@@ -39,7 +39,7 @@ def main(
     biases: list[pl.DataFrame] = []
     for seed in range(1, seeds + 1):
         with tempfile.TemporaryDirectory() as folder:
-            logs = simulate(base.seeded(seed), Path(folder) / f"campaign{suffix}")
+            logs = simulate(base.with_seed(seed), Path(folder) / f"campaign{suffix}")
             calibration = replay_campaign(logs, machine).frames["calibration"]
         errors.append(rms_errors(calibration).with_columns(seed=seed))
         biases.append(

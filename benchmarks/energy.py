@@ -19,7 +19,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from analysis.cycles.cycle_energy import PARTS, PHASES, WHOLE, EnergyRow, shift_energy
+from analysis.cycles.cycle_energy import PARTS, PHASES, WHOLE, EnergyRow, compute_shift_energy
 from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -46,7 +46,7 @@ class TrueEnergy:
         times: list[NDArray[np.int64]] = []
         parts: list[Floats] = []
         body = scenario.machine
-        for log in ShiftSimulation(scenario, scenario.shift).logs():
+        for log in ShiftSimulation(scenario, scenario.shift).simulate_logs():
             line = log.timeline
             t = np.arange(line.start_ns, line.end_ns, int(_NS / _RATE_HZ))
             true = line.sample(t)
@@ -98,7 +98,7 @@ def energies_beside_truth(
     gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
     digs = frames["digging"].select("start_t_ns", "end_t_ns").rows()
     true = TrueEnergy(scenario, [(s + t0_ns, e + t0_ns) for s, e in digs])
-    found = shift_energy(frames, machine, gaps)
+    found = compute_shift_energy(frames, machine, gaps)
     own = {row.cycle for row in found.rows}
     edges: dict[tuple[int, str], tuple[int, int]] = {}
     for row in frames["cycles"].iter_rows(named=True):

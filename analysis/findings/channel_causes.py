@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
-from analysis.diagnosis.measured_channels import long_runs
+from analysis.diagnosis.measured_channels import find_long_runs
 from analysis.diagnosis.side_comparison import SPEEDS, SURELY, TORQUES, SideDifference
 from analysis.findings.cause import MassChange, Symptom, strongest_symptom
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
@@ -111,7 +111,7 @@ def _noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, in
     if signals is None:
         return []
     limits = signals.limits.get(name, {})
-    runs, never = long_runs(*inputs.series[name])
+    runs, never = find_long_runs(*inputs.series[name])
     # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
     return [
         (run.begin_ns, run.end_ns)

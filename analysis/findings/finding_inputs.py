@@ -77,7 +77,7 @@ class FindingInputs:
     @cached_property
     def column_noise(self) -> ColumnNoiseModel | None:
         """Noise of acceleration, speed and force."""
-        found = ColumnNoise.of(X, self.noise, self.machine.settings.noise)
+        found = ColumnNoise.of_axis(X, self.noise, self.machine.settings.noise)
         return None if found is None else CachedNoise(found)
 
     @cached_property

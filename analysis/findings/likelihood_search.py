@@ -65,7 +65,7 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
     motion = explain_constant_force(inputs).motion or fit.motion
     near = is_near_spike(inputs)
     if near.any():  # a spike is no motion, whatever it looks like
-        motion = renumber_stretches(motion.exclude(near))
+        motion = renumber_stretches(motion.exclude_samples(near))
         if not motion.used.any():  # there are spikes all along
             return {}
     taken: list[str] = []

@@ -193,7 +193,7 @@ def predict_statistics(
     substitute(solved.L, solved.inverse, unit)
     variance = solved.rss / max(window - p, 1)
     partial, share = np.empty(variance.size), np.zeros(variance.size)
-    _with_noise(
+    _raise_variances_by_noise(
         solved.theta,
         unit,
         np.zeros((p + 1, p + 1)) if noise is None else noise,
@@ -206,7 +206,7 @@ def predict_statistics(
 
 
 @compiled_ahead
-def _with_noise(
+def _raise_variances_by_noise(
     theta: Floats,
     unit: Floats,
     noise: Floats,

@@ -34,7 +34,7 @@ def calibrated_band(fitted: Calibration) -> list[tuple[float, float, float]]:
     readings = fitted.budget_at[1]
     found: list[tuple[float, float, float]] = []
     for mass_kg in np.linspace(low, high, _GRID).tolist():
-        at = fitted.calibrated(fitted.c0_kg + fitted.c1_1 * mass_kg, None, readings)
+        at = fitted.calibrate_estimate(fitted.c0_kg + fitted.c1_1 * mass_kg, None, readings)
         if at.low_kg is not None and at.high_kg is not None:
             found.append((mass_kg, at.low_kg, at.high_kg))
     return found

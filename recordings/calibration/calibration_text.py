@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.calibration.campaign.next_load import next_load
+from analysis.calibration.campaign.next_load import rank_next_loads
 from analysis.calibration.line.calibration import Calibration
 from estimators.errors import counted
 from recordings.calibration.campaign_faults import logs_without_machine, runs_without_date
@@ -195,7 +195,7 @@ def _unlike_driving_lines(fitted: Calibration) -> list[str]:
 
 def _advice_lines(fitted: Calibration) -> list[str]:
     """Which load to run next."""
-    best = next_load(fitted)[0]
+    best = rank_next_loads(fitted)[0]
     return [
         f"Next load: of those of this campaign, one more run with '{best.load_id}' on another day "
         f"makes the line surest; half the interval of a later mass would go from "

@@ -62,7 +62,7 @@ def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
         "fuel": ("fuel", "{}"),
     }
     campaign = document.campaign
-    runs = [campaign.conditions_of(run) for run in campaign.runs]
+    runs = [campaign.conditions_of_run(run) for run in campaign.runs]
     found: list[tuple[str, str]] = []
     for key, (name, form) in shown.items():
         said = [each[key] for each in runs]

@@ -18,7 +18,7 @@ from analysis.calibration.campaign.campaign_subjects import Id, Line
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import ErrorLimits
-from analysis.calibration.use.learnt_priors import LearntPriors, with_learnt_priors
+from analysis.calibration.use.learnt_priors import LearntPriors, machine_with_learnt_priors
 from analysis.model.machine import Machine
 from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
@@ -266,7 +266,7 @@ class EvidenceDocument(BaseModel):
         return (
             self.machine
             if self.learnt is None
-            else with_learnt_priors(self.machine, self.learnt.terms)
+            else machine_with_learnt_priors(self.machine, self.learnt.terms)
         )
 
     def log(self, name: str) -> EvidenceLog | None:

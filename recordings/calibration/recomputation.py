@@ -247,7 +247,7 @@ def _run_faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool
             yield "is used and has no mass"
     elif row["start_s"] is None or row["end_s"] is None or not row["start_s"] < row["end_s"]:
         yield "has no stretch of time"
-    elif not run.covers(row["start_s"], row["end_s"]):
+    elif not run.covers_middle_of(row["start_s"], row["end_s"]):
         yield "is not in the stretch of its run"
     if row["used"] and row["reason"]:
         yield "is used, with a reason why not"

@@ -355,7 +355,7 @@ def _add_known_mass(equipment: "_Element", name: str, value_kg: float, u_kg: flo
 
 def _add_conditions(parent: "_Element", document: EvidenceDocument) -> None:
     campaign = document.campaign
-    runs = [campaign.conditions_of(run) for run in campaign.runs]
+    runs = [campaign.conditions_of_run(run) for run in campaign.runs]
     for key, ref, unit, name in _CONDITIONS:
         for value in dict.fromkeys(each[key] for each in runs):
             made = _add(parent, "influenceCondition", refType=ref)

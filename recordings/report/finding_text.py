@@ -24,7 +24,7 @@ def findings_of(run: Run) -> tuple[Finding, ...]:
 
 def findings_of_rows(rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
     """The findings of rows of the frame `findings`."""
-    return tuple(Finding.of(row) for row in rows)
+    return tuple(Finding.from_row(row) for row in rows)
 
 
 def name_of(cause: str) -> str:

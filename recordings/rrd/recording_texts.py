@@ -268,7 +268,7 @@ def _value_text(row: AnswerRow, method: str, value: str, std: str | None) -> str
 def _mass_cells(row: AnswerRow) -> list[str]:
     if not row.methods:
         return []
-    shown = [each for each in _MASS_COLUMNS if row.has(each[1])]
+    shown = [each for each in _MASS_COLUMNS if row.has_quantity(each[1])]
     rows = [
         (
             method,

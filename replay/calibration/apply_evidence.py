@@ -10,8 +10,8 @@ import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.use.apply_calibration import ESTIMATORS, calibrate_loads
-from analysis.calibration.use.later_log import later_log
-from analysis.calibration.use.learnt_priors import machine_for_later_log, with_learnt_priors
+from analysis.calibration.use.later_log import describe_later_log
+from analysis.calibration.use.learnt_priors import machine_for_later_log, machine_with_learnt_priors
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -89,7 +89,7 @@ class MachineCalibration:
         document = self.document
         machine = with_campaign_mass(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
-        weighing = with_learnt_priors(machine, terms)
+        weighing = machine_with_learnt_priors(machine, terms)
         if self.calibration.responses:
             weighing = machine_for_later_log(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
@@ -188,7 +188,7 @@ class MachineCalibration:
             other: what that machine has otherwise than the calibration.
         """
         body = self.weighing_machine(self.document.machine).machine
-        log = later_log(frames, body, f"the calibration {other}" if other else "")
+        log = describe_later_log(frames, body, f"the calibration {other}" if other else "")
         return calibrate_loads(frames["loads"], self.calibration, log)
 
     def calibrate_run(self, run: Run, other: str = "") -> Run:

@@ -18,7 +18,11 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import LOGS_MIN, LearntPriors, with_learnt_priors
+from analysis.calibration.use.learnt_priors import (
+    LOGS_MIN,
+    LearntPriors,
+    machine_with_learnt_priors,
+)
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
 from recordings.calibration.bundle_checks import check_bundle
@@ -191,7 +195,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
             refuse_days(campaign_file, campaign, first, machine)
             refuse_unaccounted(campaign_file, campaign, first, stretch)
             learnt = first.learnt
-        weighing = machine if learnt is None else with_learnt_priors(machine, learnt.terms)
+        weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
         replayed = replay_runs(campaign, weighing, path_of, made if recordings else None, on_log)
         refuse_days(campaign_file, campaign, replayed, machine)
         refuse_machine(campaign_file, campaign, replayed, machine)
@@ -328,7 +332,7 @@ def _make_document(
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
     loads, covariance = reference_loads(campaign, machine)
     learnt = evidence.learnt
-    weighing = machine if learnt is None else with_learnt_priors(machine, learnt.terms)
+    weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
     estimator = estimator_with_digest(campaign, weighing)
     last = None if before is None else before.document
     document = EvidenceDocument(

@@ -14,7 +14,7 @@ from uuid import uuid4
 import polars as pl
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
-from analysis.calibration.campaign.campaign_readings import readings, run_responses
+from analysis.calibration.campaign.campaign_readings import read_campaign_runs, run_responses
 from analysis.calibration.line.unlike_driving import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
@@ -110,7 +110,7 @@ def replay_runs(
             (recordings / RUNS).mkdir(exist_ok=True)
             write_recording(replayed, recordings / recording)
         runs = [each for each in campaign.runs if each.log == name]
-        frames.append(readings(replayed, runs, campaign.method.estimator))
+        frames.append(read_campaign_runs(replayed, runs, campaign.method.estimator))
         responses += run_responses(replayed, runs, campaign.method.estimator)
         logs.append(evidence_of_replay(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])

@@ -54,7 +54,7 @@ def command(
     simulated machine; the table predicts the errors of least squares over the window that
     determines the parameters least. Exit status 1 when no waveform reaches the accuracy.
     """
-    from analysis.excitation import design
+    from analysis.excitation import design_excitation
     from recordings.report.atomic_output import check_output, refuse_input_as_output
     from replay.commands.print_tables import console, print_json
     from replay.simulation.scenario_file import load_scenario, write_scenario
@@ -64,13 +64,13 @@ def command(
         refuse_input_as_output(output, [scenario] if scenario else [])
         check_output(output, force=force)
     base = load_scenario(scenario, overrides or [])
-    made = design(base, motion, wanted, window, yard)
+    made = design_excitation(base, motion, wanted, window, yard)
     if as_json:
         print_json(made.to_dict())
     else:
         console().print(_render(made))
     if output and made.best:
-        write_scenario(made.scenario(base), output, force=force)
+        write_scenario(made.to_scenario(base), output, force=force)
         typer.echo(str(output), err=as_json)
     if not made.is_reached:
         raise typer.Exit(1)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import polars as pl
 
-from analysis.compare.run_comparison import Comparison, compare, same_inputs
+from analysis.compare.run_comparison import Comparison, compare_runs, same_inputs
 from analysis.model.run_record import Provenance, Run
 from estimators.errors import RecordingError
 from estimators.file_digest import file_sha256
@@ -119,7 +119,7 @@ def compare_recordings(
                 "SHA-256), so that their rows do not correspond; --other-logs compares settings, "
                 "masses and verdict alone"
             )
-        found = compare(mine, theirs, rtol=rtol, rows=not other_logs)
+        found = compare_runs(mine, theirs, rtol=rtol, rows=not other_logs)
         if output.path is not None:
             from recordings.compare.overlay_recording import comparison_text, write_overlay
 

@@ -156,7 +156,7 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
     campaign_file, evidence = folder / "calibration.toml", folder / "evidence"
     shift, page = folder / "shift.mcap", folder / "review"
     keys = folder / "key.pem", folder / "key.pub.pem"
-    scenario = Scenario().seeded(seed)
+    scenario = Scenario().with_seed(seed)
     hauling = scenario.model_copy(update={"shift": _SHIFT})
     hauled, truth = log_paths(hauling, shift), shift_truth_path(shift)
     for output in (machine_file, campaign_file, *keys, recording, picture, *hauled, truth):

@@ -249,7 +249,7 @@ def replay_log(log: Log, setup: MachineSetup, source: str) -> Run:
     against = contradicted_priors(made.frames["nuisances"])
     frames = dict(made.frames)
     if not against:
-        unlike = Unlike.of(frames)
+        unlike = Unlike.from_frames(frames)
         frames["cycles"] = calibrate_cycles(frames["cycles"], setup.by.calibration, unlike)
         frames["shift"] = recount_shift(frames["shift"], frames["cycles"])
     return setup.by.calibrate_run(Run(frames, made.provenance))

@@ -10,10 +10,10 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from analysis.model.machine import Machine
-from analysis.model.physical_units import to_si
+from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.run_record import InputFile, Provenance
 from analysis.model.schema import HINTS
-from analysis.stages.signals.derive import unit_of
+from analysis.stages.signals.derive import unit_of_name
 from estimators.errors import LogError, MachineError, nearest
 from replay.inputs.time_line import offsets_ns, shift_times
 from replay.logs import TABLE, Log
@@ -116,7 +116,7 @@ def _refuse_stated_units(log: Log, machine: Machine) -> None:
         if stated is None or channel.unit is not None or channel.scale != 1.0 or channel.offset:
             continue
         try:
-            gain, offset = to_si(stated, unit_of(name))
+            gain, offset = gain_and_offset_to_si(stated, unit_of_name(name))
         except MachineError:  # of another dimension: it is called after something else
             continue
         if gain != 1.0 or offset:

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.model.physical_units import to_si
+from analysis.model.physical_units import gain_and_offset_to_si
 from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import TABLE, Log
@@ -107,7 +107,7 @@ def lacks_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
         assert column.unit is not None
         if not column.fits("acc_x_m_s2"):
             return set()
-        total += (_median_reading(log, column) * to_si(column.unit, "m/s²")[0]) ** 2
+        total += (_median_reading(log, column) * gain_and_offset_to_si(column.unit, "m/s²")[0]) ** 2
     return {column.field for column in axes} if total < (_GRAVITY_M_S2[0] / 2) ** 2 else set()
 
 
@@ -119,7 +119,7 @@ def are_same_readings(log: Log, one: LogColumn, other: LogColumn) -> bool:
         return False
     if min(t.size, at.size) < _FEWEST or one.unit is None or other.unit is None:
         return False
-    y = y * to_si(other.unit, one.unit)[0]
+    y = y * gain_and_offset_to_si(other.unit, one.unit)[0]
     return float(np.std(x - np.interp(t, at, y))) < _SAME * float(np.std(x))
 
 
@@ -200,7 +200,10 @@ def ask_about_units(
     (t, x), (at, y) = series_of_proposal(log, rate), series_of_proposal(log, other)
     if min(t.size, at.size) < _FEWEST:
         return
-    gains = [to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0 for each in (rate, other)]
+    gains = [
+        gain_and_offset_to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0
+        for each in (rate, other)
+    ]
     x, change = x * gains[0], _slope(t, at, y * gains[1]) / _SPAN_S
     goes = _correlate(x, change)
     if goes is None or goes < _ALIKE:

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Final
 
-from analysis.model.physical_units import to_si
-from analysis.stages.signals.derive import unit_of
+from analysis.model.physical_units import gain_and_offset_to_si
+from analysis.stages.signals.derive import unit_of_name
 from estimators.errors import MachineError
 from replay.recognise.words import ColumnMeaning
 
@@ -28,7 +28,7 @@ class LogColumn:
 
     def fits(self, channel: str) -> bool:
         """Whether the unit is of a channel's dimension; no unit does not fit."""
-        return self.is_in(unit_of(channel))
+        return self.is_in(unit_of_name(channel))
 
     def is_in(self, unit: str) -> bool:
         """Whether the unit is of the dimension of another; percent are no angle."""
@@ -40,7 +40,7 @@ class LogColumn:
 def has_dimension_of(unit: str, other: str) -> bool:
     """Whether a unit is of the dimension of another."""
     try:
-        to_si(unit, other)
+        gain_and_offset_to_si(unit, other)
     except MachineError:
         return False
     return True
@@ -119,4 +119,4 @@ def _not_si(unit: str | None, channel: str) -> str | None:
     """The unit that a channel has to name: none for SI."""
     if unit is None:
         return None
-    return None if to_si(unit, unit_of(channel)) == (1.0, 0.0) else unit
+    return None if gain_and_offset_to_si(unit, unit_of_name(channel)) == (1.0, 0.0) else unit

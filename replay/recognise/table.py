@@ -11,9 +11,9 @@ from dataclasses import replace
 from functools import cache
 from typing import Final
 
-from analysis.model.physical_units import registry, unit_behind
+from analysis.model.physical_units import read_unit_after_number, unit_registry
 from analysis.model.schema import CHANNEL_COLUMNS
-from analysis.stages.signals.derive import unit_of
+from analysis.stages.signals.derive import unit_of_name
 from replay.logs import TABLE, Log
 from replay.recognise.correlations import (
     add_correlations,
@@ -53,7 +53,7 @@ def recognise_channels(log: Log) -> Recognition:
     found = Recognition()
     for column in columns:
         if column.field in _KNOWN:
-            found.fill(column, column.field, "its name", unit_of(column.field))
+            found.fill(column, column.field, "its name", unit_of_name(column.field))
     by_gravity = units_by_gravity(log, columns)
     kinematic = lacks_gravity(log, columns)
     claims: defaultdict[str, list[Claim]] = defaultdict(list)
@@ -148,7 +148,7 @@ def _name_without_unit(name: str) -> str:
     cut = name
     for opening in "[(":
         cut = cut.partition(opening)[0] or cut
-    return unit_behind(cut)[0]
+    return read_unit_after_number(cut)[0]
 
 
 def quantity_of_name(said: str | None, unit: str | None) -> str | None:
@@ -161,9 +161,9 @@ def quantity_of_name(said: str | None, unit: str | None) -> str | None:
 @cache
 def _quantity_in(unit: str) -> str | None:
     """The quantity that a unit alone tells."""
-    dimension = registry().parse_units(unit).dimensionality
+    dimension = unit_registry().parse_units(unit).dimensionality
     for each, quantity in _QUANTITY_OF.items():
-        if registry().parse_units(each).dimensionality == dimension:
+        if unit_registry().parse_units(each).dimensionality == dimension:
             return quantity
     return None
 

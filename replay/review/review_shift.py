@@ -14,7 +14,7 @@ from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
-from analysis.cycles.cycle_energy import ShiftEnergy, shift_energy
+from analysis.cycles.cycle_energy import ShiftEnergy, compute_shift_energy
 from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
 from analysis.cycles.empty_machine import find_empty_mass_jump
 from analysis.model.machine import Machine
@@ -133,7 +133,7 @@ def review(
         if by is not None:
             told = frames_for_calibration(made, folder)
             against = contradicted_priors(told["nuisances"])
-            unlike = Unlike.of(told)
+            unlike = Unlike.from_frames(told)
             cycles = cycles if against else calibrate_cycles(cycles, by.calibration, unlike)
         shift = ShiftCount.of(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
         on_stage("write")
@@ -202,14 +202,14 @@ def mixed_machines_text(made: Run, opened: list[Log], machine: Machine) -> str:
     """That these may be logs of two machines; empty where nothing says so."""
     begins = begins_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
     found = find_empty_mass_jump(made.frames["manoeuvres"], list(begins.values()))
-    return "" if found is None else found.text(list(begins)[found.log].path.name)
+    return "" if found is None else found.warning_text(list(begins)[found.log].path.name)
 
 
 def _shift_energy(made: Run, machine: Machine) -> ShiftEnergy:
     """The energy of the shift, by the settings that it was replayed with."""
     frames, settings = made.frames, made.provenance.settings
     gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
-    return shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
+    return compute_shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
 
 
 def read_earlier_replay(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift | None:

@@ -123,10 +123,12 @@ def simulate(scenario: Scenario, output: Path, *, force: bool = False) -> list[P
     shift = ShiftSimulation(scenario, scenario.shift)
     beside = shift_truth_path(output)
     write_logs(
-        shift.logs(),
+        shift.simulate_logs(),
         targets,
         force=force,
-        beside={beside: lambda path: write_shift_truth(shift.truth(), scenario, targets, path)},
+        beside={
+            beside: lambda path: write_shift_truth(shift.collect_truth(), scenario, targets, path)
+        },
     )
     return targets
 

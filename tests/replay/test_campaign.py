@@ -132,7 +132,7 @@ def test_other_seeds_give_other_noise_and_the_same_seed_the_same_logs(tmp_path: 
         update={"campaign": short.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 1})}
     )
     written = [
-        simulate(short.seeded(seed), tmp_path / f"{name}.csv")[0].read_bytes()
+        simulate(short.with_seed(seed), tmp_path / f"{name}.csv")[0].read_bytes()
         for name, seed in (("a", 1), ("b", 1), ("c", 2))
     ]
     assert written[0] == written[1] != written[2]

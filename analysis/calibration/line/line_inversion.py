@@ -120,7 +120,7 @@ class Inversion:
             self._new_value_effects(np.array([readings]))[0] * self.variance_kg2 / self.slope_1**2
         )
 
-    def with_extra_u(self, u_kg: float) -> "Inversion":
+    def add_common_u(self, u_kg: float) -> "Inversion":
         """The same with an uncertainty of later masses besides, in kg of mass."""
         return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
 
@@ -235,10 +235,12 @@ class Inversion:
             if self.variance_kg2[k] > 0.0:
                 rest[:, k] = 0.0
                 squared[:, k] = student_factor(confidence_1, np.array([float(freedom)]))[0] ** 2
-        common = student_factor(confidence_1, self._dof(rest, rest @ self.variance_kg2 + more_kg2))
+        common = student_factor(
+            confidence_1, self._dof_of_variances(rest, rest @ self.variance_kg2 + more_kg2)
+        )
         return np.where(squared > 0.0, squared, common[:, None] ** 2), common**2
 
-    def _dof(self, gradient: Floats, total: Floats) -> Floats:
+    def _dof_of_variances(self, gradient: Floats, total: Floats) -> Floats:
         """(n,) degrees of freedom of variances (n,) with gradients (n, effects)."""
         if self.covariance.size == 0:
             return np.full(total.size, np.inf)

@@ -92,7 +92,9 @@ def _mean_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:
     return speed - rate * speed_rate_span_rows(settings) / settings.align.rate_hz / 2.0
 
 
-def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settings) -> pl.Series:
+def classify_motion_phases(
+    smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settings
+) -> pl.Series:
     """Classify every row; null where speed or its rate is not known.
 
     Without a yaw rate the machine is taken to drive straight. Standing still means slow and
@@ -129,7 +131,7 @@ def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settin
     return label_by_first_condition(conditions, "braking", PHASE).alias("phase")
 
 
-def first_index(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
+def number_first_condition(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
     """Number the first condition (n,) that holds for each row, (n,); their count where none does.
 
     Args:
@@ -154,10 +156,10 @@ def label_by_first_condition(
         labels: of the series.
     """
     # numbers, since rows of text are slow to make
-    choices = _labels((*conditions, otherwise), labels)
-    return choices[first_index(list(conditions.values()))]
+    choices = _label_series((*conditions, otherwise), labels)
+    return choices[number_first_condition(list(conditions.values()))]
 
 
 @cache
-def _labels(names: tuple[str | None, ...], labels: pl.Enum) -> pl.Series:
+def _label_series(names: tuple[str | None, ...], labels: pl.Enum) -> pl.Series:
     return pl.Series(names, dtype=labels)

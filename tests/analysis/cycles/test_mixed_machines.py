@@ -34,7 +34,7 @@ def test_a_machine_half_as_heavy_again_is_another_one() -> None:
     found = find_empty_mass_jump(shift(3600.0, 5000.0), BEGINS_NS)
     assert found is not None
     assert found.log == 1
-    said = found.text("truck2.bag")
+    said = found.warning_text("truck2.bag")
     assert "3,600 kg before truck2.bag and 5,000 kg from it on (+39%)" in said
 
 

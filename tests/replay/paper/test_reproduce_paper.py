@@ -6,7 +6,7 @@ import polars as pl
 import pytest
 
 from analysis.paper import printed_numbers
-from analysis.paper.replayed_campaign import regate, trial_bound_kg
+from analysis.paper.replayed_campaign import replay_with_gate, trial_bound_kg
 from analysis.simulation import Scenario
 from recordings.paper.paper_items import ITEMS, ItemResult
 from recordings.paper.paper_page import write_reproduction
@@ -109,7 +109,9 @@ def test_a_window_that_the_gate_refuses_everywhere_has_no_bound() -> None:
         short.model_copy(update={"campaign": campaign}), load_machine("cat262c.toml")
     )
     assert 3.0 < trial_bound_kg(replayed) < 10.0
-    refused = regate(replayed, replayed.settings.with_changes({"gate.threshold_nat": 50.0}))
+    refused = replay_with_gate(
+        replayed, replayed.settings.with_changes({"gate.threshold_nat": 50.0})
+    )
     assert trial_bound_kg(refused) != trial_bound_kg(refused)
 
 

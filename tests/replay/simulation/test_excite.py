@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.excitation import design
+from analysis.excitation import design_excitation
 from analysis.simulation import Scenario
 from estimators.errors import DataError, OutputError
 from replay.simulation.scenario_file import load_scenario, scenario_text, write_scenario
@@ -19,7 +19,7 @@ BASE = load_scenario(None)
 @pytest.fixture(scope="module")
 def designed():
     """What a bare `excite` designs; a design takes seconds."""
-    return design(BASE)
+    return design_excitation(BASE)
 
 
 @pytest.fixture
