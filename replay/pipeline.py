@@ -54,7 +54,7 @@ from analysis.weighing.nuisance_frames import budget_frame, make_nuisance_frame
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import one_blas_thread
-from replay.inputs.channel_inputs import channel_fields, named_by_topic, provenance, read_channels
+from replay.inputs.channel_inputs import channel_fields, make_provenance, read_channels, topic_notes
 from replay.inputs.machine_identity import identify_machine
 from replay.inputs.parallel_tables import join_parallel_tables
 from replay.inputs.time_line import offset_note as order_note
@@ -83,7 +83,7 @@ class _TopicChannels:
     doubts: list[Loss]
 
     @classmethod
-    def of(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_TopicChannels":
+    def from_topics(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_TopicChannels":
         """Place every sample by its stamp, and take what the channels name."""
         placed, stamps, doubts = assign_timestamps(raw)
         read, missing = read_measured(placed, machine)
@@ -134,7 +134,7 @@ def run(
 
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
-    placed = _TopicChannels.of(raw, machine)
+    placed = _TopicChannels.from_topics(raw, machine)
     machine, chosen = machine_at_rate_of_log(placed.read, machine)  # what no setting gives
     seen = _run_stages(raw, placed, machine, on_stage)
     del placed  # of a shift it is half a gigabyte
@@ -157,7 +157,7 @@ def run(
     why = reasons_for_no_answer(excitation, seen.frames["gate"], machine.settings)
     return Run(
         frames={
-            **named_by_topic(raw),
+            **topic_notes(raw),
             **seen.frames,
             "planar": plane,
             "planar_budget": plane_budget,
@@ -171,7 +171,7 @@ def run(
             "verdict": judged,
             "findings": drop_findings_of_work(causes, hauled.cycles),
         },
-        provenance=provenance(
+        provenance=make_provenance(
             logs,
             machine,
             seen.case.check_inputs.t0_unix_ns,
@@ -275,7 +275,7 @@ def _find_causes(seen: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machin
 
     def look(changed: Machine) -> pl.DataFrame | None:
         try:
-            placed = _TopicChannels.of(part, changed)
+            placed = _TopicChannels.from_topics(part, changed)
             return find_causes(_run_stages(part, placed, changed, lambda _: None).case)
         except DataError:  # the first hour of a log may hold less than the whole
             return None

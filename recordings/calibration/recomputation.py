@@ -78,12 +78,12 @@ def compare_recomputed(
         (REPORT, lambda: compare_report_page(document, readings, points, report)),
     )
     for item, step in steps:
-        found += _run_step(item, step)
+        found += _run_check_step(item, step)
     found += compare_verdicts(document)
     return found, notes
 
 
-def _run_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[BundleFinding]:
+def _run_check_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[BundleFinding]:
     """What a step finds; that it cannot be done with these numbers is a finding as well."""
     try:
         with warnings.catch_warnings():
@@ -264,13 +264,13 @@ def compare_fit(
     notes: list[str],
 ) -> Findings:
     """The fit, its budget and verdict, and the points."""
-    fitted, drift = _refit_readings(document, readings)
+    fitted, drift = _refit_line_to_readings(document, readings)
     stored = document.calibration
     pairs: tuple[tuple[str, Any, Any], ...] = (
-        ("calibration", _to_json(stored), _to_json(fitted.calibration)),
+        ("calibration", _convert_to_json(stored), _convert_to_json(fitted.calibration)),
         ("no_fit", document.no_fit, fitted.no_fit),
-        ("limits", _to_json(document.limits), _to_json(fitted.limits)),
-        ("drift", _to_json(document.drift), _to_json(drift)),
+        ("limits", _convert_to_json(document.limits), _convert_to_json(fitted.limits)),
+        ("drift", _convert_to_json(document.drift), _convert_to_json(drift)),
     )
     places = [
         each for name, kept, computed in pairs for each in find_differences(kept, computed, name)
@@ -293,7 +293,7 @@ def compare_fit(
     yield from compare_as_found(document, fitted.frame)
 
 
-def _refit_readings(
+def _refit_line_to_readings(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> tuple[CampaignFit, DriftCheck | None]:
     """What the readings come to; of a check, under the line that it is a check of."""
@@ -304,7 +304,7 @@ def _refit_readings(
     return fit_campaign(campaign, body, readings, document.options, responses), None
 
 
-def _to_json(value: Any) -> Any:
+def _convert_to_json(value: Any) -> Any:
     """A dataclass as JSON has it."""
     return None if value is None else to_jsonable_python(value)
 

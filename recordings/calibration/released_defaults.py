@@ -78,12 +78,12 @@ def first_released_default(name: str, kept: Mapping[str, Mapping[str, Any]]) -> 
     """
     for defaults in kept.values():
         for each, value in defaults.items():
-            if _matches(each, name):
+            if _matches_pattern(each, name):
                 return True, value
     return False, None
 
 
-def _matches(pattern: str, name: str) -> bool:
+def _matches_pattern(pattern: str, name: str) -> bool:
     if _ANY not in pattern:
         return pattern == name
     parts, names = pattern.split("."), name.split(".")
@@ -149,7 +149,7 @@ def _first_released_default(name: str, default: Any, kept: Mapping[str, Mapping[
     return default
 
 
-def with_values(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
+def insert_values(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
     """Plain values with some of them put in, by dotted names."""
     whole: dict[str, Any] = json.loads(json.dumps(values))
     for name, value in changed.items():
@@ -158,7 +158,7 @@ def with_values(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[s
     return whole
 
 
-def without_values(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
+def remove_values(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
     """The values without some of them, which are there, by dotted names."""
     for name in names:
         inside, last = locate_value(values, name)

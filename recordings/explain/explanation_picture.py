@@ -49,8 +49,8 @@ def draw_explanation(run: Run, explained: Explanation) -> "Figure":
     """Draw the picture of `plot_explanation` without writing it."""
     from matplotlib.figure import Figure
 
-    at_s = explained.at_s if explained.at_s is not None else _worst_s(explained, run)
-    near = run if at_s is None else _cut_around(run, at_s)
+    at_s = explained.at_s if explained.at_s is not None else _worst_moment_s(explained, run)
+    near = run if at_s is None else _cut_run_around(run, at_s)
     lines = wrap(verdict_sentence(explained), _LINE)
     for each in (explained.findings or ())[:_FINDINGS]:
         lines += wrap(f"{each.rank}. {finding_line(each)}", _LINE, subsequent_indent="   ")
@@ -76,7 +76,7 @@ def draw_explanation(run: Run, explained: Explanation) -> "Figure":
     return figure
 
 
-def _worst_s(explained: Explanation, run: Run) -> float | None:
+def _worst_moment_s(explained: Explanation, run: Run) -> float | None:
     """Where the first finding is that is somewhere, or the manoeuvre that stands out most.
 
     None, for all of it, where the run is not much longer than what would be drawn.
@@ -92,7 +92,7 @@ def _worst_s(explained: Explanation, run: Run) -> float | None:
     return None
 
 
-def _cut_around(run: Run, at_s: float) -> Run:
+def _cut_run_around(run: Run, at_s: float) -> Run:
     """The samples around a moment; frames without samples whole."""
     begin, end = (round((at_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
     frames = {

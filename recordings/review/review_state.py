@@ -22,7 +22,7 @@ from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
 from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock
-from recordings.report.finding_text import finding_line, findings_of
+from recordings.report.finding_text import finding_line, findings_of_run
 from recordings.review.torn_logs import TornLog
 from recordings.rrd.provenance_texts import local_time, machine_table
 from recordings.rrd.recording_texts import machine_name
@@ -124,7 +124,7 @@ class ReviewState(BaseModel):
         return ShiftClock(self.timezone, self.t0_unix_ns, self.duration_s)
 
 
-def state_of(
+def take_review_state(
     run: Run,
     key: str,
     recording_sha256: str,
@@ -188,8 +188,10 @@ def state_of(
             frames["excitation"], frames["manoeuvres"], frames["nuisances"], about.settings
         ),
         digs=frames["digging"].height,
-        findings=tuple(finding_line(e, clock) for e in findings_of(run) if e.severity != "tell"),
-        no_cycle=no_cycle_reason(frames["cycles"], frames["loads"]),
+        findings=tuple(
+            finding_line(e, clock) for e in findings_of_run(run) if e.severity != "tell"
+        ),
+        no_cycle=reason_for_no_cycle(frames["cycles"], frames["loads"]),
         mixed_machines=mixed_machines,
         timezone=timezone,
         serial=str(body.get("id") or ""),
@@ -240,7 +242,7 @@ def flatten_texts(values: Any, name: str = "") -> dict[str, str]:
     return {name: str(values)}
 
 
-def no_cycle_reason(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
+def reason_for_no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
     """Why there is no cycle; nothing where there is one."""
     if cycles.height:
         return ""

@@ -24,7 +24,7 @@ from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import public_key
-from replay.calibration.campaign_file import with_campaign_mass
+from replay.calibration.campaign_file import machine_with_campaign_mass
 from replay.inputs.machine_identity import logged_id
 from replay.logs import Log
 
@@ -87,7 +87,7 @@ class MachineCalibration:
     def weighing_machine(self, machine: Machine) -> Machine:
         """The machine with the empty mass and the priors that the calibration has."""
         document = self.document
-        machine = with_campaign_mass(document.campaign, machine)
+        machine = machine_with_campaign_mass(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
         weighing = machine_with_learnt_priors(machine, terms)
         if self.calibration.responses:
@@ -95,7 +95,7 @@ class MachineCalibration:
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
         return Machine.model_validate_json(canonical_bytes(weighing.model_dump(mode="json")))
 
-    def differences(self, weighing: Machine) -> str:
+    def differences_of_machine(self, weighing: Machine) -> str:
         """What a machine, as `weighing` gives it, has otherwise than the calibration; "" if none.
 
         Serial number, channels, settings, priors: all that defines its mass. The name counts where
@@ -104,15 +104,18 @@ class MachineCalibration:
         mine_id = weighing.machine.id
         if mine_id not in (None, self.machine_id):
             return f"is of machine '{self.machine_id}', not of '{mine_id}'"
-        kept = dict(_flatten(mass_definition(self.weighing_machine(self.document.machine))))
-        mine = dict(_flatten(mass_definition(weighing)))
+        kept = dict(
+            _flatten_settings(mass_definition(self.weighing_machine(self.document.machine)))
+        )
+        mine = dict(_flatten_settings(mass_definition(weighing)))
         name = "machine.name"
         if mine_id is None and kept[name] != mine[name]:
             return f"is of machine '{kept[name]}', not of '{mine[name]}'"
         names = {*kept, *mine} - {name}
         differ = [each for each in sorted(names) if kept.get(each) != mine.get(each)]
         named = ", ".join(
-            f"{each} = {_value_text(kept.get(each))} there and {_value_text(mine.get(each))} here"
+            f"{each} = {_format_value(kept.get(each))} there and {_format_value(mine.get(each))} "
+            "here"
             for each in differ[:_MOST_NAMED]
         )
         more = f" and {len(differ) - _MOST_NAMED} more" if len(differ) > _MOST_NAMED else ""
@@ -130,7 +133,7 @@ class MachineCalibration:
         Raises:
             EvidenceError: it is another one, or weighs otherwise.
         """
-        other = self.differences(weighing)
+        other = self.differences_of_machine(weighing)
         if other:
             raise EvidenceError(
                 f"{self.folder}: {other} ({what}); calibrate with these, or weigh with those"
@@ -284,7 +287,7 @@ def calibrated_frame(
             priors than those of the calibration, or is of a later day.
     """
     by = load_calibration(asked)
-    other = by.differences(recorded_machine(about))
+    other = by.differences_of_machine(recorded_machine(about))
     if other:
         raise EvidenceError(
             f"{by.folder}: {other} ({recording}); record it with `payscope run --calibration "
@@ -300,13 +303,13 @@ def recorded_machine(about: Provenance) -> Machine:
     return Machine.model_validate(content)
 
 
-def _flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _flatten_settings(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     for name, value in values.items():
         if isinstance(value, Mapping) and value:
-            yield from _flatten(value, f"{prefix}{name}.")
+            yield from _flatten_settings(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value
 
 
-def _value_text(value: Any) -> str:
+def _format_value(value: Any) -> str:
     return "nothing" if value is None else f"{value}"

@@ -45,7 +45,7 @@ from recordings.calibration.evidence_document import (
     Signer,
 )
 from recordings.calibration.timestamp import refuse_without_library, timestamp_request
-from recordings.calibration.write_bundle import tables_of, write_bundle
+from recordings.calibration.write_bundle import encode_tables, write_bundle
 from recordings.report.atomic_output import atomic_file, atomic_files, check_folder, check_output
 from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import load_keyring
@@ -53,10 +53,10 @@ from recordings.signatures.signing import SigningKey, signing_key
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_runs import (
     CampaignReplay,
-    new_id,
-    now,
+    draw_evidence_id,
     replay_runs,
     software_versions,
+    time_for_evidence,
 )
 from replay.calibration.dcc_output import DccOutput, check_dcc_output, write_dcc_output
 from replay.calibration.refuse_campaign import (
@@ -143,7 +143,7 @@ class EvidenceParts:
     drift: DriftCheck | None = None
 
 
-def calibrate(  # noqa: PLR0913  each is an option of the command
+def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     campaign_file: Path,
     folder: Path,
     *,
@@ -309,7 +309,7 @@ def finish_evidence(
             f"{', '.join(evidence.campaign.logs)}: no run gave a reading; `payscope run` says of "
             "each log why"
         )
-    tables, digests = tables_of(readings, points)
+    tables, digests = encode_tables(readings, points)
     document = _make_document(evidence, digests, key, before)
     write_calibration(made, document, readings, points)
     remarks = write_bundle(made, document, readings, points, tables, key, stretch)
@@ -338,8 +338,8 @@ def _make_document(
     document = EvidenceDocument(
         format=FORMAT,
         kind=evidence.kind,
-        id=new_id(),
-        made=now(),
+        id=draw_evidence_id(),
+        made=time_for_evidence(),
         notice=NOTICE,
         campaign=campaign,
         # a check does not prolong what it checks
@@ -358,7 +358,7 @@ def _make_document(
         drift=evidence.drift,
         as_found=check_earlier_line(last, estimator_of_this_version(last), estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
-        chain=_next_link(before),
+        chain=_make_next_link(before),
         signer=None if key is None else _signer_of_campaign(campaign, key),
         software=software_versions(),
     )
@@ -375,7 +375,7 @@ def _signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> Signe
     return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
 
 
-def _next_link(before: CheckedBundle | None) -> Chain:
+def _make_next_link(before: CheckedBundle | None) -> Chain:
     if before is None or before.document is None:
         return Chain(counter=1, previous=None)
     last = before.document

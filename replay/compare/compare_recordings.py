@@ -138,12 +138,12 @@ def are_of_one_log(mine: RecordedRun, theirs: RecordedRun) -> bool:
     """Whether both are replays of the same bytes, or one is a replay of the other."""
     return (
         same_inputs(mine.provenance, theirs.provenance)
-        or is_replay_of(mine.path, theirs.provenance)
-        or is_replay_of(theirs.path, mine.provenance)
+        or is_replay_of_recording(mine.path, theirs.provenance)
+        or is_replay_of_recording(theirs.path, mine.provenance)
     )
 
 
-def is_replay_of(recording: Path, by: Provenance) -> bool:
+def is_replay_of_recording(recording: Path, by: Provenance) -> bool:
     """Whether a replay is of this recording."""
     # a shift takes a second to read: most others are told by their size
     if [each.size_bytes for each in by.inputs] != [recording.stat().st_size]:

@@ -92,8 +92,10 @@ def _fill_channels_of_side(
     parts = fill_parts(found, topic, velocities, source)
     mean = parts[0] if len(parts) == 1 else f"mean({', '.join(parts)})"
     _propose_formula(found, speed, f"{mean} * wheel_radius_m", "a wheel's turns; needs its radius")
-    found.ask("radius", "machine.wheel_radius_m, which turns wheels' torques and turns into drive")
-    found.ask(
+    found.ask_question(
+        "radius", "machine.wheel_radius_m, which turns wheels' torques and turns into drive"
+    )
+    found.ask_question(
         "unit",
         f"whether velocity[…] of the wheels is in rad/s, as drafted; where it is in m/s, "
         f"channels.speed_*_m_s.derive without * wheel_radius_m ({topic})",

@@ -31,7 +31,7 @@ from recordings.review.review_state import (
     ReviewState,
     changed_settings_of_review,
     read_state,
-    state_of,
+    take_review_state,
 )
 from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
 from recordings.review.torn_logs import TornLog
@@ -49,11 +49,17 @@ from replay.inputs.channel_inputs import (
 from replay.inputs.decode_cache import FOLDER as DECODED
 from replay.inputs.decode_cache import decode_logs
 from replay.inputs.time_line import begins_ns
-from replay.logs import Log, logs_in, open_log
+from replay.logs import Log, expand_log_folders, open_log
 from replay.machines.machine_file import load_machine, time_axis
 from replay.pipeline import run
 from replay.review.review_folder import lock_folder
-from replay.review.write_review import OUTPUTS, ShiftCount, ShiftReview, track_of, write_review
+from replay.review.write_review import (
+    OUTPUTS,
+    ShiftCount,
+    ShiftReview,
+    track_of_shift,
+    write_review,
+)
 
 #: Rows of the grid that the recording of a shift keeps one of, and the frames that it thins so.
 _THINNED: Final = 10
@@ -86,7 +92,7 @@ class ReviewOptions:
     decimal_comma: bool = False
 
 
-def review(
+def review_shift(
     logs: Sequence[Path],
     machine_file: Path,
     folder: Path,
@@ -113,7 +119,7 @@ def review(
     if options.calibration is not None:
         by = load_calibration(options.calibration)
         machine = by.require_machine(by.weighing_machine(machine), machine_file)
-    logs = logs_in(logs)
+    logs = expand_log_folders(logs)
     with lock_folder(folder), ExitStack() as stack:
         verdicts = read_verdict_text(folder)
         parse_verdicts(verdicts, folder)  # what is wrong in it is said before the logs are read
@@ -128,14 +134,14 @@ def review(
         key = digest_of_replay(opened, machine, full=options.full)
         before = read_state(folder)
         kept = read_earlier_replay(folder, before, key)
-        made = kept or _replay_shift(opened, machine, folder, (logs, machine_file), on_stage)
+        made = kept or _replay_opened_shift(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, against = made.cycles, ""
         if by is not None:
             told = frames_for_calibration(made, folder)
             against = contradicted_priors(told["nuisances"])
             unlike = Unlike.from_frames(told)
             cycles = cycles if against else calibrate_cycles(cycles, by.calibration, unlike)
-        shift = ShiftCount.of(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
+        shift = ShiftCount.from_cycles(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
         on_stage("write")
         targets = [folder / name for name in (RECORDING, *OUTPUTS)]
         if kept is not None:
@@ -146,16 +152,16 @@ def review(
                 digest = file_sha256(stage / RECORDING)
                 torn = torn_logs(opened, channel_fields(machine), made.run.provenance)
                 energy = _shift_energy(made.run, machine)
-                state = state_of(made.run, key, digest, plain, made.mixed, torn, energy)
+                state = take_review_state(made.run, key, digest, plain, made.mixed, torn, energy)
             else:
                 assert before is not None
                 state = before
             says = "" if by is None else by.describe(logged)
             state = state.model_copy(update={"resolved": plain, "calibration": (says, against)})
             changes = None if before is None else _changes_since(before, state)
-            page = shift.page(state, changes, made.track)
+            page = shift.make_page(state, changes, made.track)
             write_review(page, stage)
-    return ShiftReview.of(folder, page, replayed=kept is None)
+    return ShiftReview.from_replay(folder, page, replayed=kept is None)
 
 
 @dataclass(frozen=True)
@@ -170,7 +176,7 @@ class ReplayedShift:
     mixed: str = ""
 
 
-def _replay_shift(
+def _replay_opened_shift(
     opened: list[Log],
     machine: Machine,
     folder: Path,
@@ -192,7 +198,7 @@ def _replay_shift(
         frames["cycles"],
         frames["shift"],
         made.provenance.t0_unix_ns,
-        track_of(frames["aligned"]),
+        track_of_shift(frames["aligned"]),
         made,
         mixed_machines_text(made, opened, machine),
     )
@@ -221,7 +227,7 @@ def read_earlier_replay(folder: Path, before: ReviewState | None, key: str) -> R
         return None
     try:
         cycles, shift = (read_frame(recording, name) for name in ("cycles", "shift"))
-        track = track_of(read_frame(recording, "aligned"))
+        track = track_of_shift(read_frame(recording, "aligned"))
     except RecordingError:
         return None
     return ReplayedShift(cycles, shift, before.t0_unix_ns, track)

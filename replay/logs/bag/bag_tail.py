@@ -72,7 +72,7 @@ class BagTail(BlockTail):
         header = read_record(self._file, len(_HEAD))
         if header is None or header.op != BAG_HEADER or b"index_pos" not in header.fields:
             return 0
-        return header.number(b"index_pos")
+        return header.unsigned_field(b"index_pos")
 
     def _describe(self, op: int, content: bytes) -> None:
         del op

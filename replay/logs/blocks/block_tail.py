@@ -63,7 +63,7 @@ class BlockTail(ABC):
 
     def poll(self) -> list[RawBatch]:
         """See `Tail.poll`."""
-        self._file.look()
+        self._file.update_size()
         batches: list[RawBatch] = []
         self._is_torn = False
         while not self.is_finished and sum(batch.data.size for batch in batches) < _POLL_BYTES:

@@ -13,7 +13,7 @@ from replay.logs.messages.raw_batch import RawBatch
 Submit: TypeAlias = Callable[[Callable[[], None]], Callable[[], object]]
 
 
-def at_once(work: Callable[[], None]) -> Callable[[], object]:
+def submit_at_once(work: Callable[[], None]) -> Callable[[], object]:
     """Do the work, and wait for nothing: a `Submit`."""
     work()
     return lambda: None

@@ -115,12 +115,12 @@ def split_unit(name: str) -> tuple[str, str | None]:
     return read_unit_after_number(name)
 
 
-def last_of_path(column: ColumnName) -> ColumnName:
+def name_by_last_part(column: ColumnName) -> ColumnName:
     """A column by the last part of its name: payload.ts, /robot/time."""
     return replace(column, bare=re.split(r"[./]", column.bare)[-1])
 
 
-def before_dash(column: ColumnName) -> ColumnName:
+def name_before_dash(column: ColumnName) -> ColumnName:
     """A column by what stands before the name of its channel: Time (s) - Speed (m/s)."""
     bare, unit = split_unit(column.name.partition(" - ")[0])
     return replace(column, bare=bare, unit=unit)

@@ -32,7 +32,7 @@ class RaggedColumn:
     content: Column
 
     @classmethod
-    def texts(cls, values: Sequence[str]) -> "RaggedColumn":
+    def from_texts(cls, values: Sequence[str]) -> "RaggedColumn":
         """A text a message."""
         encoded = [value.encode() for value in values]
         lengths = np.fromiter(map(len, encoded), np.int64, len(encoded))
@@ -49,13 +49,13 @@ def shape_numbers(column: Column) -> Ints | None:
     if isinstance(column, RaggedColumn):
         return _list_shape_ids(column)
     if isinstance(column, Mapping):
-        return _joint_numbers([shape_numbers(each) for each in column.values()])
+        return _number_joint_shapes([shape_numbers(each) for each in column.values()])
     if isinstance(column, list | tuple):
-        return _joint_numbers([shape_numbers(each) for each in column])
+        return _number_joint_shapes([shape_numbers(each) for each in column])
     return None
 
 
-def _joint_numbers(found: Sequence[Ints | None]) -> Ints | None:
+def _number_joint_shapes(found: Sequence[Ints | None]) -> Ints | None:
     known = [each for each in found if each is not None]
     if len(known) < 2:
         return known[0] if known else None

@@ -20,7 +20,7 @@ from replay.follow.follow_logs import Following, follow_logs
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import follow_log
 from replay.machines.machine_file import time_axis
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.follow.recorders import (
     Recording,
     bag_recorder,
@@ -67,7 +67,9 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The same drive in every format."""
     folder = tmp_path_factory.mktemp("followed")
     suffixes = dict.fromkeys(suffix for suffix, _ in FORMATS.values())
-    return {suffix: simulate(TWO_STARTS, folder / f"drive{suffix}")[0] for suffix in suffixes}
+    return {
+        suffix: simulate_scenario(TWO_STARTS, folder / f"drive{suffix}")[0] for suffix in suffixes
+    }
 
 
 def machine_of(log: Path) -> Machine:
