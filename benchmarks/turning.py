@@ -24,7 +24,7 @@ from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import fit_planar
 from analysis.stages.gating.gate import gate
-from analysis.stages.motion.forces import forces
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.signals.align import align
@@ -72,7 +72,7 @@ def planar_of(log: TurnLog) -> pl.DataFrame:
     settings = machine.settings
     channels, _ = derive(read_measured(log.topics, machine)[0], machine)
     aligned, _ = align(channels, machine)
-    excitation = forces(smooth(aligned, settings.smooth), machine)
+    excitation = compute_excitation(smooth(aligned, settings.smooth), machine)
     noise = channel_noise(aligned, excitation, machine)
     gated = gate(excitation, settings, noise)
     opinion = Verdict.of(judge_checks(CheckInputs(excitation, gated, machine)))

@@ -134,14 +134,14 @@ def test_every_command_in_the_documentation_gives_the_output_written_there(
 def test_the_library_example_of_the_readme_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from replay.simulation.simulate_logs import simulate
+    from replay.simulation.simulate_logs import simulate_scenario
 
     short = Scenario()
     short = short.model_copy(
         update={"campaign": short.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 2})}
     )
     (tmp_path / "demo").mkdir()
-    simulate(short, tmp_path / "demo/campaign_000kg.bag")
+    simulate_scenario(short, tmp_path / "demo/campaign_000kg.bag")
     monkeypatch.chdir(tmp_path)
     text = (REPO / "README.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)

@@ -79,7 +79,7 @@ def align_times(a: Run, b: Run, *, one_log: bool) -> Run:
     zones = None if one_log else shifted_spans(a, b)
     offset_ns = b.provenance.t0_unix_ns - a.provenance.t0_unix_ns if one_log else 0
     return Run(
-        {name: _shift_times(each, zones, offset_ns) for name, each in b.frames.items()}, about
+        {name: _shift_frame_times(each, zones, offset_ns) for name, each in b.frames.items()}, about
     )
 
 
@@ -107,7 +107,9 @@ def manoeuvre_reach(table: pl.DataFrame) -> list[tuple[int, int]]:
     return list(zip([starts[0] - minute, *halves], [*halves, ends[-1] + minute], strict=True))
 
 
-def _shift_times(frame: pl.DataFrame, zones: pl.DataFrame | None, offset_ns: int) -> pl.DataFrame:
+def _shift_frame_times(
+    frame: pl.DataFrame, zones: pl.DataFrame | None, offset_ns: int
+) -> pl.DataFrame:
     times = [name for name in ("t_ns", "start_t_ns", "end_t_ns") if name in frame.columns]
     if not times:
         return frame
@@ -153,10 +155,10 @@ def _subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.D
     if not held and "t_ns" not in shared:
         return pl.DataFrame()
     time = (pl.col("start_t_ns") + pl.col("end_t_ns")) // 2 if held else pl.col("t_ns")
-    left, right = (_add_key(each, time.alias("_at"), by) for each in (a, b))
+    left, right = (_add_row_key(each, time.alias("_at"), by) for each in (a, b))
     reach = None if held else tolerance_ns
     # B's own copy of the time says whether a row of a manoeuvre overlaps
-    theirs = right.select("_at", *by, pl.col("_at").alias("_their"), *_rename_numbers(numbers))
+    theirs = right.select("_at", *by, pl.col("_at").alias("_their"), *_renumber_columns(numbers))
     joined = left.join_asof(
         theirs,
         on="_at",
@@ -168,19 +170,19 @@ def _subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.D
     both = joined.filter(pl.col("_their").is_not_null())
     if held:
         both = both.filter(pl.col("_their").is_between(pl.col("start_t_ns"), pl.col("end_t_ns")))
-    changed = [(pl.col(_column_of_b(name)) - pl.col(name)).alias(name) for name in numbers]
+    changed = [(pl.col(_name_in_run_b(name)) - pl.col(name)).alias(name) for name in numbers]
     rest = [name for name in a.columns if name not in numbers]
     return both.sort(_ROW).select(*rest, *changed)
 
 
-def _add_key(frame: pl.DataFrame, at: pl.Expr, by: Sequence[str]) -> pl.DataFrame:
+def _add_row_key(frame: pl.DataFrame, at: pl.Expr, by: Sequence[str]) -> pl.DataFrame:
     texts = [pl.col(name).cast(pl.String) for name in by]
     return frame.with_row_index(_ROW).with_columns(at, *texts).drop_nulls("_at").sort("_at")
 
 
-def _rename_numbers(numbers: Sequence[str]) -> list[pl.Expr]:
-    return [pl.col(name).alias(_column_of_b(name)) for name in numbers]
+def _renumber_columns(numbers: Sequence[str]) -> list[pl.Expr]:
+    return [pl.col(name).alias(_name_in_run_b(name)) for name in numbers]
 
 
-def _column_of_b(name: str) -> str:
+def _name_in_run_b(name: str) -> str:
     return f"_b_{name}"

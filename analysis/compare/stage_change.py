@@ -92,7 +92,7 @@ def frame_of_stage(stage: str) -> str:
     return stage.partition("/")[0]
 
 
-def stage_change(
+def compare_stage(
     a: Replay, b: Replay, name: str, rtol: float, offset_ns: int
 ) -> StageChange | None:
     """Compare a stage that both replays have.

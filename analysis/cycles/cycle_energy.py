@@ -24,9 +24,9 @@ from analysis.cycles.energy_integrals import (
     PhaseIntegrals,
     PhaseSpan,
     burnt_litres,
-    move_drive,
+    shift_drive_in_time,
 )
-from analysis.cycles.energy_terms import ForceModel, change_each, gain_u, mass_u
+from analysis.cycles.energy_terms import ForceModel, change_each_term, gain_u, mass_u
 from analysis.cycles.fitted_drive import FittedDrive, fit_drive
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
@@ -94,7 +94,7 @@ class ShiftEnergy(NamedTuple):
 NO_ENERGY: Final = ShiftEnergy()
 
 
-def shift_energy(
+def compute_shift_energy(
     frames: Mapping[str, pl.DataFrame], machine: Machine, holes_ns: Sequence[tuple[int, int]]
 ) -> ShiftEnergy:
     """The energy of each cycle and of the shift.
@@ -109,48 +109,53 @@ def shift_energy(
         Its rows; none where no mass or no cycle was found.
     """
     manoeuvres = frames["manoeuvres"]
-    spans = _phase_spans(frames["cycles"], holes_ns)
+    spans = _whole_phase_spans(frames["cycles"], holes_ns)
     no_mass = frames["loads"]["mass_kg"].is_null().all()
     if not spans or no_mass or manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return NO_ENERGY
     drive = fit_drive(frames, machine)
     found = drive.integrate(spans)
-    value = _split(found, drive.model)
+    value = _split_energy_by_phase(found, drive.model)
     if value[:, PARTS.index("work")].sum() <= 0.0:
         return NO_ENERGY
     gain_u_1, unknown = gain_u(machine)
     common_1, random_1 = mass_u(frames)
-    common = [*_common_changes(drive, spans, found, value), gain_u_1 * value]
+    common = [*_common_phase_changes(drive, spans, found, value), gain_u_1 * value]
     common.append(common_1 * _mass_response(found))
-    random = _random_parts(found, value, drive.model, random_1, spans)
+    random = _random_work(found, value, drive.model, random_1, spans)
     fuel_L = burnt_litres(drive.samples, spans)
-    rows = _rows(spans, value, np.array(common), random, fuel_L)
+    rows = _make_energy_rows(spans, value, np.array(common), random, fuel_L)
     return ShiftEnergy(rows, unknown, machine.machine.fuel_gain_u)
 
 
-def _common_changes(
+def _common_phase_changes(
     drive: FittedDrive, spans: list[PhaseSpan], found: PhaseIntegrals, value: Floats
 ) -> list[Floats]:
     """(phases, parts) in J each, what one standard uncertainty of each term changes."""
     model = drive.model
-    forces = [*change_each(model, drive.model_u), _more_coulomb(found, model, drive.coulomb_N)]
-    moved = [replace(drive, errors=each) for each in change_each(drive.errors, drive.errors_u)]
+    forces = [
+        *change_each_term(model, drive.model_u),
+        _shift_friction_to_coulomb(found, model, drive.coulomb_N),
+    ]
+    moved = [replace(drive, errors=each) for each in change_each_term(drive.errors, drive.errors_u)]
     earlier, later = (
-        _split(replace(drive, samples=each).integrate(spans), model) - value
-        for each in (move_drive(drive.samples, way * drive.move_rows) for way in (-1, 1))
+        _split_energy_by_phase(replace(drive, samples=each).integrate(spans), model) - value
+        for each in (shift_drive_in_time(drive.samples, way * drive.move_rows) for way in (-1, 1))
     )
     return [
-        *(_split(found, each) - value for each in forces),
-        *(_split(each.integrate(spans), model) - value for each in moved),
+        *(_split_energy_by_phase(found, each) - value for each in forces),
+        *(_split_energy_by_phase(each.integrate(spans), model) - value for each in moved),
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
         _slope_transfer(found, model),
-        _misfit(found, value, model),
+        _misfit_work(found, value, model),
         drive.speed_u_1 * _speed_response(value),
     ]
 
 
-def _phase_spans(cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]) -> list[PhaseSpan]:
+def _whole_phase_spans(
+    cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
+) -> list[PhaseSpan]:
     """The phases of the cycles that have no hole; one that was not seen whole is in one piece."""
     spans: list[PhaseSpan] = []
     for row in cycles.iter_rows(named=True):
@@ -179,7 +184,7 @@ def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
     return edges if sorted(edges) == edges else None
 
 
-def _split(found: PhaseIntegrals, model: ForceModel) -> Floats:
+def _split_energy_by_phase(found: PhaseIntegrals, model: ForceModel) -> Floats:
     """(phases, parts) in J."""
     drive, dig, slow = found.drive, found.dig, found.slow
     straight = _drive_work(drive, model)
@@ -241,22 +246,24 @@ def _speed_response(value: Floats) -> Floats:
     return changed
 
 
-def _more_coulomb(found: PhaseIntegrals, model: ForceModel, coulomb_N: float) -> ForceModel:
+def _shift_friction_to_coulomb(
+    found: PhaseIntegrals, model: ForceModel, coulomb_N: float
+) -> ForceModel:
     """The force with more Coulomb friction, and so much less viscous that the drive meets both."""
     way_m, viscous = (found.drive[name].sum() for name in ("direction", "viscous"))
     less_N_s_m = coulomb_N * way_m / viscous if viscous else 0.0
     return replace(model, direction=model.direction + coulomb_N, viscous=model.viscous - less_N_s_m)
 
 
-def _misfit(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+def _misfit_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """(phases, parts) in J, what the fit leaves over on average where the machine does not dig."""
-    left_N = _left_work(found, value, model).sum() / max(found.drive["direction"].sum(), 1.0)
+    left_N = _unexplained_work(found, value, model).sum() / max(found.drive["direction"].sum(), 1.0)
     dig, slow = left_N * found.dig["direction"], left_N * found.slow["direction"]
     nothing, slope = np.zeros_like(dig), left_N * found.drive["offset"]
     return np.stack([nothing, nothing, slope, -dig - slope, dig, slow], axis=1)
 
 
-def _left_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+def _unexplained_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """(phases,) work that neither masses, fitted friction nor digging explain, in J."""
     explained = _resisted_work(found.drive, model) + value[:, PARTS.index("digging")]
     return _drive_work(found.drive, model) - explained
@@ -271,7 +278,7 @@ def _mass_response(found: PhaseIntegrals) -> Floats:
     return np.stack([nothing, found.kinetic_J, lifted, friction, dug, -found.slow["mass"]], axis=1)
 
 
-def _random_parts(
+def _random_work(
     found: PhaseIntegrals,
     value: Floats,
     model: ForceModel,
@@ -280,7 +287,7 @@ def _random_parts(
 ) -> Floats:
     """(phases, parts) in J, what differs from cycle to cycle: masses, and what the fit leaves."""
     drive, dig = found.drive, found.dig
-    left = _left_work(found, value, model)
+    left = _unexplained_work(found, value, model)
     way_m = drive["direction"]
     number = np.unique([span.cycle for span in spans], return_inverse=True)[1]
     left_N = np.bincount(number, left) / np.maximum(np.bincount(number, way_m), 1.0)
@@ -293,7 +300,7 @@ def _random_parts(
     return np.hypot(mass, scatter_N * ways)
 
 
-def _rows(
+def _make_energy_rows(
     spans: list[PhaseSpan], value: Floats, common: Floats, random: Floats, fuel_L: Floats
 ) -> tuple[EnergyRow, ...]:
     """The shift, whole and by phase, then each cycle likewise."""

@@ -38,7 +38,7 @@ class MixedMachines:
     before_kg: float
     after_kg: float
 
-    def text(self, name: str) -> str:
+    def warning_text(self, name: str) -> str:
         """What a reader must know.
 
         Args:
@@ -85,7 +85,7 @@ def carried_variance(found: Passes) -> float:
     return max(float(np.mean(np.diff(mass) ** 2 - u[1:] ** 2 - u[:-1] ** 2)) / 2.0, 0.0)
 
 
-def cleanest(found: Passes) -> tuple[float, float]:
+def clean_bucket_mass_kg(found: Passes) -> tuple[float, float]:
     """The mass of the machine with a clean bucket, and its uncertainty.
 
     The spread of empty passes is more than that of what they carry: quantiles are drawn towards the
@@ -117,7 +117,7 @@ def empty_machine(
         return None
     share = np.where(empty, 1.0 / found.u_kg**2, 0.0)
     share /= share.sum()
-    least_kg, least_u_kg = cleanest(found)
+    least_kg, least_u_kg = clean_bucket_mass_kg(found)
     carried_kg = max(float(share @ found.mass_kg) - least_kg, 0.0)
     # the noise of the passes is in their own masses
     noise_kg2 = float(np.mean(found.u_kg[empty] ** 2)) / int(empty.sum())
@@ -128,7 +128,9 @@ def empty_machine(
     )
 
 
-def find_mixed_machine(manoeuvres: pl.DataFrame, begins_ns: Sequence[int]) -> MixedMachines | None:
+def find_empty_mass_jump(
+    manoeuvres: pl.DataFrame, begins_ns: Sequence[int]
+) -> MixedMachines | None:
     """Look for a log from which on the empty machine weighs otherwise.
 
     Args:

@@ -7,13 +7,13 @@ from typing import Final, TypeVar
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import standing
+from analysis.cycles.boom_dumps import find_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.energy_integrals import MotionErrors
 from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.settings import PriorSettings
-from analysis.model.windows import runs_of
+from analysis.model.windows import runs_of_flagged_samples
 from analysis.weighing.nuisances import WARMING, coulomb_std
 from estimators.arrays import Floats
 
@@ -98,7 +98,9 @@ def fitted_force(
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
 
 
-def untold_coulomb(frames: Mapping[str, pl.DataFrame], mass_kg: Floats, machine: Machine) -> float:
+def undetermined_coulomb(
+    frames: Mapping[str, pl.DataFrame], mass_kg: Floats, machine: Machine
+) -> float:
     """Standard deviation of the Coulomb friction that the fit has no term for, in N.
 
     Where the log drives one way, it is part of the viscous friction and of the constant force.
@@ -151,7 +153,7 @@ def standing_offset(excitation: pl.DataFrame, mass_kg: Floats) -> tuple[float, f
         values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
     )
     means: list[tuple[float, float]] = []
-    for begin, end in zip(*runs_of(standing(excitation)), strict=True):
+    for begin, end in zip(*runs_of_flagged_samples(find_standing_samples(excitation)), strict=True):
         # neither a motor that lets go nor one that is about to push
         quarter = (end - begin) // 4
         quiet = slice(begin + quarter, end - quarter + 1)
@@ -188,7 +190,7 @@ def fitted_motion_errors(
     return MotionErrors(*(v for v, _ in pairs)), MotionErrors(*(u for _, u in pairs))
 
 
-def change_each(values: Terms, stds: Terms) -> list[Terms]:
+def change_each_term(values: Terms, stds: Terms) -> list[Terms]:
     """The values with one after the other changed by its standard uncertainty."""
     names = [each.name for each in fields(values) if getattr(stds, each.name)]
     return [

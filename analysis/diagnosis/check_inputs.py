@@ -22,7 +22,7 @@ from analysis.model.uncertainty_sources import combine
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import yaw_speeding_sign
 from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, unknown_factors
-from analysis.weighing.mass_budget import budget
+from analysis.weighing.mass_budget import mass_uncertainty_budget
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Bools, Floats
 
@@ -178,7 +178,7 @@ class CheckInputs:
     noise: pl.DataFrame | None = None
     left_out: Mapping[str, ExcludedStretches] = field(default_factory=dict[str, ExcludedStretches])
 
-    def has(self, *columns: str) -> bool:
+    def has_columns(self, *columns: str) -> bool:
         """Whether the log has all of these columns."""
         return set(columns) <= set(self.excitation.columns)
 
@@ -187,12 +187,12 @@ class CheckInputs:
         return self.excitation["phase"].is_in(names).fill_null(False).to_numpy()
 
     @cached_property
-    def force_by_place(self) -> Floats | None:
+    def position_dependent_force(self) -> Floats | None:
         """A spring, say, as far as the answer's fit knows it, (n,): it hides the mass from others.
 
         None where there is none.
         """
-        return None if self.weighing is None else self.weighing.fit.force_by_place
+        return None if self.weighing is None else self.weighing.fit.position_dependent_force
 
     @cached_property
     def empty_mass(self) -> EmptyMassDifference | None:
@@ -209,8 +209,8 @@ class CheckInputs:
         """Straight motion, without a force that depends on the place."""
         settings = self.machine.settings
         A, f = straight_regressor(self.excitation, settings)
-        if self.force_by_place is not None:
-            f = f - self.force_by_place
+        if self.position_dependent_force is not None:
+            f = f - self.position_dependent_force
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
         welcome = () if settings.gate.exclude_braking else ("braking",)
         return AxisMotion(
@@ -254,7 +254,7 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
         return None
     fit = weighing.fit
     lightest = int(np.argmin(fit.masses_kg))
-    sources = budget(weighing, machine, fit.weights(lightest))
+    sources = mass_uncertainty_budget(weighing, machine, fit.weights_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
     unknown = bool(unknown_factors(sources))
     scale_kg = UNKNOWN_SCALE * abs(mass_kg) if unknown else 0.0

@@ -14,7 +14,7 @@ import polars as pl
 
 from analysis.diagnosis.measured_channels import Signals
 from analysis.model.machine import Machine
-from analysis.stages.signals.grid_rate import rows_in
+from analysis.stages.signals.grid_rate import rows_in_duration
 from estimators.arrays import Bools, Floats
 
 TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
@@ -95,7 +95,7 @@ def side_differences(
     """
     if signals is None:
         return {}
-    size = rows_in(_MEAN_S, machine.settings.align.rate_hz)
+    size = rows_in_duration(_MEAN_S, machine.settings.align.rate_hz)
     count = excitation.height // size
     channels = signals.channels
     t_ns = excitation["t_ns"].to_numpy()[: count * size] + t0_unix_ns

@@ -24,7 +24,9 @@ def _raw_force(inputs: CheckInputs) -> Floats | None:
     """The unfiltered force on the grid, (n,)."""
     if inputs.signals is None:
         return None
-    return inputs.signals.force_on(inputs.excitation["t_ns"].to_numpy() + inputs.t0_unix_ns)
+    return inputs.signals.interpolate_force_at(
+        inputs.excitation["t_ns"].to_numpy() + inputs.t0_unix_ns
+    )
 
 
 def _has_signals(inputs: CheckInputs, _: AxisMotion) -> bool:
@@ -66,12 +68,12 @@ def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
     )
 
 
-def _one_sided_resistance(inputs: CheckInputs, _: AxisMotion) -> float:
+def _resistance_of_one_side(inputs: CheckInputs, _: AxisMotion) -> float:
     torque = inputs.side_differences.get("torque")
     return np.nan if torque is None else torque.least_difference_1
 
 
-def _side_text(inputs: CheckInputs, _: AxisMotion) -> str:
+def _name_resisting_side(inputs: CheckInputs, _: AxisMotion) -> str:
     worst = max(
         inputs.side_differences.values(), key=lambda each: each.least_difference_1, default=None
     )
@@ -117,14 +119,14 @@ SIGNAL_CHECKS: Final = (
         "difference of left and right on straight drives over their mean, where it is beyond noise",
         maximum="sides_max",
         optional=True,
-        names=_side_text,
+        names=_name_resisting_side,
         consequence="tell",
         remedy="channels.torque_left_N_m and torque_right_N_m, or the speeds: their scales",
     ),
     CheckRow(
         "one_sided",
         "mass",
-        _one_sided_resistance,
+        _resistance_of_one_side,
         "the same of the torques alone: more says that one of them is not measured",
         maximum="one_sided_max",
         optional=True,

@@ -87,7 +87,7 @@ def determine_parameters(
 
 def column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Floats | None:
     """Of acceleration and speed after the moving mean, of sign and constant: (4,)."""
-    known = ColumnNoise.of(X, noise, settings.noise)
+    known = ColumnNoise.of_axis(X, noise, settings.noise)
     if known is None:
         return None
     std = np.sqrt(np.maximum(np.diagonal(known.covariance(settings.smooth.samples)), 0.0))

@@ -77,7 +77,7 @@ def compare_share_with_loads(inputs: FindingInputs) -> ForceShareChange | None:
         return None
     variance = min(by_loads.variance, after.variance)
     worse = after.square_left * after.variance - by_loads.square_left * by_loads.variance
-    value = before.score_of("driveline") / square
+    value = before.remaining_score("driveline") / square
     gain = value**2 * square * before.variance / variance
     std = (variance / (square * before.variance)) ** 0.5
     return ForceShareChange(value, std, gain, worse / variance, fit.count)

@@ -20,7 +20,7 @@ from analysis.findings.refit import refit_mended
 from analysis.model.schema import values
 from analysis.model.windows import flagged_windows
 from analysis.stages.motion.forces import longitudinal_force
-from analysis.stages.signals.grid_rate import rows_in
+from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.nuisances import WARMING
 from estimators.arrays import Bools, Floats
 
@@ -134,7 +134,7 @@ def _lag_of_force(
 def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
     """Step in s; by channel (n,) what goes with the acceleration, less its mean; the speed `v`."""
     rate_hz = inputs.machine.settings.align.rate_hz
-    size = rows_in(LIMITS.delay_mean_s, rate_hz)
+    size = rows_in_duration(LIMITS.delay_mean_s, rate_hz)
     count = min(inputs.aligned.height, round(LIMITS.delay_searched_s * rate_hz)) // size
 
     def means(x: Floats) -> Floats:

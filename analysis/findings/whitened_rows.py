@@ -261,7 +261,7 @@ class ProjectedEquation:
         """The information that is left about a cause."""
         return self.information.get(name, 0.0)
 
-    def score_of(self, name: str) -> float:
+    def remaining_score(self, name: str) -> float:
         """What is left, along a cause."""
         return self.score.get(name, 0.0)
 

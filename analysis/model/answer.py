@@ -45,7 +45,7 @@ class AnswerRow:
         """A number; None where there is none."""
         return self.quantities.get(quantity, {}).get(method)
 
-    def has(self, quantity: str) -> bool:
+    def has_quantity(self, quantity: str) -> bool:
         """Whether any method has a number for it."""
         return any(value is not None for value in self.quantities.get(quantity, {}).values())
 

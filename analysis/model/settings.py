@@ -222,7 +222,7 @@ class Settings(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _values_are_in_a_stage(cls, content: Any) -> Any:
+    def _check_stages(cls, content: Any) -> Any:
         """Name the stage of a value that was given without one."""
         if not isinstance(content, Mapping):
             return content

@@ -45,12 +45,12 @@ class ReplayedCampaign:
         """The settings of the replay."""
         return self.replayed.provenance.settings
 
-    def estimates(self) -> pl.DataFrame:
+    def estimate_by_method_and_trial(self) -> pl.DataFrame:
         """One mass a method and trial."""
         return run_estimates(self.replayed, self.trials)
 
 
-def regate(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
+def replay_with_gate(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
     """Repeat gate and estimators with other settings; nothing before the gate changes."""
     excitation = campaign.replayed.frames["excitation"]
     return reestimate(campaign, gate(excitation, settings), settings)
@@ -74,14 +74,14 @@ def reestimate(
     return replace(campaign, replayed=replayed)
 
 
-def errors(campaign: ReplayedCampaign) -> pl.DataFrame:
+def calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
     """Errors of the calibrated masses.
 
     Returns:
         A row a method: `method`, `runs` (that gave a mass), and in kg, r.m.s., `run_kg` and
         `run_left_out_kg` over single trials, `mean_kg` and `mean_left_out_kg` over load means.
     """
-    estimates = campaign.estimates()
+    estimates = campaign.estimate_by_method_and_trial()
     single = run_errors(estimates).group_by("method", maintain_order=True).agg(
         pl.col("mass_kg").count().alias("runs"),
         (pl.col("error_kg") ** 2).mean().sqrt().alias("run_kg"),

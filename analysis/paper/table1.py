@@ -76,7 +76,7 @@ class Table1:
     scaled: Mapping[str, Any]
 
 
-def table_1(extracts: Extracts) -> Table1:
+def make_table_1(extracts: Extracts) -> Table1:
     """Compare the errors of all lengths with the printed ones."""
     table = pl.concat([extracts.single_result(extract) for extract in AT_LENGTH.values()])
     beside = table.filter(pl.col("paper_kg").is_not_null())
@@ -212,7 +212,7 @@ def _errors_kg(
     errors: dict[str, list[Floats]] = {method: [] for method in methods}
     for first in range(0, windows, block):
         count = min(block, windows - first)
-        seen = drive.windows(sensors, samples, smooth_samples, count, rng)
+        seen = drive.measure_windows(sensors, samples, smooth_samples, count, rng)
         bounds.append(np.stack([seen.bound_kg, seen.strict_bound_kg]))
         for method in methods:
             errors[method].append(_masses_kg(method, seen, sensors) - drive.mass_kg)

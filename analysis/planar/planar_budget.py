@@ -31,7 +31,7 @@ def quantity_gradient(estimate: BaseEstimate, name: str) -> Floats:
     return np.array([float(each == name) for each in estimate.parameters])
 
 
-def uncertainty_sources_of(
+def list_uncertainty_sources(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> list[UncertaintySource]:
     """Every source of uncertainty of a quantity, the largest first, the unknown ones last.
@@ -101,4 +101,4 @@ def standard_uncertainty(
     at = np.flatnonzero(gradient)
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")
-    return combine(uncertainty_sources_of(estimate, gradient, terms, machine))
+    return combine(list_uncertainty_sources(estimate, gradient, terms, machine))

@@ -80,28 +80,28 @@ class Drive:
     @property
     def mass_kg(self) -> float:
         """As the fit before has it, or as the file has it where that told none."""
-        told = self._coefficient("mass_kg")
+        told = self._coefficient_of_term("mass_kg")
         return told if told > 0.0 else self.machine.machine.empty_mass_kg or 0.0
 
     @property
     def inertia_z_kg_m2(self) -> float:
         """Of that fit, 0 where it told none; and so on."""
-        return self._coefficient("inertia_z_kg_m2")
+        return self._coefficient_of_term("inertia_z_kg_m2")
 
     @property
     def moment_x_kg_m(self) -> float:
         """First moment ahead."""
-        return self._coefficient("first_moment_x_kg_m")
+        return self._coefficient_of_term("first_moment_x_kg_m")
 
     @property
     def moment_y_kg_m(self) -> float:
         """First moment to the left."""
-        return self._coefficient("first_moment_y_kg_m")
+        return self._coefficient_of_term("first_moment_y_kg_m")
 
     @property
     def turning_friction(self) -> float:
         """Viscous friction of turning, in N·m·s."""
-        return self._coefficient("friction_z_N_m_s")
+        return self._coefficient_of_term("friction_z_N_m_s")
 
     @property
     def half_track_m(self) -> float:
@@ -113,14 +113,16 @@ class Drive:
         """Of the machine, in N."""
         return self.mass_kg * self.gravity_m_s2
 
-    def _coefficient(self, name: str) -> float:
+    def _coefficient_of_term(self, name: str) -> float:
         return float(self.coefficients[_AT[name]])
 
-    def cut(self, part: slice) -> "Drive":
+    def cut_to_slice(self, part: slice) -> "Drive":
         """The same of a slice of samples."""
-        return replace(self, plane=self.plane.cut(part), of_samples=self.of_samples[:, part])
+        return replace(
+            self, plane=self.plane.cut_to_slice(part), of_samples=self.of_samples[:, part]
+        )
 
-    def motion(self, part: slice) -> TurningSamples:
+    def turning_samples(self, part: slice) -> TurningSamples:
         """The samples of a slice."""
         moved = self.plane.motion
         return TurningSamples(

@@ -18,7 +18,7 @@ import numpy as np
 
 from analysis.model.machine import Body, Machine
 from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combine, largest_first
-from analysis.weighing.mass_budget import budget
+from analysis.weighing.mass_budget import mass_uncertainty_budget
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS
@@ -100,7 +100,7 @@ class EmptyMachine:
     @cached_property
     def sources(self) -> list[UncertaintySource]:
         """What its uncertainty is made of."""
-        found = budget(self.weighing, self.machine, self.weights)
+        found = mass_uncertainty_budget(self.weighing, self.machine, self.weights)
         return [*found, replace(_CARRIED, u=self.carried_kg[1])]
 
     @cached_property
@@ -139,7 +139,7 @@ class EmptyMachine:
         u_1 = float(np.linalg.norm([u_kg, stated_u_kg, turns_u_kg])) / stated_kg
         return self.rotating_kg / stated_kg, u_1
 
-    def datum(self, payloads: Floats) -> "Datum | None":
+    def make_datum(self, payloads: Floats) -> "Datum | None":
         """Relate payloads to the empty machine; None if that adds nothing.
 
         Args:
@@ -163,19 +163,26 @@ class EmptyMachine:
             found = datum_of_share(in_ratio)
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
-        own_kg2 = self._variance(payloads)
+        own_kg2 = self._variance_of_weighted_sum(payloads)
         empty_kg2 = combine(self.sources) ** 2
-        ratio_kg2 = self._variance(payloads - in_ratio * sum_kg * self.weights)
-        together_kg2 = own_kg2 + (in_ratio * sum_kg) ** 2 * self._variance(self.weights) - ratio_kg2
+        ratio_kg2 = self._variance_of_weighted_sum(payloads - in_ratio * sum_kg * self.weights)
+        together_kg2 = (
+            own_kg2
+            + (in_ratio * sum_kg) ** 2 * self._variance_of_weighted_sum(self.weights)
+            - ratio_kg2
+        )
         together_kg2 /= 2.0 * in_ratio * sum_kg
         by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
         found = datum_of_share(float(np.clip(by_kg, 0.0, in_ratio)))
-        if found.scale_1 <= 0.0 or combine(found.sources(payloads)) ** 2 >= own_kg2:
+        if (
+            found.scale_1 <= 0.0
+            or combine(found.uncertainty_sources_of_payload(payloads)) ** 2 >= own_kg2
+        ):
             return None
         return found
 
-    def _variance(self, weights: Floats) -> float:
-        return combine(budget(self.weighing, self.machine, weights)) ** 2
+    def _variance_of_weighted_sum(self, weights: Floats) -> float:
+        return combine(mass_uncertainty_budget(self.weighing, self.machine, weights)) ** 2
 
 
 @dataclass(frozen=True)
@@ -194,7 +201,7 @@ class Datum:
     scale_1: float
     ticket_1: float
 
-    def weights(self, payload: Floats) -> Floats:
+    def weights_of_masses(self, payload: Floats) -> Floats:
         """(masses,) by which errors of the masses are in a payload, over its factor.
 
         Args:
@@ -203,7 +210,7 @@ class Datum:
         payload_kg = float(payload @ self.empty.weighing.fit.masses_kg)
         return payload - self.by_kg * payload_kg * self.empty.weights
 
-    def sources(self, payload: Floats) -> list[UncertaintySource]:
+    def uncertainty_sources_of_payload(self, payload: Floats) -> list[UncertaintySource]:
         """What the uncertainty of a payload, in kg, is made of; the largest first.
 
         Args:
@@ -211,7 +218,9 @@ class Datum:
         """
         empty = self.empty
         payload_kg = abs(float(payload @ empty.weighing.fit.masses_kg))
-        found = budget(empty.weighing, empty.machine, self.weights(payload))
+        found = mass_uncertainty_budget(
+            empty.weighing, empty.machine, self.weights_of_masses(payload)
+        )
         known = unknown_factors(found)
         kept = [
             replace(each, u=None if each.u is None else each.u * abs(self.scale_1))

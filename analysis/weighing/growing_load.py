@@ -20,7 +20,7 @@ from scipy.special import ndtri
 from analysis.model.settings import PriorSettings
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.weighing.fit_columns import FitRows, average_columns, mean_stride
-from analysis.weighing.joint_fit import refit
+from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit, term_index
 from analysis.weighing.load_states import sample_units, stretch_units
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
@@ -91,7 +91,7 @@ def fit_filling(
         priors: of the nuisances.
         rows: of the fit and of `FILLING`, where they are at hand.
     """
-    grown = refit(fit, noise, priors, (FILLING,), rows=rows)
+    grown = refit_with_changes(fit, noise, priors, (FILLING,), rows=rows)
     names = [term.name for term in fit.terms]
     resistances = [term_index(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.count + 1 + place for place in resistances)]
@@ -136,7 +136,7 @@ def find_growing_loads(
     told = [part.size >= LIMITS.growth_min_rows for part in parts]
     if sum(told) < LIMITS.growth_min_manoeuvres:
         return ()
-    left = _residual(fit, rows, unit)
+    left = _residual_of_rows(fit, rows, unit)
     usual = np.median(np.abs(left[unit >= 0]))
     for part in parts:
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
@@ -170,7 +170,7 @@ def find_growing_loads(
     )
     # what no machine carries is no load, however surely the manoeuvre misses the model
     carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
-    carried &= kg > -_most_lost_kg(fit)
+    carried &= kg > -_max_plausible_loss_kg(fit)
     used, of_sample = np.flatnonzero(motion.used), sample_units(motion)
     return tuple(
         LoadGrowth(
@@ -183,7 +183,7 @@ def find_growing_loads(
     )
 
 
-def _most_lost_kg(fit: JointFit) -> float:
+def _max_plausible_loss_kg(fit: JointFit) -> float:
     """What a load may fall by: by what is carried, as far as other loads of the log tell it."""
     if fit.count == 1:
         return float("inf")
@@ -211,7 +211,7 @@ def find_creeps(fit: JointFit) -> Ints:
     return states.unit[between & changes]
 
 
-def _residual(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
+def _residual_of_rows(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
     """What the fit leaves of the rows, (n,) in N; anything where they are of no manoeuvre."""
     assert fit.states is not None
     place = np.searchsorted(fit.states.unit, unit).clip(0, fit.states.unit.size - 1)

@@ -119,7 +119,7 @@ class JointFit:
         return max(resistance_slope(self.theta, self.terms, self.motion), 0.0)
 
     @property
-    def force_by_place(self) -> Floats | None:
+    def position_dependent_force(self) -> Floats | None:
         """The force that depends on the place, (n,) in N; None where there likely is none."""
         own = [k for k, term in enumerate(self.terms) if term.source == BY_PLACE]
         if not own or (self.effects is not None and BY_PLACE in self.effects.left_out):
@@ -130,7 +130,7 @@ class JointFit:
         loads, by_load_N = self.found.relative_loads, found_N[columns.shape[1] :]
         if loads is None or not by_load_N.size:
             return force
-        return force + loads.at(self.motion.unit) * (columns @ by_load_N)
+        return force + loads.relative_load_of(self.motion.unit) * (columns @ by_load_N)
 
     @property
     def shared(self) -> Floats:
@@ -213,7 +213,7 @@ class JointFit:
         """The state that most manoeuvres are of."""
         return 0 if self.states is None else int(np.bincount(self.states.membership).argmax())
 
-    def weights(self, state: int) -> Floats:
+    def weights_of_state(self, state: int) -> Floats:
         """(masses,) that pick one mass."""
         out = np.zeros(self.count)
         out[state] = 1.0
@@ -283,9 +283,9 @@ class JointFit:
         """
         found = self.fit.responses[self.count + 1 :, : self.count].copy()
         slip = term_index("slip", self.terms)
-        alone_kg = abs(float(found[slip] @ self.weights(self.main_state)))
+        alone_kg = abs(float(found[slip] @ self.weights_of_state(self.main_state)))
         if alone_kg > 0.0:
-            known_kg = self.parts_kg(self.weights(self.main_state))["slip"]
+            known_kg = self.parts_kg(self.weights_of_state(self.main_state))["slip"]
             found[slip] *= min(known_kg / alone_kg, 1.0)
         return found
 
@@ -355,7 +355,7 @@ class JointFit:
     @property
     def u_kg(self) -> float:
         """That mass' standard uncertainty by this log alone, without the scale."""
-        return self.sum_u_kg(self.weights(self.main_state))
+        return self.sum_u_kg(self.weights_of_state(self.main_state))
 
     def sum_u_kg(self, weights: Floats) -> float:
         """Likewise of a sum of masses, in kg."""

@@ -8,7 +8,13 @@ import numpy as np
 from analysis.weighing.fit_columns import mean_stride
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.haul_patterns import hauling_patterns
-from analysis.weighing.joint_fit import JointFitInputs, fit_rows, joint_fit, refit, terms_of
+from analysis.weighing.joint_fit import (
+    JointFitInputs,
+    applicable_terms,
+    fit_rows,
+    joint_fit,
+    refit_with_changes,
+)
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_states import (
     LoadStates,
@@ -87,7 +93,7 @@ class _SameMeans:
     @classmethod
     def of(cls, found: JointFit, of: JointFitInputs) -> Self:
         """Take the means of an earlier fit."""
-        motion, terms = found.motion, terms_of(found.motion, several=True)
+        motion, terms = found.motion, applicable_terms(found.motion, several=True)
         task = FitTask(motion, of.noise, of.priors, terms, of.wheels, None, of.uneven_1_s)
         number = np.unique(stretch_units(motion))
         return cls(task, _units_of(found, of), number, found.mean_samples)
@@ -127,12 +133,12 @@ def _tell_scatter(held: JointFit, of: JointFitInputs, repeatability_kg: float | 
     likeliest = find_states(units, states.unit, repeatability_kg)
     scattering = states_of(units, states.unit, states.membership, usual_scatter=False)
     states = replace(scattering, single_probability=likeliest.single_probability)
-    return refit(replace(held, states=states), of.noise, of.priors, rounds=2)
+    return refit_with_changes(replace(held, states=states), of.noise, of.priors, rounds=2)
 
 
 def _units_of(found: JointFit, of: JointFitInputs) -> GroupEffects:
     """What each manoeuvre says of its mass by a fit, and what tells changes between them."""
-    units = _task_of(found, of).units(found, fit_rows(found, of.noise))
+    units = _task_of(found, of).group_effects_of_fit(found, fit_rows(found, of.noise))
     return replace(units, kind=places(found.motion))
 
 
@@ -154,18 +160,22 @@ def _settle_states(found: JointFit, of: JointFitInputs, repeatability_kg: float 
         task, rows = _task_of(found, of), fit_rows(found, of.noise)
         states = max(
             (
-                find_states(replace(task.units(found, each), kind=hints), number, repeatability_kg)
+                find_states(
+                    replace(task.group_effects_of_fit(found, each), kind=hints),
+                    number,
+                    repeatability_kg,
+                )
                 for each in rows_to_search(found, rows)
             ),
             key=lambda each: each.log_odds,
         )
         before = found.states
         if states.count == 1 and found.count == 1:
-            return refit(replace(found, states=states), of.noise, of.priors, rows=rows)
+            return refit_with_changes(replace(found, states=states), of.noise, of.priors, rows=rows)
         if before is not None and np.array_equal(states.membership, before.membership):
             # the same loads, whose scatter is known better now
             found = replace(found, states=states)
-            return refit(found, of.noise, of.priors, rounds=2, rows=rows)
+            return refit_with_changes(found, of.noise, of.priors, rounds=2, rows=rows)
         of = _add_uneven_ground(found, of, rows.group)
         found = joint_fit(of, states)
         if not np.isfinite(found.theta).all():

@@ -9,8 +9,14 @@ from typing import Final
 
 import numpy as np
 
-from analysis.stages.signals.grid_rate import rows_in
-from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, begins, ends
+from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.weighing.motion_samples import (
+    Floats,
+    Ints,
+    MotionSamples,
+    mark_first_samples,
+    mark_last_samples,
+)
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.changepoints import Partitions, partitions
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
@@ -153,11 +159,11 @@ def stretch_units(motion: MotionSamples) -> Ints:
     One that is too short to tell a mass, or that hardly changes its speed, goes with the one before
     it, or with the one after it where something tells that the load changed before and not after.
     """
-    unit = motion.unit[begins(motion.group)]
+    unit = motion.unit[mark_first_samples(motion.group)]
     number, of = np.unique(unit, return_inverse=True)
     samples = np.bincount(of, weights=np.bincount(motion.group[motion.used]))
     tells = samples >= min(
-        rows_in(
+        rows_in_duration(
             LIMITS.informative_manoeuvre_s, motion.rate_hz, LIMITS.informative_manoeuvre_samples
         ),
         samples.max(),
@@ -169,7 +175,9 @@ def stretch_units(motion: MotionSamples) -> Ints:
     before = np.maximum.accumulate(np.where(tells, place, -1))
     after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
     goes = np.where(before < 0, np.argmax(tells), before)
-    first, last = (np.flatnonzero(each(motion.group)) for each in (begins, ends))
+    first, last = (
+        np.flatnonzero(each(motion.group)) for each in (mark_first_samples, mark_last_samples)
+    )
     for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]

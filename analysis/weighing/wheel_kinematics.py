@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.fitted_stretches import begins, ends
+from analysis.weighing.fitted_stretches import mark_first_samples, mark_last_samples
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
@@ -90,7 +90,7 @@ class WheelKinematics:
         """Whether another motion may begin from here."""
         return self.is_consistent and abs(self.delay_s[0]) < LIMITS.longest_delay_s
 
-    def learnt(self, priors: PriorSettings) -> "WheelKinematics":
+    def apply_learnt_priors(self, priors: PriorSettings) -> "WheelKinematics":
         """The same as a calibration says it, once for all its logs.
 
         The three are found together, so they are taken together, and where this log's gain is
@@ -205,12 +205,12 @@ def _fit_comparison(
     if earlier is not None:
         delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
         about = abs(slip_1_N) + earlier.slip_1_N[1]
-    rows = _comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N)
+    rows = _make_comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N)
     if rows is None:
         return None
     lines = loss = None
     if earlier is not None:
-        lines = _line_columns(rows[2])
+        lines = _stretch_trend_columns(rows[2])
         loss = autocovariance_loss(rows[2], lines)
     wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     for number in range(LIMITS.slip_passes):
@@ -224,10 +224,10 @@ def _fit_comparison(
         about = abs(slip_1_N) + (wide.fit.std[1] if earlier is None else earlier.slip_1_N[1])
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + late_s, -LIMITS.longest_delay_s, LIMITS.longest_delay_s))
-        rows = _comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N) or rows
+        rows = _make_comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N) or rows
         # only the last one's deviations count
         if lines is None and number == LIMITS.slip_passes - 1:
-            lines = _line_columns(rows[2])
+            lines = _stretch_trend_columns(rows[2])
             loss = autocovariance_loss(rows[2], lines)
         wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
@@ -307,7 +307,7 @@ def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: 
     return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
 
 
-def _line_columns(group: Ints) -> Floats:
+def _stretch_trend_columns(group: Ints) -> Floats:
     """A constant and a slope for each stretch, (rows, 2)."""
     return np.concatenate([_orthonormal_line(part.size) for part in group_rows(group)])
 
@@ -319,11 +319,14 @@ def _orthonormal_line(samples: int) -> Floats:
     return np.linalg.qr(np.column_stack([np.ones(samples), ramp]))[0]
 
 
-def _comparison_rows(
+def _make_comparison_rows(
     measured: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
 ) -> _Rows | None:
     """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
-    first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
+    first, last = (
+        np.flatnonzero(mark_first_samples(motion.group)),
+        np.flatnonzero(mark_last_samples(motion.group)),
+    )
     spans = np.column_stack([first, last + 1])[last + 1 - first >= 10 * MEAN]
     if not spans.size:
         return None

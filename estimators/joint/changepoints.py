@@ -134,7 +134,7 @@ def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Part
         joints = [first[k : k + many] for k in least for many in (1, 2)]
         plainer = [
             posterior.evaluate(
-                Stretches.from_boundaries(_merge_states(best.state, joint), posterior.units.kind)
+                Stretches.from_boundaries(_merge_states_at(best.state, joint), posterior.units.kind)
             )
             for joint in joints
         ]
@@ -158,7 +158,7 @@ def _least_log_odds(kind: Ints) -> float:
     return 0.0 if (kind == RESTARTED).all() else _SURE
 
 
-def _merge_states(state: Ints, at: Ints) -> Ints:
+def _merge_states_at(state: Ints, at: Ints) -> Ints:
     """The same states without the changes before these units."""
     changes = np.diff(state, prepend=0)
     changes[at] = 0

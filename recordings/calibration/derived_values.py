@@ -27,7 +27,7 @@ _NO_PART_STAGES: Final = ("loads", "planar")
 _WHOLE_FORMATS: Final = tuple(f"payscope-calibration-evidence/{number}" for number in (1, 2, 3))
 
 
-def estimator_of(
+def estimator_with_digest(
     campaign: CalibrationCampaign,
     machine: Machine,
     absent: Container[str] = (),
@@ -43,7 +43,7 @@ def estimator_of(
     """
     own = _restore_defaults(machine) if form in _WHOLE_FORMATS else mass_definition(machine)
     if absent:
-        own = without_names(own, absent, "machine.")
+        own = remove_dotted_names(own, absent, "machine.")
     defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,
@@ -69,10 +69,14 @@ def _restore_defaults(machine: Machine) -> dict[str, Any]:
     return values
 
 
-def without_names(values: Mapping[str, Any], names: Container[str], at: str = "") -> dict[str, Any]:
+def remove_dotted_names(
+    values: Mapping[str, Any], names: Container[str], at: str = ""
+) -> dict[str, Any]:
     """The same without some names, dotted."""
     return {
-        name: without_names(value, names, f"{at}{name}.") if isinstance(value, dict) else value
+        name: remove_dotted_names(value, names, f"{at}{name}.")
+        if isinstance(value, dict)
+        else value
         for name, value in values.items()
         if f"{at}{name}" not in names
     }

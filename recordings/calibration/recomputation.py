@@ -28,7 +28,11 @@ from recordings.calibration.campaign_faults import (
     machine_faults,
 )
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
-from recordings.calibration.derived_values import estimator_of, reference_loads, rms_error_kg
+from recordings.calibration.derived_values import (
+    estimator_with_digest,
+    reference_loads,
+    rms_error_kg,
+)
 from recordings.calibration.evidence_document import EvidenceDocument
 
 #: Another processor or library has other last bits.
@@ -68,18 +72,18 @@ def compare_recomputed(
     notes = [_LATER.format(", ".join(named))] if named else []
     found: list[BundleFinding] = []
     steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
-        (EVIDENCE, lambda: compare_files_of_campaign(document)),
+        (EVIDENCE, lambda: check_evidence_against_campaign(document)),
         (READINGS, lambda: check_runs(document, readings)),
         (f"{EVIDENCE}: calibration", lambda: compare_fit(document, readings, points, notes)),
-        (REPORT, lambda: compare_page(document, readings, points, report)),
+        (REPORT, lambda: compare_report_page(document, readings, points, report)),
     )
     for item, step in steps:
-        found += _run_step(item, step)
+        found += _run_check_step(item, step)
     found += compare_verdicts(document)
     return found, notes
 
 
-def _run_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[BundleFinding]:
+def _run_check_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[BundleFinding]:
     """What a step finds; that it cannot be done with these numbers is a finding as well."""
     try:
         with warnings.catch_warnings():
@@ -90,7 +94,7 @@ def _run_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[Bu
         return [BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)]
 
 
-def compare_page(
+def compare_report_page(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
@@ -147,7 +151,7 @@ def _irreproducible_finding(place: str, what: str) -> BundleFinding:
     return BundleFinding(BundleOutcome.IRREPRODUCIBLE, f"{EVIDENCE}: {place}", what)
 
 
-def compare_files_of_campaign(document: EvidenceDocument) -> Findings:
+def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
     """What follows from the campaign and machine files."""
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.expires:
@@ -164,7 +168,7 @@ def compare_files_of_campaign(document: EvidenceDocument) -> Findings:
     for fault in machine_faults(campaign.machine.id, machine, document.logs):
         yield _irreproducible_finding("campaign.machine.id", fault)
     yield from compare_learnt_priors(document)
-    if document.estimator != estimator_of(
+    if document.estimator != estimator_with_digest(
         campaign, document.weighing, document.settings_at_default, document.format
     ):
         yield _irreproducible_finding("estimator", "is not that of the settings")
@@ -243,7 +247,7 @@ def _run_faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool
             yield "is used and has no mass"
     elif row["start_s"] is None or row["end_s"] is None or not row["start_s"] < row["end_s"]:
         yield "has no stretch of time"
-    elif not run.covers(row["start_s"], row["end_s"]):
+    elif not run.covers_middle_of(row["start_s"], row["end_s"]):
         yield "is not in the stretch of its run"
     if row["used"] and row["reason"]:
         yield "is used, with a reason why not"
@@ -260,13 +264,13 @@ def compare_fit(
     notes: list[str],
 ) -> Findings:
     """The fit, its budget and verdict, and the points."""
-    fitted, drift = _refit_readings(document, readings)
+    fitted, drift = _refit_line_to_readings(document, readings)
     stored = document.calibration
     pairs: tuple[tuple[str, Any, Any], ...] = (
-        ("calibration", _to_json(stored), _to_json(fitted.calibration)),
+        ("calibration", _convert_to_json(stored), _convert_to_json(fitted.calibration)),
         ("no_fit", document.no_fit, fitted.no_fit),
-        ("limits", _to_json(document.limits), _to_json(fitted.limits)),
-        ("drift", _to_json(document.drift), _to_json(drift)),
+        ("limits", _convert_to_json(document.limits), _convert_to_json(fitted.limits)),
+        ("drift", _convert_to_json(document.drift), _convert_to_json(drift)),
     )
     places = [
         each for name, kept, computed in pairs for each in find_differences(kept, computed, name)
@@ -289,7 +293,7 @@ def compare_fit(
     yield from compare_as_found(document, fitted.frame)
 
 
-def _refit_readings(
+def _refit_line_to_readings(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> tuple[CampaignFit, DriftCheck | None]:
     """What the readings come to; of a check, under the line that it is a check of."""
@@ -300,7 +304,7 @@ def _refit_readings(
     return fit_campaign(campaign, body, readings, document.options, responses), None
 
 
-def _to_json(value: Any) -> Any:
+def _convert_to_json(value: Any) -> Any:
     """A dataclass as JSON has it."""
     return None if value is None else to_jsonable_python(value)
 

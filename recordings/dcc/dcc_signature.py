@@ -43,7 +43,7 @@ class SignedDcc:
     root: "_Element"
     key_id: str
 
-    def signature(self, trusted: Collection[str]) -> str:
+    def describe_signature(self, trusted: Collection[str]) -> str:
         """In words, who signed.
 
         Args:

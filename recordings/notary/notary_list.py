@@ -108,18 +108,18 @@ class NotaryLine:
         """What the line after it holds of it."""
         return hashlib.sha256(self.data).hexdigest()
 
-    def by(self, key: PublicKey) -> bool:
+    def is_signed_by(self, key: PublicKey) -> bool:
         """Whether this key signed it."""
-        return key.signed(self.signature, _message(self.content))
+        return key.has_signed(self.signature, _bytes_to_sign(self.content))
 
 
-def _message(content: NotaryHead | NotaryEntry) -> bytes:
+def _bytes_to_sign(content: NotaryHead | NotaryEntry) -> bytes:
     return _DOMAIN + canonical_bytes(content.model_dump(mode="json"))
 
 
 def signed_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
     """A line with its signature."""
-    signature = key.sign(_message(content))
+    signature = key.sign(_bytes_to_sign(content))
     text = base64.b64encode(signature).decode()
     data = canonical_bytes({**content.model_dump(mode="json"), "signature": text})
     return NotaryLine(data, content, signature)

@@ -75,7 +75,7 @@ def draw_over_time(
         if view.kind is Kind.STATES:
             _draw_lanes(axes, drawn, shown, span)
         else:
-            _draw_lines(axes, view, drawn, shown, span)
+            _draw_series_lines(axes, view, drawn, shown, span)
             axes.set_ylim(axis_range(view, run))
         if at_s is not None:
             axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
@@ -88,7 +88,7 @@ def panel_height(view: View, drawn: Sequence[DisplayColumn]) -> float:
     return 0.35 * len(drawn) + 0.1 if view.kind is Kind.STATES else 1.0
 
 
-def _draw_lines(
+def _draw_series_lines(
     axes: "Axes",
     view: View,
     drawn: Sequence[DisplayColumn],
@@ -96,7 +96,7 @@ def _draw_lines(
     span: tuple[int, int],
 ) -> None:
     for each in drawn:
-        _draw(axes, each, shown[each.frame], span)
+        _draw_panel(axes, each, shown[each.frame], span)
     lane = "gate" if view.threshold else "phase"
     _shade_states(axes, shown.get(f"{LANES}/{lane}"), colours.SHADED[lane])
     unit = view.title.removeprefix(view.name).strip()
@@ -105,7 +105,9 @@ def _draw_lines(
     legend_above(axes)
 
 
-def _draw(axes: "Axes", drawn: DisplayColumn, frame: pl.DataFrame, span: tuple[int, int]) -> None:
+def _draw_panel(
+    axes: "Axes", drawn: DisplayColumn, frame: pl.DataFrame, span: tuple[int, int]
+) -> None:
     value = pl.col(drawn.column)
     if frame.height > _POINTS:
         # bins over the whole span: one without rows stays empty, so that no line crosses a gap

@@ -120,15 +120,15 @@ def _fit_line(row: Mapping[str, Any]) -> str:
     if row["com_x_m"] is None:
         return f"centre of mass from {of}: none; {list_determined(row)}"
     along = (
-        f"{_distance_text(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
+        f"{_format_distance(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
     )
     if row["com_y_m"] is None:
         return f"centre of mass from {of}: {along}"
-    across = f"{_distance_text(row, 'y')} to its {'left' if row['com_y_m'] >= 0 else 'right'}"
+    across = f"{_format_distance(row, 'y')} to its {'left' if row['com_y_m'] >= 0 else 'right'}"
     return f"centre of mass from {of}: {along}, {across}"
 
 
-def _distance_text(row: Mapping[str, Any], axis: str) -> str:
+def _format_distance(row: Mapping[str, Any], axis: str) -> str:
     return f"{plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
 
 

@@ -65,7 +65,7 @@ def page_templates(package: str, scripts: tuple[str, ...]) -> "tuple[Environment
         finalize=_strip_control_characters,
     )
     environment.filters["number"] = number_text
-    environment.filters["percent"] = _percent
+    environment.filters["percent"] = _format_percent
     return environment, base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
 
 
@@ -74,5 +74,5 @@ def _strip_control_characters(value: object) -> object:
     return one_line(value) if type(value) is str else value
 
 
-def _percent(share: float | None) -> str:
+def _format_percent(share: float | None) -> str:
     return "–" if share is None else f"{share:.2%}"

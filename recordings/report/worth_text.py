@@ -44,13 +44,13 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
     return [
         (
             str(load["load_id"]),
-            _seconds_text(load["start_t_ns"]),
-            _seconds_text(load["end_t_ns"]),
+            _format_seconds(load["start_t_ns"]),
+            _format_seconds(load["end_t_ns"]),
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
-            _payload_text(load),
-            *(calibrated_interval(load) if _is_calibrated(said) else ()),
-            _load_remark(load),
+            _format_payload(load),
+            *(calibrated_mass_cells(load) if _is_calibrated(said) else ()),
+            _remark_on_load(load),
         )
         for load in said.loads
     ]
@@ -104,13 +104,13 @@ def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
     ]
     lines += filter(None, [calibrated_line(load)])
     if load["payload_kg"] is not None:
-        lines.append(f"payload {_payload_text(load)} kg")
+        lines.append(f"payload {_format_payload(load)} kg")
     if not brief:
-        lines.append(prior_line(load))
+        lines.append(prior_sensitivity_line(load))
     return lines + _load_notes(load)
 
 
-def prior_line(load: Mapping[str, Any]) -> str:
+def prior_sensitivity_line(load: Mapping[str, Any]) -> str:
     """The mass under priors half and twice as wide."""
     return (
         f"prior sensitivity: {number_text(load['mass_halved_priors_kg'])} kg (×½) … "
@@ -212,7 +212,7 @@ def uncertainty_advice(said: Answer) -> str | None:
     return f"largest contribution: {meaning} ({most['cause']}{part}); to reduce: {most['shrinks']}"
 
 
-def _payload_text(load: Mapping[str, Any]) -> str:
+def _format_payload(load: Mapping[str, Any]) -> str:
     if load["payload_kg"] is None:
         return "–"
     if load.get("empty"):
@@ -224,7 +224,7 @@ def _payload_text(load: Mapping[str, Any]) -> str:
     return plus_minus(load["payload_kg"], load["payload_u_kg"])
 
 
-def calibrated_interval(load: Mapping[str, Any]) -> tuple[str, ...]:
+def calibrated_mass_cells(load: Mapping[str, Any]) -> tuple[str, ...]:
     """Calibrated mass and the ends of its interval."""
     names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg")
     return tuple("–" if load[name] is None else f"{load[name]:,.1f}" for name in names)
@@ -236,7 +236,7 @@ def calibrated_line(load: Mapping[str, Any]) -> str:
         return ""
     if load["calibrated_kg"] is None:
         return f"not calibrated: {load['calibrated_reason']}"
-    mass, low, high = calibrated_interval(load)
+    mass, low, high = calibrated_mass_cells(load)
     unlike_kg = load.get("calibrated_unlike_u_kg") or 0.0
     # less is lost in the rounding of the whole
     tells = unlike_kg > _TELLS * load["calibrated_u_kg"]
@@ -244,7 +244,7 @@ def calibrated_line(load: Mapping[str, Any]) -> str:
     return f"calibrated {mass} kg, {low} to {high} kg{more}"
 
 
-def _load_remark(load: Mapping[str, Any]) -> str:
+def _remark_on_load(load: Mapping[str, Any]) -> str:
     if load["mass_kg"] is None:
         return load["withheld_for"]
     if load.get("scatter_known") is False:
@@ -254,7 +254,7 @@ def _load_remark(load: Mapping[str, Any]) -> str:
     return ""
 
 
-def _seconds_text(t_ns: int | None) -> str:
+def _format_seconds(t_ns: int | None) -> str:
     return "–" if t_ns is None else f"{t_ns / NS_PER_S:,.1f}"
 
 

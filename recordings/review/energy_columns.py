@@ -21,17 +21,17 @@ FUEL: Final = "fuel_L"
 FUEL_U: Final = "fuel_u_L"
 
 
-def value_column(name: str) -> str:
+def energy_column_name(name: str) -> str:
     """The ledger's column of an energy."""
     return f"{name}_kWh"
 
 
-def u_column(name: str) -> str:
+def uncertainty_column_name(name: str) -> str:
     """The column of its standard uncertainty."""
     return f"{name}_u_kWh"
 
 
-def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
+def add_energy_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     """The ledger with the energy of each cycle; null where it is not known.
 
     Args:
@@ -41,18 +41,22 @@ def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     by_cycle: dict[int, dict[str, EnergyAmount]] = {}
     for row in state.energy.rows:
         if row.cycle is not None:
-            by_cycle.setdefault(row.cycle, {}).update(amounts_by_name(row))
+            by_cycle.setdefault(row.cycle, {}).update(energy_amounts_by_column(row))
     found: list[dict[str, EnergyAmount]] = []
     for ledger_row in rows.iter_rows(named=True):
         amounts = by_cycle.get(ledger_row["cycle"], {})
         if "energy" in amounts and ledger_row["counted"]:
-            amounts = amounts | {"energy_per_t": _per_tonne(amounts["energy"], ledger_row)}
+            amounts = amounts | {
+                "energy_per_t": _energy_per_tonne_text(amounts["energy"], ledger_row)
+            }
         found.append(amounts)
     columns: list[pl.Series] = []
     for name in ENERGIES:
         pairs = [each.get(name, (None, None)) for each in found]
-        columns.append(pl.Series(value_column(name), [p[0] for p in pairs], dtype=pl.Float64))
-        columns.append(pl.Series(u_column(name), [p[1] for p in pairs], dtype=pl.Float64))
+        columns.append(pl.Series(energy_column_name(name), [p[0] for p in pairs], dtype=pl.Float64))
+        columns.append(
+            pl.Series(uncertainty_column_name(name), [p[1] for p in pairs], dtype=pl.Float64)
+        )
     burnt = {row.cycle: row.fuel_L for row in state.energy.rows if row.phase == WHOLE}
     fuel_L = [burnt.get(number) for number in rows["cycle"]]
     u_1 = state.energy.fuel_u_1
@@ -61,14 +65,14 @@ def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     return rows.with_columns(columns)
 
 
-def amounts_by_name(row: EnergyRow) -> dict[str, EnergyAmount]:
+def energy_amounts_by_column(row: EnergyRow) -> dict[str, EnergyAmount]:
     """What a row of the energy says, by the ledger's names."""
     if row.phase != WHOLE:
         return {row.phase: row.work}
     return {"energy": row.work, **{part: getattr(row, part) for part in PARTS[1:]}}
 
 
-def _per_tonne(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmount:
+def _energy_per_tonne_text(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmount:
     """Energy over a payload in kg; their uncertainties are independent."""
     t, u_t = row["payload_kg"] / 1e3, row["payload_u_kg"] / 1e3
     if t <= 0.0:
@@ -96,7 +100,7 @@ def energy_of_tonnes(
     return EnergyAmount(per_t, per_t * relative)
 
 
-def amount_text(amount: EnergyAmount) -> str:
+def format_energy_amount(amount: EnergyAmount) -> str:
     """An energy with its 95 % interval, in kWh."""
     return plus_minus(amount.kWh, K * amount.u_kWh)
 
@@ -109,7 +113,7 @@ def energy_facts(
         return []
     whole = state.energy.rows[0]
     per_t = energy_of_tonnes(ledger, shift, state)
-    each = "" if per_t is None else f", {amount_text(per_t)} kWh/t"
+    each = "" if per_t is None else f", {format_energy_amount(per_t)} kWh/t"
     of = ", ".join(
         # no -0 %
         f"{part} {round(getattr(whole, part).kWh / whole.work.kWh, 2) + 0.0:.0%}"
@@ -119,13 +123,15 @@ def energy_facts(
     some = "" if known == ledger.height else f" in {known} of {ledger.height} cycles"
     lacks = state.energy.scale_unknown
     scale = f"; scale error not included (set {lacks})" if lacks else ""
-    found = [("energy at the wheels", f"{amount_text(whole.work)} kWh{some}{each}: {of}{scale}")]
+    found = [
+        ("energy at the wheels", f"{format_energy_amount(whole.work)} kWh{some}{each}: {of}{scale}")
+    ]
     if whole.fuel_L is not None:
-        found.append(("fuel", _fuel_text(whole.fuel_L, ledger, shift, state.energy.fuel_u_1)))
+        found.append(("fuel", _format_fuel(whole.fuel_L, ledger, shift, state.energy.fuel_u_1)))
     return found
 
 
-def _fuel_text(
+def _format_fuel(
     fuel_L: float, ledger: pl.DataFrame, shift: Mapping[str, Any], u_1: float | None
 ) -> str:
     """The fuel of the cycles, and of a counted tonne."""

@@ -81,7 +81,7 @@ class ShiftVerdict(Labels):
     author: _Author | None = None
     time: dt.datetime | None = None
 
-    def applies_at(self, unix_s: float) -> bool:
+    def applies_to_dump_at(self, unix_s: float) -> bool:
         """Whether it is said of a cycle that is dumped then."""
         first, last = (
             limit if each is None else each.timestamp()
@@ -103,9 +103,9 @@ class VerdictFile(BaseModel):
         """What is said of all cycles, whenever they are dumped."""
         return merge_labels(each for each in self.shift if each.begin is None and each.end is None)
 
-    def labels_at(self, unix_s: float) -> Labels:
+    def labels_of_dump_at(self, unix_s: float) -> Labels:
         """What is said of cycles that are dumped at a time."""
-        return merge_labels(each for each in self.shift if each.applies_at(unix_s))
+        return merge_labels(each for each in self.shift if each.applies_to_dump_at(unix_s))
 
 
 def merge_labels(verdicts: Iterable[ShiftVerdict]) -> Labels:
@@ -172,7 +172,7 @@ def verdict_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> str:
         name = "cycle" if isinstance(verdict, CycleVerdict) else "shift"
         lines = [f"[[{name}]]"]
         said = verdict.model_dump(exclude_defaults=True)
-        lines += [f"{key} = {_toml_value(said[key])}" for key in _KEYS if key in said]
+        lines += [f"{key} = {_format_toml_value(said[key])}" for key in _KEYS if key in said]
         blocks.append("\n".join(lines) + "\n")
     return "\n".join(blocks)
 
@@ -221,15 +221,15 @@ def seconds_of_id(identity: str) -> float | None:
         return None
 
 
-def _toml_value(value: object) -> str:
+def _format_toml_value(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dt.datetime):
         return f"{value.astimezone(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
-    return '"' + "".join(_toml_character(c) for c in str(value)) + '"'
+    return '"' + "".join(_escape_toml_character(c) for c in str(value)) + '"'
 
 
-def _toml_character(c: str) -> str:
+def _escape_toml_character(c: str) -> str:
     """A character of a basic string; what no screen shows is written by its number."""
     return f"\\{c}" if c in '\\"' else _escape_unprintable(c)
 

@@ -33,12 +33,14 @@ class TornLog(BaseModel):
         which = f"Log {self.number} of {self.logs} ({self.name})"
         if self.next_s is None:
             return (
-                f"{which} breaks off at {clock.at(self.ends_s)}: what came after it is unknown, "
+                f"{which} breaks off at {clock.format_time(self.ends_s)}: what came after it is "
+                "unknown, "
                 "and in no number here."
             )
         missing = duration_text(max(self.next_s - self.ends_s, 0.0))
         return (
-            f"{which} breaks off at {clock.at(self.ends_s)}: at most {missing} are missing, until "
+            f"{which} breaks off at {clock.format_time(self.ends_s)}: at most {missing} are "
+            "missing, until "
             "the next log begins."
         )
 

@@ -16,7 +16,7 @@ def local_time(about: Provenance, t_ns: int = 0) -> str:
     if stamp_ns < FIRST_DATE_NS:
         return f"{stamp_ns / NS:.3f} s of the log's own clock"
     clock = ShiftClock(timezone_text(about), stamp_ns, 0.0)
-    return f"{clock.local(0.0):%Y-%m-%d} {clock.at(0.0)} {clock.zone}"
+    return f"{clock.to_local_datetime(0.0):%Y-%m-%d} {clock.format_time(0.0)} {clock.zone}"
 
 
 def settings_markdown(run: Run) -> str:
@@ -50,7 +50,7 @@ def provenance_markdown(run: Run) -> str:
             f"First aligned sample: {local_time(about)} "
             f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
             "# Fingerprint",
-            _fingerprint_text(about),
+            _format_fingerprint(about),
             "# Stamps",
             markdown_table(("topic", "placed by"), about.stamps.items()),
             "# Losses",
@@ -68,7 +68,7 @@ def provenance_markdown(run: Run) -> str:
     )
 
 
-def _fingerprint_text(about: Provenance) -> str:
+def _format_fingerprint(about: Provenance) -> str:
     """The digests in full, those of the frames as well."""
     taken = about.fingerprint
     if taken is None:
@@ -78,7 +78,7 @@ def _fingerprint_text(about: Provenance) -> str:
     return markdown_table(("SHA-256 of", "digest"), digests)
 
 
-def machine_body(about: Provenance) -> dict[str, Any]:
+def machine_table(about: Provenance) -> dict[str, Any]:
     """Table `machine` of the machine file."""
     body = about.machine.get("machine", {})
     return body if isinstance(body, dict) else {}
@@ -86,4 +86,4 @@ def machine_body(about: Provenance) -> dict[str, Any]:
 
 def timezone_text(about: Provenance) -> str:
     """The time zone of the machine file."""
-    return str(machine_body(about).get("timezone", "UTC"))
+    return str(machine_table(about).get("timezone", "UTC"))

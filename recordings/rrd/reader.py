@@ -129,7 +129,7 @@ class OpenRecording:
         Raises:
             RecordingError: no such frame or column, with the choices; or it is damaged.
         """
-        stored = self.manifest.frame(name)
+        stored = self.manifest.frame_by_name(name)
         if stored is None:
             raise RecordingError(f"{self.path}: no frame '{name}'; {nearest(name, self.stages)}")
         known = self.stages[name]
@@ -139,7 +139,7 @@ class OpenRecording:
                     f"{self.path}: '{name}' has no '{column}'; {nearest(column, known)}"
                 )
         wanted = stored.columns if columns is None else stored.select(columns)
-        with _in_one_line(self.path):
+        with _raise_one_line_errors(self.path):
             return _read_frame(self.store, stored, wanted)
 
 
@@ -161,7 +161,7 @@ def open_recording(path: str | Path) -> "Generator[OpenRecording]":
     import rerun as rr
     from rerun.error_utils import RerunWarning
 
-    with _in_one_line(path):
+    with _raise_one_line_errors(path):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RerunWarning)  # it warns and raises of the same fault
             store = rr.chunk.RrdReader(path).store()
@@ -170,7 +170,7 @@ def open_recording(path: str | Path) -> "Generator[OpenRecording]":
 
 
 @contextmanager
-def _in_one_line(path: Path) -> Generator[None]:
+def _raise_one_line_errors(path: Path) -> Generator[None]:
     try:
         yield
     except (RuntimeError, ValueError) as error:

@@ -11,7 +11,7 @@ from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
-from recordings.report.finding_text import finding_line, findings_of, findings_text
+from recordings.report.finding_text import finding_line, findings_of_run, findings_text
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
     markdown_table,
@@ -20,7 +20,7 @@ from recordings.report.number_text import (
     plus_minus,
 )
 from recordings.report.planar_text import planar_fit_lines, planar_markdown
-from recordings.report.shift_text import shift_sentence
+from recordings.report.shift_text import shift_payload_sentence
 from recordings.report.worth_text import (
     answer_lines,
     best_known_load,
@@ -32,7 +32,7 @@ from recordings.report.worth_text import (
 from recordings.rrd.display_frames import span_ns
 from recordings.rrd.provenance_texts import (
     local_time,
-    machine_body,
+    machine_table,
     provenance_markdown,
     settings_markdown,
     timezone_text,
@@ -75,7 +75,7 @@ def recording_name(about: Provenance) -> str:
 
 def machine_name(about: Provenance) -> str:
     """The name that the machine file gives, or nothing."""
-    return str(machine_body(about).get("name", ""))
+    return str(machine_table(about).get("name", ""))
 
 
 #: What the times on the axes of the viewer are.
@@ -89,13 +89,13 @@ _FOUND: Final = 3
 _MOST_LINES: Final = 12
 
 
-def headline(said: Answer) -> str:
+def answer_headline(said: Answer) -> str:
     """The answer in one sentence, without Markdown."""
     failed = said.verdict.failed("mass")
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
     if len(said.loads) > 1:
-        return shift_sentence(said.shift) if is_shift(said) else _several_loads_text(said)
+        return shift_payload_sentence(said.shift) if is_shift(said) else _several_loads_text(said)
     for load in said.loads:
         if load["mass_kg"] is not None:
             scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""
@@ -105,7 +105,8 @@ def headline(said: Answer) -> str:
         known = [method for method in row.methods if row.value("mass_kg", method) is not None]
         if known:
             best = "pooled" if "pooled" in known else known[0]
-            return f"{_value_text(row, best, *_MASS)} kg ({best}, statistical standard deviation)"
+            mass = _format_value_of_method(row, best, *_MASS)
+            return f"{mass} kg ({best}, statistical standard deviation)"
     if not said.verdict.checks:
         return "This recording holds no answer."
     return "No window of this log was accepted: there is no mass."
@@ -129,19 +130,25 @@ def _several_loads_text(said: Answer) -> str:
 def summary_text(run: Run) -> str:
     """The answer in plain lines, the headline first."""
     about, said = run.provenance, answer(run)
-    lines = [headline(said), f"{recording_name(about)} · {local_time(about)}"]
+    lines = [answer_headline(said), f"{recording_name(about)} · {local_time(about)}"]
     lines += answer_lines(said)[1:]
     if len(said.loads) > 1:
         lines += load_sentences(said, _MOST_LINES)
     lines += [""]
     for row in said.rows if len(said.loads) <= 1 else ():
         for method in row.methods:
-            mass = "withheld" if row.withheld else f"{_value_text(row, method, *_MASS)} kg"
+            mass = (
+                "withheld" if row.withheld else f"{_format_value_of_method(row, method, *_MASS)} kg"
+            )
             inertia = row.value(_INERTIA[0], method)
-            turns = f", yaw inertia {_value_text(row, method, *_INERTIA)} kg·m²" if inertia else ""
+            turns = (
+                f", yaw inertia {_format_value_of_method(row, method, *_INERTIA)} kg·m²"
+                if inertia
+                else ""
+            )
             lines.append(f"{method:<8} {mass}{turns}")
     lines += planar_fit_lines(said.planar, said.planar_budget)
-    for each in findings_of(run)[:_FOUND]:
+    for each in findings_of_run(run)[:_FOUND]:
         lines.append(f"finding  {each.rank}. {finding_line(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:
@@ -162,7 +169,7 @@ def answer_text(run: Run) -> str:
     about, span, said = run.provenance, span_ns(run), answer(run)
     duration = f", {(span[1] - span[0]) / NS:,.1f} s" if span else ""
     parts = [
-        f"# {headline(said)}",
+        f"# {answer_headline(said)}",
         f"{machine_name(about) or 'machine without a name'} · {local_time(about)}{duration}",
     ]
     parts.append(_AXES if about.t0_unix_ns >= FIRST_DATE_NS else _AXES_WITHOUT_DATE)
@@ -177,19 +184,19 @@ def answer_text(run: Run) -> str:
                 for check in failed
             )
         )
-    if found := findings_of(run):
+    if found := findings_of_run(run):
         parts.append("## What this log shows")
         parts.append(
             "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
         )
-    parts += _worth_lines(said, _cycle_lines(run) if is_shift(said) else [])
+    parts += _describe_worth(said, _make_cycle_lines(run) if is_shift(said) else [])
     if len(said.loads) > 1:
         parts.append("The paper's methods give one mass a log, and are not shown.")
     else:
-        parts += [each for row in said.rows for each in _mass_cells(row)]
+        parts += [each for row in said.rows for each in _make_mass_cells(row)]
     if lines := planar_fit_lines(said.planar, said.planar_budget):
         parts.append("\n".join(f"- {line}" for line in lines))
-    parts += _verdict_lines(said.verdict) + _describe_acceptance(run)
+    parts += _make_verdict_lines(said.verdict) + _describe_acceptance(run)
     parts += [f"- {note}" for note in said.notes]
     parts += [f"- lost: {each}" for each in said.losses]
     return "\n\n".join(parts)
@@ -197,7 +204,7 @@ def answer_text(run: Run) -> str:
 
 def calibration_markdown(run: Run) -> str:
     """The points and the line of each method, and of evidence; nothing without a calibration."""
-    parts = ["# Calibration", *_evidence_lines(run)]
+    parts = ["# Calibration", *_describe_evidence(run)]
     points = run.frames.get("calibration")
     if points is None or points.is_empty():
         return "\n\n".join(parts) if len(parts) > 1 else ""
@@ -223,7 +230,7 @@ def calibration_markdown(run: Run) -> str:
     return "\n\n".join([*parts, markdown_table(heads, rows)])
 
 
-def _evidence_lines(run: Run) -> list[str]:
+def _describe_evidence(run: Run) -> list[str]:
     """The line of evidence, its points, and where each run is recorded."""
     if "points" not in run.frames:
         return []
@@ -261,18 +268,18 @@ def _evidence_lines(run: Run) -> list[str]:
     ]
 
 
-def _value_text(row: AnswerRow, method: str, value: str, std: str | None) -> str:
+def _format_value_of_method(row: AnswerRow, method: str, value: str, std: str | None) -> str:
     return plus_minus(row.value(value, method), row.value(std, method) if std else None)
 
 
-def _mass_cells(row: AnswerRow) -> list[str]:
+def _make_mass_cells(row: AnswerRow) -> list[str]:
     if not row.methods:
         return []
-    shown = [each for each in _MASS_COLUMNS if row.has(each[1])]
+    shown = [each for each in _MASS_COLUMNS if row.has_quantity(each[1])]
     rows = [
         (
             method,
-            *(_value_text(row, method, value, std) for _, value, std in shown),
+            *(_format_value_of_method(row, method, value, std) for _, value, std in shown),
             row.estimates[method],
         )
         for method in row.methods
@@ -285,7 +292,7 @@ def _mass_cells(row: AnswerRow) -> list[str]:
     ]
 
 
-def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
+def _describe_worth(said: Answer, cycles: list[str]) -> list[str]:
     """What the answer is worth: other priors, budget, priors and posteriors.
 
     Sentences are lists: the viewer wraps them, and no table.
@@ -319,7 +326,7 @@ def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
     return parts
 
 
-def _cycle_lines(run: Run) -> list[str]:
+def _make_cycle_lines(run: Run) -> list[str]:
     """The cycles of a shift with the local time of each dump."""
     about, span = run.provenance, span_ns(run)
     duration_s = 0.0 if span is None else (span[1] - span[0]) / NS
@@ -327,7 +334,7 @@ def _cycle_lines(run: Run) -> list[str]:
     rows = [
         (
             str(row["cycle"]),
-            clock.at(row["end_t_ns"] / NS),
+            clock.format_time(row["end_t_ns"] / NS),
             plus_minus(row["payload_kg"], row["payload_u_kg"]),
             row["quality"],
         )
@@ -336,7 +343,7 @@ def _cycle_lines(run: Run) -> list[str]:
     return ["## Cycles", markdown_table(("cycle", "dumped at", "payload kg", "quality"), rows)]
 
 
-def _verdict_lines(verdict: Verdict) -> list[str]:
+def _make_verdict_lines(verdict: Verdict) -> list[str]:
     if not verdict.checks:
         return []
     words = {"passed": "passed", "failed": "**failed**", "absent": "does not apply"}

@@ -14,12 +14,12 @@ from analysis.model.run_record import Run
 from analysis.model.schema import FRAMES
 from estimators.errors import OutputError, RecordingError
 from recordings.report.atomic_output import atomic_file, check_output
-from recordings.report.finding_text import finding_line, findings_of
-from recordings.rrd.blueprint import blueprint, events_entity, picture_entity, text_entity
+from recordings.report.finding_text import finding_line, findings_of_run
+from recordings.rrd.blueprint import events_entity, lay_out_run, picture_entity, text_entity
 from recordings.rrd.display_frames import display_frames, span_ns
-from recordings.rrd.drawn_rows import drawn_batches
+from recordings.rrd.drawn_rows import iter_drawn_batches
 from recordings.rrd.piped_file import PipedFile, piped_file
-from recordings.rrd.plane_pictures import PlanePicture, plane_pictures, send_picture
+from recordings.rrd.plane_pictures import PlanePicture, make_plane_pictures, send_picture
 from recordings.rrd.reader import FORMAT, PROPERTY, open_recording
 from recordings.rrd.recording_properties import ANSWER, recording_properties
 from recordings.rrd.recording_texts import recording_markdown, recording_name
@@ -113,10 +113,10 @@ def make_scene(run: Run, under: str = "") -> Scene:
             finding_line(each),
             each.severity != "tell",
         )
-        for each in findings_of(run)
+        for each in findings_of_run(run)
     )
-    written, pictures = recording_markdown(run), plane_pictures(run)
-    layout = blueprint(run, shown, written, pictures, under)
+    written, pictures = recording_markdown(run), make_plane_pictures(run)
+    layout = lay_out_run(run, shown, written, pictures, under)
     return Scene(name, shown, layout, written, tuple(events), pictures)
 
 
@@ -172,7 +172,7 @@ def _write_to_pipe(
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
-    stored = tuple(StoredFrame.of(name, frame) for name, frame in run.frames.items())
+    stored = tuple(StoredFrame.from_frame(name, frame) for name, frame in run.frames.items())
     scene = scene_of(run)
     description = rr.AnyValues(
         format=FORMAT,
@@ -280,12 +280,12 @@ def frame_batches(
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
     """What is drawn, for a live viewer first, rows in time, then every frame; with its index."""
     for name, frame in shown.items():
-        for batch in drawn_batches(name, frame, run.provenance.t0_unix_ns):
+        for batch in iter_drawn_batches(name, frame, run.provenance.t0_unix_ns):
             yield [TIME, SINCE_START], batch
     for batch in make_timed_rows(run.frames, run.provenance.t0_unix_ns):
         yield [TIME, SINCE_START], batch
     for name, frame in run.frames.items():
-        for batch in StoredFrame.of(name, frame).batches(frame):
+        for batch in StoredFrame.from_frame(name, frame).to_batches(frame):
             yield [ROW], batch
 
 

@@ -14,7 +14,7 @@ from uuid import uuid4
 import polars as pl
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
-from analysis.calibration.campaign.campaign_readings import readings, run_responses
+from analysis.calibration.campaign.campaign_readings import read_campaign_runs, run_responses
 from analysis.calibration.line.unlike_driving import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
@@ -110,7 +110,7 @@ def replay_runs(
             (recordings / RUNS).mkdir(exist_ok=True)
             write_recording(replayed, recordings / recording)
         runs = [each for each in campaign.runs if each.log == name]
-        frames.append(readings(replayed, runs, campaign.method.estimator))
+        frames.append(read_campaign_runs(replayed, runs, campaign.method.estimator))
         responses += run_responses(replayed, runs, campaign.method.estimator)
         logs.append(evidence_of_replay(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
@@ -147,12 +147,12 @@ def _installed_requirements() -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
-def now() -> str:
+def time_for_evidence() -> str:
     """The time as evidence has it."""
     return f"{dt.datetime.now(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
-def new_id() -> str:
+def draw_evidence_id() -> str:
     """An id that no other evidence has."""
     return str(uuid4())
 
@@ -178,9 +178,9 @@ def evidence_of_replay(
             LoggedTopic(topic=topic, messages=messages.get(topic, 0), stamped_by=stamped)
             for topic, stamped in sorted(about.stamps.items())
         ),
-        begins=_begins(about.t0_unix_ns),
+        begins=_format_begin(about.t0_unix_ns),
         duration_s=float(t_ns[-1] - t_ns[0]) / 1e9 if t_ns.len() else 0.0,
-        speed_range_m_s=None if speed.is_empty() else _first_and_last(speed),
+        speed_range_m_s=None if speed.is_empty() else _least_and_greatest(speed),
         losses=tuple(str(loss)[:_LONGEST] for loss in about.losses),
         notes=tuple(note[:_LONGEST] for note in about.notes),
         can_weigh=said.verdict.can_weigh,
@@ -192,12 +192,12 @@ def evidence_of_replay(
     )
 
 
-def _first_and_last(values: pl.Series) -> tuple[float, float]:
+def _least_and_greatest(values: pl.Series) -> tuple[float, float]:
     numbers = values.to_numpy()
     return float(numbers.min()), float(numbers.max())
 
 
-def _begins(t0_unix_ns: int) -> str:
+def _format_begin(t0_unix_ns: int) -> str:
     if t0_unix_ns < FIRST_DATE_NS:
         return f"{t0_unix_ns / 1e9:.3f} s of the log's own clock"
     stamp = dt.datetime.fromtimestamp(t0_unix_ns // 10**9, dt.UTC)

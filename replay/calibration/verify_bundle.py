@@ -34,7 +34,7 @@ from recordings.calibration.timestamp import authority_certificates
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import public_key
-from replay.calibration.compare_logs import compare_logs
+from replay.calibration.compare_logs import replay_and_compare_logs
 
 #: What the viewer draws of a recording is made of its frames when it is written.
 _DRAWN = (
@@ -133,7 +133,7 @@ def verify_bundle(
     if document is not None:
         files = compare_files(checked, document, folder, whole=logs is not None)
     if logs is not None and document is not None and checked.readings is not None:
-        compare_logs(checked, document, checked.readings, logs)
+        replay_and_compare_logs(checked, document, checked.readings, logs)
         done.append(
             f"{counted(len(document.logs), 'log')} replayed: every reading, and begin, duration, "
             "topics, counts, stamps, losses, notes, speeds and verdict of each log compared"

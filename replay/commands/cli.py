@@ -77,7 +77,7 @@ app.add_typer(
 
 
 @app.callback(invoke_without_command=True)
-def _version(
+def _print_version(
     version: bool = typer.Option(False, "--version", help="Show the version and leave."),
 ) -> None:
     if version:

@@ -89,7 +89,7 @@ TimeUnit = Annotated[
 _UNITS = ("s", "ms", "us", "ns")
 
 
-def time_axis_of(
+def time_axis_from_options(
     column: str | None, unit: str | None, keys: list[str] | None = None
 ) -> "TimeAxis | None":
     """Where a table keeps its time, and how it is written; None where all is to be recognised.

@@ -72,7 +72,7 @@ def command(
         told = {} if mended is None else {"mended": _mended_dict(mended)}
         print_json({**explained.to_dict(), **told})
     else:
-        _print(explained, mended, asked.picture)
+        _print_explanation(explained, mended, asked.picture)
     if mended is not None and mended.path is None:
         raise typer.Exit(1)
 
@@ -108,7 +108,9 @@ def _mended_dict(mended: "MendedMachine") -> dict[str, Any]:
     }
 
 
-def _print(explained: "Explanation", mended: "MendedMachine | None", picture: Path | None) -> None:
+def _print_explanation(
+    explained: "Explanation", mended: "MendedMachine | None", picture: Path | None
+) -> None:
     from recordings.explain.explanation_text import (
         determined_parameter_lines,
         finding_lines,
@@ -117,9 +119,9 @@ def _print(explained: "Explanation", mended: "MendedMachine | None", picture: Pa
         verdict_sentence,
     )
     from replay.commands.print_checks import print_failed_checks
-    from replay.commands.print_tables import console, print_line
+    from replay.commands.print_tables import print_line, stdout_console
 
-    screen = console()
+    screen = stdout_console()
 
     def part(title: str, lines: "Iterable[str]") -> None:
         listed = list(lines)
@@ -150,7 +152,7 @@ def _print(explained: "Explanation", mended: "MendedMachine | None", picture: Pa
 
 
 def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
-    from recordings.report.finding_text import name_of
+    from recordings.report.finding_text import cause_name
     from replay.commands.print_tables import print_line, value_text
 
     screen.print("\nmended, each proposal tried by a replay:", markup=False)
@@ -158,21 +160,21 @@ def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
         claim = ""
         if each.change_kg is not None:
             claim = f", claimed {each.change_kg:+,.2f} ± {each.change_u_kg or 0.0:,.2f} kg"
-        said = f"{each.key} = {value_text(each.value)} ({name_of(each.cause)}{claim})"
+        said = f"{each.key} = {value_text(each.value)} ({cause_name(each.cause)}{claim})"
         print_line(screen, said)
     for tried in mended.taken_back:
-        key, cause = tried.proposal.key, name_of(tried.proposal.cause)
+        key, cause = tried.proposal.key, cause_name(tried.proposal.cause)
         print_line(screen, f"not {key} ({cause}): {tried.why}")
     if mended.path is None:
         return
-    before, after = _mass_text(mended.before), _mass_text(mended.after)
+    before, after = _format_mass(mended.before), _format_mass(mended.after)
     print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
-    left = ", ".join(name_of(each.cause) for each in mended.left) or "no cause"
+    left = ", ".join(cause_name(each.cause) for each in mended.left) or "no cause"
     print_line(screen, f"the log still shows: {left}")
     print_line(screen, f"machine file: {mended.path}")
 
 
-def _mass_text(answer: "Answer") -> str:
+def _format_mass(answer: "Answer") -> str:
     """The mass of the heaviest load, or of the only one; nothing where it is withheld."""
     from recordings.report.number_text import plus_minus
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from replay.commands.print_tables import plain_table, print_line, print_table
+from replay.commands.print_tables import make_plain_table, print_line, print_table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from analysis.model.verdict import Check
 
 
-def check_table(checks: Sequence["Check"]) -> "Table":
+def make_check_table(checks: Sequence["Check"]) -> "Table":
     """A row a check: its number, its limit, what it led to."""
     from recordings.report.number_text import outcome_text
 
-    table = plain_table("check", "value", "limit")
+    table = make_plain_table("check", "value", "limit")
     table.add_column("")
     table.add_column("meaning", overflow="fold")
     for check in checks:
@@ -36,5 +36,5 @@ def print_remedies(screen: "Console", failed: Sequence["Check"]) -> None:
 
 def print_failed_checks(screen: "Console", failed: Sequence["Check"]) -> None:
     """Print failed checks as a table, then their remedies."""
-    print_table(screen, check_table(failed))
+    print_table(screen, make_check_table(failed))
     print_remedies(screen, failed)

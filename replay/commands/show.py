@@ -68,23 +68,23 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
 
     from recordings import read_provenance, stage_columns
     from replay.commands.print_tables import (
-        console,
-        plain_table,
+        make_plain_table,
         print_json,
         print_line,
         print_table,
+        stdout_console,
     )
 
     held = stage_columns(recording)
     if as_json:
         print_json(held)
         return
-    table = plain_table("frame")
+    table = make_plain_table("frame")
     table.add_column("columns", overflow="fold")
     for name, columns in held.items():
         # effort[left] is no markup
         table.add_row(escape(name), escape(" ".join(columns)))
-    screen = console()
+    screen = stdout_console()
     print_table(screen, table)
     provenance = read_provenance(recording)
     for loss in provenance.losses:
@@ -103,20 +103,24 @@ def _show_frame(
 ) -> None:
     """Print the rows of one frame from one second to another, or at one, or write them."""
     from recordings.report.atomic_output import check_output, refuse_input_as_output
-    from replay.commands.frame_output import format_of, frame_text, print_frame
+    from replay.commands.frame_output import choose_format, frame_text, print_frame
     from replay.recording.read_stage import RecordedStage
 
     recording, name, calibration = asked
-    output_format = format_of(output_format, output)
+    output_format = choose_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [recording])
         check_output(output, force=force)
     stage = RecordedStage.read(recording, name)
     if calibration is not None:
-        stage = stage.with_calibration(calibration)
-    stage = stage.rows_between(*seconds) if isinstance(seconds, tuple) else stage.rows_at(seconds)
+        stage = stage.calibrate_loads(calibration)
+    stage = (
+        stage.select_rows_between(*seconds)
+        if isinstance(seconds, tuple)
+        else stage.select_rows_at(seconds)
+    )
     if output is None and output_format == "table":
-        rows = stage.readable()
+        rows = stage.make_readable()
         typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
         if rows.height > _ROWS_SHOWN:
             typer.echo(
@@ -130,5 +134,5 @@ def _show_frame(
         output_format,
         output,
         force=force,
-        table=lambda: frame_text(stage.readable(), stage.rows.height),
+        table=lambda: frame_text(stage.make_readable(), stage.rows.height),
     )

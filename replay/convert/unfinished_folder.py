@@ -146,7 +146,7 @@ class UnfinishedFolder:
             write_file_whole(self.path / _PLAN, plan.model_dump_json(indent=1))
             return []
         done: list[DoneSpan] = []
-        while span := load_json(self.path / _record_name(len(done)), DoneSpan):
+        while span := load_json(self.path / _name_record(len(done)), DoneSpan):
             if not all((self.path / part.file).is_file() for part in span.parts.values()):
                 break
             done.append(span)
@@ -155,7 +155,7 @@ class UnfinishedFolder:
     def add(self, number: int, parts: dict[str, ConvertedPart]) -> DoneSpan:
         """Note that a span is done."""
         span = DoneSpan(parts=parts)
-        write_file_whole(self.path / _record_name(number), span.model_dump_json(indent=1))
+        write_file_whole(self.path / _name_record(number), span.model_dump_json(indent=1))
         return span
 
     def clear(self) -> None:
@@ -204,7 +204,7 @@ def write_file_whole(path: Path, text: str) -> None:
     partial.replace(path)
 
 
-def _record_name(number: int) -> str:
+def _name_record(number: int) -> str:
     return f"span-{number:05}.json"
 
 

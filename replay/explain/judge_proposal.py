@@ -16,8 +16,8 @@ from analysis.model.answer import Answer, answer
 from analysis.model.run_record import Run
 from analysis.model.schema import values
 from estimators.errors import DataError, MachineError
-from recordings.report.finding_text import findings_of
-from replay.explain.mended_file import Proposal, proposals
+from recordings.report.finding_text import findings_of_run
+from replay.explain.mended_file import Proposal, proposals_of_finding
 
 #: By how much the uncertainty may grow for a cause that hardly moves the mass.
 _WIDER: Final = 1.05
@@ -51,7 +51,7 @@ class ProposalTrial:
     before: Run
     after: Run
 
-    def objection(self) -> str:
+    def find_objection(self) -> str:
         """Why the replay with it is no better on the whole log; empty where it is."""
         was, now = answer(self.before), answer(self.after)
         open_before = was.verdict.can_weigh
@@ -123,7 +123,7 @@ def held_out_objection(
         seen = matching_finding(finding, unchanged)
         if seen is None:
             return "the second half of the log does not show it"
-        changed = replay(proposals(fitted), second)
+        changed = replay(proposals_of_finding(fitted), second)
     except (DataError, MachineError):
         return "a half of the log is too short to try it on"
     was, now = answer(unchanged), answer(changed)
@@ -139,7 +139,7 @@ def held_out_objection(
 def matching_finding(finding: Finding, run: Run) -> Finding | None:
     """The finding of a cause with a proposal for the same keys."""
     keys = finding.setting
-    shown = (each for each in findings_of(run) if each.cause == finding.cause)
+    shown = (each for each in findings_of_run(run) if each.cause == finding.cause)
     return next((each for each in shown if each.setting == keys), None)
 
 

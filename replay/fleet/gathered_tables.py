@@ -46,7 +46,7 @@ class FleetResults:
     def names(self) -> Mapping[str, Sequence[ResultName]]:
         """Of every machine the results that are there, by day and key."""
         found: dict[str, list[ResultName]] = {}
-        for each in self.store.names(MARK):
+        for each in self.store.list_names(MARK):
             name = parse_result_name(each)
             if name is not None:
                 found.setdefault(name.machine, []).append(name)
@@ -56,7 +56,7 @@ class FleetResults:
     def _gathered(self) -> Mapping[str, str]:
         """Of every machine the folder of its gathered tables, which are up to date."""
         there: dict[str, list[str]] = {}
-        for each in self.store.names(_GATHERED):
+        for each in self.store.list_names(_GATHERED):
             folder, _, name = each.rpartition("/")
             if name == f"{MARK}.parquet":  # written last
                 there.setdefault(folder.rpartition("/")[0], []).append(folder)
@@ -85,7 +85,7 @@ class FleetResults:
                 base, known = each, held
         new = [name for name in names if name.key not in known]
         for table in TABLES:
-            parts = self.store.read_some(name.table(table) for name in new)
+            parts = self.store.read_some(name.table_object_name(table) for name in new)
             frames = [pl.read_parquet(io.BytesIO(part)) for part in parts if part is not None]
             if base:
                 frames.insert(0, self._read(f"{base}/{table}.parquet"))

@@ -47,13 +47,13 @@ class MachineSetup:
     first: dt.date
     basis: str
 
-    def holds_on(self, day: dt.date | None) -> bool:
+    def applies_on_day(self, day: dt.date | None) -> bool:
         """Whether it is for logs of a day; None is an unknown one."""
         if self.by is None:
             return True
         return day is not None and self.first <= day <= self.by.document.expires
 
-    def day_of(self, unix_ns: int | None) -> dt.date | None:
+    def local_day(self, unix_ns: int | None) -> dt.date | None:
         """The day where the machine is; None without a date."""
         if unix_ns is None or unix_ns < FIRST_DATE_NS:
             return None
@@ -107,7 +107,7 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
 
 def setup_of_day(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
     """The setup of logs of a day: under the latest calibration that holds then, or under none."""
-    return next(each for each in setups if each.holds_on(day))
+    return next(each for each in setups if each.applies_on_day(day))
 
 
 def _make_setup(

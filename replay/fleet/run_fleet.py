@@ -34,7 +34,7 @@ class FleetPlan(Protocol):
         """What one recording may take."""
         ...
 
-    def setups_of(self, log: str) -> tuple[MachineSetup, ...]:
+    def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
         """How a log is to be replayed, the first setup that holds on its day."""
         ...
 
@@ -65,7 +65,7 @@ class FleetRun:
     seconds: float = 0.0
     overhead_s: float = 0.0
 
-    def count(self, source: str, outcome: TaskOutcome) -> None:
+    def count_outcome(self, source: str, outcome: TaskOutcome) -> None:
         """Count what became of a recording."""
         self.seconds += outcome.seconds
         self.overhead_s += outcome.overhead_s
@@ -130,7 +130,7 @@ def fleet_run(
     _remember_calibrations(results, setups)
     left, there = _split_finished(tasks, results)
     for task, outcome in there:
-        did.count(task.log.source, outcome)
+        did.count_outcome(task.log.source, outcome)
         on_done(task.log, outcome)
     try:
         if left:
@@ -146,7 +146,7 @@ def fleet_run(
                         if isinstance(result, LostTask)
                         else result
                     )
-                    did.count(task.log.source, outcome)
+                    did.count_outcome(task.log.source, outcome)
                     on_done(task.log, outcome)
     finally:
         keep_failed_list(results, did, {log.source for log in logs})
@@ -163,7 +163,7 @@ def _plan_tasks(
     here = package_versions()
     for log in logs:
         try:
-            setups = plan.setups_of(log.source)
+            setups = plan.setups_of_log(log.source)
         except PayscopeError as error:
             did.failed[log.source] = str(error)
             continue
@@ -188,7 +188,7 @@ def _split_finished(
     by_log: dict[tuple[str, str], list[tuple[str, ...]]] = {}
     for source, stamp, *row in results.all_results(MARK).select(columns).collect().iter_rows():
         by_log.setdefault((source, stamp), []).append(tuple(row))
-    names = map(parse_result_name, results.store.names(RECORDINGS))
+    names = map(parse_result_name, results.store.list_names(RECORDINGS))
     recorded = {name.key for name in names if name is not None}
     left: list[ReplayTask] = []
     there: list[tuple[ReplayTask, TaskOutcome]] = []

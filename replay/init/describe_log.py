@@ -61,7 +61,7 @@ class LogInfo:
         }
 
 
-def describe(log: Log, *, check: bool = False, fields: bool = False) -> LogInfo:
+def describe_log(log: Log, *, check: bool = False, fields: bool = False) -> LogInfo:
     """Describe a log by its index, without decoding its messages.
 
     Args:

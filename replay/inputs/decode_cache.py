@@ -140,11 +140,11 @@ def decode_logs(
     remove_oldest(folder, {place.name for place in places.values()})
     missing = [log for log in logs if not places[log].is_dir()]
     on_log(len(logs) - len(missing))
-    large = len(missing) > 1 and sum(map(_log_bytes, missing)) > _WORTH_A_PROCESS
+    large = len(missing) > 1 and sum(map(_count_log_bytes, missing)) > _WORTH_A_PROCESS
 
     def decode_missing(log: Log) -> None:
         if large:
-            _by_process(log, wanted[log], places[log], time)
+            _decode_by_process(log, wanted[log], places[log], time)
         else:
             decode_into_cache(log, wanted[log], places[log])
 
@@ -192,7 +192,7 @@ def decode_into_cache(log: Log, fields: Mapping[str, Sequence[str]], place: Path
         shutil.rmtree(begun, ignore_errors=True)
 
 
-def _by_process(
+def _decode_by_process(
     log: Log, fields: Mapping[str, Sequence[str]], place: Path, time: TimeAxis | None
 ) -> None:
     """Decode by a process that has this log alone in its memory, and ends with it."""
@@ -242,7 +242,7 @@ def _time_axis_values(time: TimeAxis | None) -> list[Any] | None:
     return None if time is None else [time.column, time.unit, asdict(time.table)]
 
 
-def _log_bytes(log: Log) -> int:
+def _count_log_bytes(log: Log) -> int:
     return sum(path.stat().st_size for path in log.files)
 
 

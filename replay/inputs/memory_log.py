@@ -35,7 +35,7 @@ class MemoryLog(Log):
                 "topic": topic,
                 "type": _FORMAT,
                 "encoding": "columns",
-                **self._timing(frame["log_time_ns"].to_numpy()),
+                **self._summarise_log_times(frame["log_time_ns"].to_numpy()),
                 "fields": [name for name in frame.columns if name not in _STAMPS],
                 "problem": None,
                 "decoder": "columnar",

@@ -52,14 +52,14 @@ class TailParts:
         """See `Tail.poll`."""
         # before the files are read: what is written afterwards belongs to the next call
         closed, files = self._is_closed(), self._files()
-        batches = self._poll_part() if self._tail else []
+        batches = self._poll_current_part() if self._tail else []
         while not batches:
             following = [path for path in files if not _is_taken(path, self.paths)]
             if not following:
                 self.is_finished = self._tail is not None and (closed or self._tail.is_finished)
                 break
             self._open(following[0])
-            batches = self._poll_part()
+            batches = self._poll_current_part()
         return batches
 
     def end(self) -> None:
@@ -80,7 +80,7 @@ class TailParts:
         self.paths.append(path)
         self._tail = self._open_tail(path)
 
-    def _poll_part(self) -> list[RawBatch]:
+    def _poll_current_part(self) -> list[RawBatch]:
         assert self._tail is not None
         batches = self._tail.poll()
         part = len(self.paths)
@@ -194,7 +194,9 @@ def follow_log(
     from replay.logs.rosbag2 import METADATA
 
     if first.is_dir():
-        parts = TailParts(lambda: _files_of(first), _open_tail, (first / METADATA).exists)
+        parts = TailParts(
+            lambda: _list_recorder_files(first), _open_tail, (first / METADATA).exists
+        )
     else:
         parts = TailParts(lambda: paths, _open_tail, lambda: False)
     return MessageTail(first, parts, fields)
@@ -210,7 +212,7 @@ def _open_tail(path: Path) -> Tail:
     return _TAILS[format_suffix(path)](path)
 
 
-def _files_of(folder: Path) -> list[Path]:
+def _list_recorder_files(folder: Path) -> list[Path]:
     """The files of a recorder that rotates, by the numbers in their names."""
     found = [path for path in folder.iterdir() if format_suffix(path) in _TAILS]
     return sorted(

@@ -281,7 +281,7 @@ class Log(ABC):
             raise LogError(f"{self.path}: the log was closed; open it again")
 
     @staticmethod
-    def _timing(log_times: NDArray[np.int64]) -> dict[str, Any]:
+    def _summarise_log_times(log_times: NDArray[np.int64]) -> dict[str, Any]:
         """The columns of `topics()` that follow from log times (n,) in ns and any order."""
         # recorders write them nearly in order, which timsort makes use of
         times = np.sort(log_times, kind="stable")

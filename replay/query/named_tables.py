@@ -147,7 +147,7 @@ class _TopicOptions:
     t0_unix_ns: int | None
     columns: tuple[str, ...]
 
-    def fields(self, log: Log, topic: str) -> list[str] | None:
+    def choose_fields(self, log: Log, topic: str) -> list[str] | None:
         """All fields and the elements that are named; None for all fields alone."""
         whole = [leaf.name for leaf in log.leaf_fields(topic)]
         picked: list[str] = []
@@ -174,7 +174,7 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
         source = topic_source(
             chosen,
             topic,
-            fields=options.fields(first, topic),
+            fields=options.choose_fields(first, topic),
             time=options.time,
             losses=found.losses,
         )

@@ -146,11 +146,11 @@ def profile_field(
         low,
         float(np.median(known)),
         high,
-        sparkline(x, low, high),
+        make_sparkline(x, low, high),
     )
 
 
-def sparkline(x: Floats, low: float, high: float) -> str:
+def make_sparkline(x: Floats, low: float, high: float) -> str:
     """The mean of each sixteenth of the log as a bar between the least and the largest value."""
     drawn = ""
     for part in np.array_split(x, min(_CELLS, x.size)):

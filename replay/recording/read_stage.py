@@ -57,7 +57,7 @@ class RecordedStage:
         declared: Frame = FRAMES[self.name.partition("/")[0]]
         return declared.time_column
 
-    def with_calibration(self, asked: "CalibrationRequest") -> Self:
+    def calibrate_loads(self, asked: "CalibrationRequest") -> Self:
         """The loads with their calibrated masses.
 
         Raises:
@@ -75,7 +75,7 @@ class RecordedStage:
         frames = {name: read_frame(self.recording, name) for name in NEEDED if name in there}
         return replace(self, rows=calibrated_frame(frames, about, asked, self.recording))
 
-    def rows_between(self, start_s: float | None, end_s: float | None) -> Self:
+    def select_rows_between(self, start_s: float | None, end_s: float | None) -> Self:
         """The rows from one second of the run to another, both included.
 
         Raises:
@@ -84,7 +84,7 @@ class RecordedStage:
         if start_s is None and end_s is None:
             return self
         check_stretch(self.recording, start_s, end_s)
-        column = self._time_to_cut_by()
+        column = self._require_time_column()
         seconds = self._since_start_ns(column) / 1e9
         rows = self.rows
         if start_s is not None:
@@ -93,7 +93,7 @@ class RecordedStage:
             rows = rows.filter(seconds <= end_s)
         return replace(self, rows=rows)
 
-    def rows_at(self, second: float) -> Self:
+    def select_rows_at(self, second: float) -> Self:
         """The rows that held at a second of the run: those whose span has it in it, or the last.
 
         Raises:
@@ -101,7 +101,7 @@ class RecordedStage:
         """
         if not math.isfinite(second):
             raise RecordingError(f"--at {second}: is not a time; name seconds since the start")
-        column = self._time_to_cut_by()
+        column = self._require_time_column()
         begin = self._since_start_ns(column) / 1e9
         if "end_t_ns" in self.rows.columns:
             # without a begin or an end it is of the whole log
@@ -114,7 +114,7 @@ class RecordedStage:
             return replace(self, rows=held.group_by("axis", maintain_order=True).tail(1))
         return replace(self, rows=held.tail(1))
 
-    def readable(self) -> pl.DataFrame:
+    def make_readable(self) -> pl.DataFrame:
         """The rows with times as a person reads them: seconds, and local where they are dates."""
         column = self.time_column
         if column is None:
@@ -128,7 +128,7 @@ class RecordedStage:
         local = utc.dt.convert_time_zone(self.timezone).dt.strftime("%F %T%.3f")
         return self.rows.select(local.alias(f"local ({self.timezone})"), seconds, rest)
 
-    def _time_to_cut_by(self) -> str:
+    def _require_time_column(self) -> str:
         column = self.time_column
         if column is None:
             raise RecordingError(f"{self.recording}: frame '{self.name}' has no time to cut by")

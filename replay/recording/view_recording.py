@@ -44,7 +44,7 @@ def parse_moment(recording: Path, text: str) -> float:
     return (since_epoch_us * 1000 - read_provenance(recording).t0_unix_ns) / 1e9
 
 
-def view(
+def view_recording(
     recording: Path,
     from_s: float | None = None,
     to_s: float | None = None,
@@ -89,7 +89,7 @@ def view(
         return [Path(shutil.move(each.png, screenshot / each.png.name)) for each in drawn]
 
 
-def plot(
+def plot_recording(
     recording: Path,
     output: Path,
     figure: str = "page",

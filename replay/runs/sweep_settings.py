@@ -48,7 +48,7 @@ class Row:
     errors: dict[str, dict[str, float | None]]
 
 
-def sweep(
+def sweep_settings(
     logs: Sequence[Path],
     machine_file: Path,
     overrides: Sequence[str],
@@ -98,9 +98,9 @@ def sweep(
                 ]
             if by is not None:
                 by.check_logs(opened[machine.log])
-            replayed = _replay(opened[machine.log], machine, logs, machine_file, each)
+            replayed = _replay_combination(opened[machine.log], machine, logs, machine_file, each)
             if by is not None:
-                replayed = by.calibrate_run(replayed, by.differences(machine))
+                replayed = by.calibrate_run(replayed, by.differences_of_machine(machine))
             told = answer(replayed)
             errors: dict[str, dict[str, float | None]] = {}
             if reference_kg is not None:
@@ -116,7 +116,7 @@ def sweep(
     return rows
 
 
-def _replay(
+def _replay_combination(
     logs: Sequence[CachedLog],
     machine: Machine,
     paths: Sequence[Path],

@@ -25,7 +25,7 @@ _GONE_LOOKS: Final = 10
 _Signature = tuple[int, int, int] | None
 
 
-def watch(
+def watch_machine_file(
     machine_file: Path,
     output: RecordTo,
     overrides: list[str],

@@ -8,10 +8,10 @@ import polars as pl
 from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.verdict import Verdict
 from analysis.simulation import Scenario, solve_motion
-from analysis.stages.estimation.masses import masses, withhold
+from analysis.stages.estimation.masses import summarise_masses, withhold
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import gate
-from analysis.stages.motion.forces import forces
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive, read_measured
@@ -64,7 +64,7 @@ def excitation(log, machine):
     """The log through every stage up to `forces`."""
     channels, _ = derive(read_measured(assign_timestamps(log)[0], machine)[0], machine)
     aligned, _ = align(channels, machine)
-    return forces(smooth(aligned, machine.settings.smooth), machine)
+    return compute_excitation(smooth(aligned, machine.settings.smooth), machine)
 
 
 def pooled(log, machine, method="pooled"):
@@ -72,7 +72,7 @@ def pooled(log, machine, method="pooled"):
     excited = excitation(log, machine)
     settings = machine.settings
     gated = gate(excited, settings)
-    table = masses(excited, gated, trace(excited, gated, settings), machine)
+    table = summarise_masses(excited, gated, trace(excited, gated, settings), machine)
     opinion = Verdict.of(judge_checks(CheckInputs(excited, gated, machine)))
     table = withhold(table, opinion, ())
     row = table.row(by_predicate=pl.col("method") == method, named=True)

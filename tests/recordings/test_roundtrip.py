@@ -140,8 +140,8 @@ def test_a_block_that_lost_a_column_is_no_row():
     import pyarrow as pa
 
     frame = pl.DataFrame({"a": pl.int_range(BLOCK_ROWS + 5, eager=True), "b": "b"})
-    stored = StoredFrame.of("stage", frame)
-    first, second = stored.batches(frame)
+    stored = StoredFrame.from_frame("stage", frame)
+    first, second = stored.to_batches(frame)
     torn = pa.record_batch({name: second.column(name) for name in ("row", "payscope:a")})
     assert stored.from_batches([torn, first], stored.columns).equals(frame.head(BLOCK_ROWS))
 

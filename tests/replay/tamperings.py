@@ -10,7 +10,7 @@ import polars as pl
 from analysis.calibration.use.learnt_priors import learnt_terms
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, RECORDING, REPORT, SUMS
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.derived_values import estimator_of
+from recordings.calibration.derived_values import estimator_with_digest
 from recordings.calibration.evidence_document import parse_document
 from recordings.signatures.canonical_json import canonical_bytes
 from tests.replay.attacker import Bundle, Tamper
@@ -113,7 +113,7 @@ def relearnt(bundle: Bundle) -> None:
         name: term.model_dump(mode="json") for name, term in terms.items()
     }
     document = parse_document(canonical_bytes(bundle.evidence), EVIDENCE)
-    estimator = estimator_of(document.campaign, document.weighing)
+    estimator = estimator_with_digest(document.campaign, document.weighing)
     bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
 

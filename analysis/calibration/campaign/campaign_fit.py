@@ -12,7 +12,7 @@ from analysis.calibration.campaign.campaign_plan import JOINT_ESTIMATORS, Calibr
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point, StatedPart
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.line.unlike_driving import RunResponse
-from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_against
+from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_drift_against
 from analysis.calibration.use.error_limits import DecisionRule, ErrorLimits, error_limits, limit_kg
 from analysis.model.machine import Body
 from estimators.errors import CampaignError, DataError
@@ -133,7 +133,7 @@ def fit_options(campaign: CalibrationCampaign, stated: Iterable[StatedPart]) -> 
     )
 
 
-def stated_scale(
+def stated_force_scale_parts(
     campaign: CalibrationCampaign, budgets: Iterable[pl.DataFrame]
 ) -> tuple[StatedPart, ...]:
     """The factors of the force that no log tells, from the budgets of the replays.
@@ -263,7 +263,7 @@ def check_known_mass(
     """
     known, covariance_kg2 = load_references(campaign, body)
     (point, *_) = unfitted_points(readings, known)
-    drift = check_against(
+    drift = check_drift_against(
         calibration,
         point.reference_kg,
         float(covariance_kg2[0, 0]) ** 0.5,

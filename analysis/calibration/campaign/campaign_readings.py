@@ -37,7 +37,9 @@ _IS_ZERO: Final = "without load: the zero that payloads are counted from"
 _NO_ZERO: Final = "no run of this log without load, so there is no payload as a difference"
 
 
-def readings(replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator) -> pl.DataFrame:
+def read_campaign_runs(
+    replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator
+) -> pl.DataFrame:
     """Read the runs of one log.
 
     Args:
@@ -53,7 +55,7 @@ def readings(replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator) -
     said = joint_fit_readings(replayed) if joint else method_readings(replayed, estimator)
     rows: list[dict[str, Any]] = []
     for run in runs:
-        inside = [each for each in said if run.covers(each["start_s"], each["end_s"])]
+        inside = [each for each in said if run.covers_middle_of(each["start_s"], each["end_s"])]
         about = {
             "run_id": run.id,
             "load_id": run.load_id,
@@ -82,7 +84,7 @@ def run_responses(
         runs: the campaign's runs in it, in order.
         estimator: which mass.
     """
-    shared = Unlike.of(replayed.frames)
+    shared = Unlike.from_frames(replayed.frames)
     if shared is None or estimator not in JOINT_ESTIMATORS:
         return ()
     said = replayed.frames["manoeuvres"].to_dicts()
@@ -92,7 +94,9 @@ def run_responses(
         if not run.excluded
         and (
             inside := [
-                e for e in said if run.covers(e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S)
+                e
+                for e in said
+                if run.covers_middle_of(e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S)
             ]
         )
     }
@@ -116,7 +120,9 @@ def joint_fit_readings(replayed: Run) -> list[dict[str, Any]]:
         load = loads[row["load_id"]]
         withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
         common_kg = subtract_part_u(load["u_common_kg"], own_kg.get(row["load_id"]))
-        found.append(_reading_row(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld))
+        found.append(
+            _make_reading_row(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld)
+        )
     return found
 
 
@@ -164,11 +170,11 @@ def method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
         inside = stated.filter(pl.col("t_ns").is_between(row["start_t_ns"], row["end_t_ns"]))
         # windows overlap: together they say no more than one of them
         std_kg = inside["mass_std_kg"].mean() if inside.height else None
-        found.append(_reading_row(row, mass_kg, std_kg, 0.0, withheld))
+        found.append(_make_reading_row(row, mass_kg, std_kg, 0.0, withheld))
     return found
 
 
-def _reading_row(
+def _make_reading_row(
     row: dict[str, Any],
     mass_kg: float | None,
     std_kg: Any,

@@ -60,7 +60,7 @@ class EvidenceSubject(BaseModel):
     remark: Text = Field("", description="for the reader, such as repairs since the last")
 
     @model_validator(mode="after")
-    def _replaced_for_a_reason(self) -> Self:
+    def _check_replacement_reason(self) -> Self:
         if bool(self.replaces) != bool(self.replaces_reason):
             raise ValueError("replaces and replaces_reason go together: what is replaced, and why")
         return self
@@ -118,7 +118,7 @@ class ReferenceMass(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _part_of_whole(self) -> Self:
+    def _check_part_of_whole(self) -> Self:
         if self.shared_u_kg > self.u_kg:
             raise ValueError(f"'{self.id}': shared_u_kg is a part of u_kg, and cannot exceed it")
         if self.shared_u_kg and not self.source:

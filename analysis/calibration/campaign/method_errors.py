@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.campaign.by_method import MethodReadings, readings_by_method
-from analysis.calibration.line.calibration_points import campaign_of
+from analysis.calibration.line.calibration_points import average_runs
 from analysis.calibration.line.line_fit import fit_tested_line
 from analysis.calibration.line.point_errors import lines_left_out
 from estimators.arrays import Floats
@@ -72,12 +72,12 @@ def point_errors(found: MethodReadings) -> tuple[Floats, Floats]:
     reference = found.references["reference_kg"].to_numpy().astype(np.float64)[load]
     within, without = np.full(mass.size, np.nan), np.full(mass.size, np.nan)
     try:
-        points = campaign_of(found.readings, found.references, found.covariance_kg2).points
+        points = average_runs(found.readings, found.references, found.covariance_kg2).points
         line, _ = fit_tested_line(points, None)
     except DataError:
         return within, without
     within = (mass - line.level_kg) / line.slope_1 + line.centre_kg - reference
     for number, other in lines_left_out(points, line).items():
         left = load == number
-        without[left] = other.at(mass[left]) - reference[left]
+        without[left] = other.abscissae_at(mass[left]) - reference[left]
     return within, without

@@ -272,7 +272,7 @@ class Calibration:
             most_readings=self.most_readings,
         )
 
-    def calibrated(
+    def calibrate_estimate(
         self,
         mass_kg: float | None,
         u_random_kg: float | None,
@@ -294,7 +294,7 @@ class Calibration:
         """
         if mass_kg is None or not np.isfinite(mass_kg) or readings < 1:
             return _withheld_mass("no estimate")
-        found = self.inversion.with_extra_u(unlike_u_kg / abs(self.c1_1)).invert(
+        found = self.inversion.add_common_u(unlike_u_kg / abs(self.c1_1)).invert(
             np.array([mass_kg]),
             np.array([float(readings)]),
             np.array([np.nan if u_random_kg is None else u_random_kg]),

@@ -76,7 +76,7 @@ def calibration_budget_rows(
     else:
         known = "priors and scale: no second day shows whether they stay, so they count once"
         rows.append(BudgetRow("common error", "stated", common_kg / size, None, known))
-    rows += [_stated_row(one, size) for one in stated]
+    rows += [_make_stated_row(one, size) for one in stated]
     given = {one.component for one in stated}
     for name in EXPECTED:
         if name == "tare" and name not in given:
@@ -111,7 +111,7 @@ def line_parts(inversion: Inversion, mass_kg: float) -> tuple[float, float, floa
     return float(np.sqrt(level)), float(np.sqrt(slope)), float(np.sqrt(max(references, 0.0)))
 
 
-def _stated_row(one: StatedPart, size: float) -> BudgetRow:
+def _make_stated_row(one: StatedPart, size: float) -> BudgetRow:
     if one.absorbed:
         before = "" if one.u_kg is None else f"; {one.u_kg / size:.3g} kg without a calibration"
         known = f"{one.known}; the line takes it with it{before}"

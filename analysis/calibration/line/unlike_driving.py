@@ -78,7 +78,7 @@ class Unlike:
     scale_kg: Mapping[tuple[str, int], float]
 
     @classmethod
-    def of(cls, frames: Mapping[str, pl.DataFrame]) -> Self | None:
+    def from_frames(cls, frames: Mapping[str, pl.DataFrame]) -> Self | None:
         """Of a replay's frames; None where no calibration learnt anything."""
         if "responses" not in frames:
             return None
@@ -100,7 +100,9 @@ class Unlike:
                 own[place[term]] = response_kg
         return cls(terms, error, covariance, told, moved_kg, scale_kg)
 
-    def line(self, responses: Sequence[LineResponse], level_1: float, away_kg: float) -> Floats:
+    def line_shifts(
+        self, responses: Sequence[LineResponse], level_1: float, away_kg: float
+    ) -> Floats:
         """(terms,) what they moved the line by.
 
         Args:

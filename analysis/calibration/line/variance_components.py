@@ -42,7 +42,7 @@ class Variances:
     value: Floats
     covariance: Floats
 
-    def transform(self, by: Floats) -> "Variances":
+    def combine_linearly(self, by: Floats) -> "Variances":
         """The variances of the linear combinations `by` @ value."""
         return Variances(by @ self.value, by @ self.covariance @ by.T)
 

@@ -125,10 +125,10 @@ def _pool_term(said: Sequence[TermOfLog]) -> LearntTerm:
 def estimate_without_prior(said: TermOfLog) -> tuple[float, float] | None:
     """What the log says of a term without its prior, and the deviation of that."""
     prior = (said.prior_mean, said.prior_std)
-    return without_prior((said.posterior, said.posterior_std), prior)
+    return machine_without_prior((said.posterior, said.posterior_std), prior)
 
 
-def without_prior(
+def machine_without_prior(
     posterior: tuple[float, float], prior: tuple[float, float]
 ) -> tuple[float, float] | None:
     """Take a prior off a posterior, mean and deviation each; None where little more is known."""
@@ -150,7 +150,9 @@ def between_log_variance(value: np.ndarray, variance: np.ndarray) -> float:
     return max(squares - freedom, 0.0) / spare
 
 
-def with_learnt_priors(machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]) -> Machine:
+def machine_with_learnt_priors(
+    machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]
+) -> Machine:
     """The machine with priors that a calibration learnt; those that its file states stay."""
     if not terms:
         return machine
@@ -192,7 +194,7 @@ def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], 
     if "alone" not in nuisances.columns:
         return
     for row in nuisances.drop_nulls("alone").to_dicts():
-        own = without_prior(
+        own = machine_without_prior(
             (row["alone"], row["alone_std"]), (row["alone_prior_mean"], row["alone_prior_std"])
         )
         if own is not None and row["prior_mean_u"]:

@@ -49,7 +49,7 @@ class RigidBody:
     rolling_x_N: float
 
     @classmethod
-    def loaded(cls, scenario: Scenario, load_kg: float) -> Self:
+    def from_scenario_with_load(cls, scenario: Scenario, load_kg: float) -> Self:
         """The scenario's machine with a load, a point mass in its bucket."""
         machine, terrain = scenario.machine, scenario.terrain
         x, y = machine.load_x_m, machine.load_y_m

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis.model.axes import Axis, X
 from analysis.model.schema import PHASES
 from analysis.model.settings import GateSettings
-from analysis.stages.motion.phases import TURNS, first_index
+from analysis.stages.motion.phases import TURNS, number_first_condition
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.ls import WindowStatistics
 from estimators.numerics.mutual_information import gaussian_information, information_index
@@ -102,7 +102,7 @@ def is_braking(phase: Codes) -> Bools:
     return phase == _BRAKING
 
 
-def decide(
+def decide_windows(
     axis: Axis,
     statistics: WindowStatistics,
     warming_up: Bools,
@@ -155,5 +155,5 @@ def decide(
         noise_share=noise_share,
         ksg_nat=ksg,
         reasons=(*refusals, "accepted"),
-        chosen=first_index(list(refusals.values())),
+        chosen=number_first_condition(list(refusals.values())),
     )

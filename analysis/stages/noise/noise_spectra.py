@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model.windows import runs_of
+from analysis.model.windows import runs_of_flagged_samples
 from estimators.arrays import Bools, Floats, Ints
 
 #: Covariances are given for lags below this.
@@ -60,9 +60,9 @@ def fast_band(rate_hz: float) -> tuple[float, float]:
     return fast, min(_BAND * fast, 0.5)
 
 
-def stretches(of: Bools) -> list[tuple[int, int]]:
+def find_true_runs(of: Bools) -> list[tuple[int, int]]:
     """First row and the row after the last of every run of True."""
-    first, last = runs_of(of)
+    first, last = runs_of_flagged_samples(of)
     return list(zip(first.tolist(), (last + 1).tolist(), strict=True))
 
 
@@ -180,7 +180,7 @@ def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None
     blocks = np.diff(np.lib.stride_tricks.sliding_window_view(x, _BLOCK + 2)[ends - _BLOCK - 1], 2)
     power = np.abs(np.fft.rfft(blocks * taper)) ** 2 / (taper**2).sum()
     usual = np.median(power, axis=0)
-    at = frequencies()
+    at = block_frequencies()
     told = (at >= fast) & (usual > _STOPPED * usual.max())
     if told.any():
         ratio = (power[:, told] / usual[told]).mean(axis=1)
@@ -194,7 +194,7 @@ def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None
     return mean, len(power)
 
 
-def frequencies() -> Floats:
+def block_frequencies() -> Floats:
     """The frequencies of `block_power`, over the rate."""
     return np.arange(_BLOCK // 2 + 1) / _BLOCK
 
@@ -216,7 +216,7 @@ def cross_spectra(found: Floats) -> NDArray[np.complex128]:
     return np.fft.rfft(both)
 
 
-def covariances_of(spectra: NDArray[np.complex128]) -> Floats:
+def covariances_from_spectra(spectra: NDArray[np.complex128]) -> Floats:
     """The covariances (columns, columns, LAGS) of cross spectra."""
     return np.fft.irfft(spectra, 2 * LAGS)[:, :, :LAGS]
 
@@ -252,7 +252,7 @@ def quantisation_step(taken: Floats, of: int) -> float | None:
     return step if (np.abs(whole - np.round(whole)) < _WHOLE).all() else None
 
 
-def quantisation(x: Floats, of: Bools, step: float) -> Floats:
+def quantisation_covariances(x: Floats, of: Bools, step: float) -> Floats:
     """Covariances (LAGS,) of the error of rounding to `step` while x changes as it does.
 
     On a ramp the error is a sawtooth: of a variance step²/12, and a lag in which x changes by φ

@@ -48,13 +48,13 @@ class FileBytes:
                 done += count
         return done
 
-    def look(self) -> int:
+    def update_size(self) -> int:
         """See how far the file has grown: its size now."""
         with self._lock:
             self.size = self._file.seek(0, 2)
         return self.size
 
-    def crc32(self, end: int) -> int:
+    def crc32_before(self, end: int) -> int:
         """The CRC-32 of everything before an offset."""
         crc = 0
         for at in range(0, end, _STEP):

@@ -14,9 +14,9 @@ from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 if TYPE_CHECKING:
     from replay.logs.tables.axis import RowTimes, TableTimes, find_times
     from replay.logs.tables.csv_columns import CsvColumns
-    from replay.logs.tables.dialect import Dialect, sniff
-    from replay.logs.tables.only_time import disagreement
-    from replay.logs.tables.text import Utf8Text, as_utf8, head_lines
+    from replay.logs.tables.dialect import Dialect, sniff_dialect
+    from replay.logs.tables.only_time import describe_disagreement
+    from replay.logs.tables.text import Utf8Text, convert_to_utf8, head_lines
     from replay.logs.tables.times import NS_PER_UNIT, TimeError
 
 __all__ = [
@@ -30,11 +30,11 @@ __all__ = [
     "TimeAxis",
     "TimeError",
     "Utf8Text",
-    "as_utf8",
-    "disagreement",
+    "convert_to_utf8",
+    "describe_disagreement",
     "find_times",
     "head_lines",
-    "sniff",
+    "sniff_dialect",
 ]
 
 __getattr__ = resolve_late(

@@ -45,7 +45,7 @@ _MEASURE: Final = re.compile(
 _MOSTLY: Final = 0.8
 
 
-def kind(cell: str, decimal: str, *, is_grouped: bool = False) -> str:
+def classify_cell(cell: str, decimal: str, *, is_grouped: bool = False) -> str:
     """What a cell is: empty, number, grouped, measure, time, odd or text.
 
     A grouped one is a number with signs between its thousands: surely, or where the decimal sign
@@ -108,7 +108,7 @@ def common_unit(cells: Sequence[str], decimal: str) -> str | None:
     return next(iter(found)) if len(found) == 1 else None
 
 
-def with_points(
+def write_decimal_points(
     column: pl.Series, decimal: str, unit: str | None, *, is_grouped: bool
 ) -> pl.Series:
     """The text of a column with its numbers as Python writes them.

@@ -8,9 +8,9 @@ import pytest
 
 from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
 from analysis.diagnosis.measured_channels import Signals
-from analysis.diagnosis.method_disagreement import disagreements
+from analysis.diagnosis.method_disagreement import compare_methods_with_joint_fit
 from analysis.model.settings import Settings
-from analysis.stages.estimation.masses import masses
+from analysis.stages.estimation.masses import summarise_masses
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
 from tests.trials.situations import SITUATIONS
 
@@ -231,7 +231,9 @@ class TestDisagreement:
     def evidence(self, log, mass_kg, std_kg, **overrides):
         frames, machine = log.replayed.frames, log.machine
         estimates = {name: frames[f"estimates/{name}"] for name in ("pooled", "ls")}
-        said = masses(frames["excitation"], frames["gate"], estimates, machine, frames["noise"])
+        said = summarise_masses(
+            frames["excitation"], frames["gate"], estimates, machine, frames["noise"]
+        )
         said = said.with_columns(
             mass_kg=pl.Series([log.load["mass_kg"] + mass_kg] * 2), mass_std_kg=pl.lit(std_kg)
         )
@@ -241,7 +243,10 @@ class TestDisagreement:
         return CheckInputs(frames["excitation"], frames["gate"], machine, log.weighing, totals=said)
 
     def contradicted(self, *args, **kwargs):
-        return {each.contradicted for each in disagreements(self.evidence(*args, **kwargs))}
+        return {
+            each.contradicted
+            for each in compare_methods_with_joint_fit(self.evidence(*args, **kwargs))
+        }
 
     def test_a_method_within_three_deviations_is_shown(self):
         assert self.contradicted(clean("both ways at several throttles"), 20.0, 5.0) == {False}

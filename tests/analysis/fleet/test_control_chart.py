@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from analysis.fleet.machine_drifts import (
     ALLOWANCE,
+    average_run_length,
     chart_limit,
     control_chart,
-    innovations,
-    run_length_of,
+    standardise_innovations,
     whiten_series,
 )
 
@@ -25,17 +25,19 @@ def test_the_run_length_is_that_of_the_literature(limit: float, run_length: floa
     """Of both sums together, with the allowance ¼ (Montgomery, Statistical Quality Control)."""
     if limit == 8.01:
         assert ALLOWANCE == 0.25
-        assert run_length_of(limit) / 2.0 == pytest.approx(run_length, rel=0.01)
+        assert average_run_length(limit) / 2.0 == pytest.approx(run_length, rel=0.01)
     else:
         # Siegmund's approximation
         b = limit + 1.166
         known = (np.exp(0.5 * b) - 0.5 * b - 1.0) / (2.0 * ALLOWANCE**2)
-        assert run_length_of(limit) == pytest.approx(known, rel=0.02)
+        assert average_run_length(limit) == pytest.approx(known, rel=0.02)
 
 
 def test_the_limit_has_the_run_length_that_was_asked_for() -> None:
     for run_length in (100.0, 1000.0, 3000.0):
-        assert run_length_of(chart_limit(run_length)) == pytest.approx(2.0 * run_length, rel=0.01)
+        assert average_run_length(chart_limit(run_length)) == pytest.approx(
+            2.0 * run_length, rel=0.01
+        )
 
 
 def test_a_simulated_run_length_is_the_computed_one() -> None:
@@ -48,12 +50,12 @@ def test_a_simulated_run_length_is_the_computed_one() -> None:
             total = max(total + draw.normal() - ALLOWANCE, 0.0)
             n += 1
         lengths.append(n)
-    assert np.mean(lengths) == pytest.approx(run_length_of(limit), rel=0.1)
+    assert np.mean(lengths) == pytest.approx(average_run_length(limit), rel=0.1)
 
 
 def test_innovations_are_standard_normal_from_the_third_value_on() -> None:
     draw = np.random.default_rng(3)
-    found = np.array([innovations(draw.normal(3600.0, 12.0, 12)) for _ in range(4000)])
+    found = np.array([standardise_innovations(draw.normal(3600.0, 12.0, 12)) for _ in range(4000)])
     assert np.all(found[:, :2] == 0.0)
     for n in range(3, 12):
         assert abs(found[:, n].mean()) < 0.06

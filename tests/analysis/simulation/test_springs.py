@@ -66,7 +66,7 @@ def test_a_body_that_swings_begins_at_its_sag_and_settles_at_its_squat():
 def shift(**sections):
     made = Scenario.model_validate({"shift": {"duration_h": 0.05}, **sections})
     assert made.shift is not None
-    (whole,) = ShiftSimulation(made, made.shift).logs()
+    (whole,) = ShiftSimulation(made, made.shift).simulate_logs()
     return whole
 
 

@@ -61,7 +61,7 @@ def test_a_shift_stays_warm_from_log_to_log():
         }
     )
     assert made.shift is not None
-    first, second = ShiftSimulation(made, made.shift).logs()
+    first, second = ShiftSimulation(made, made.shift).simulate_logs()
     assert first.manoeuvres["friction_N_s_m"][0] == FRICTION_N_S_M
     warm = second.manoeuvres["friction_N_s_m"][-1]
     assert warm == pytest.approx(0.8 * FRICTION_N_S_M, rel=5e-3)

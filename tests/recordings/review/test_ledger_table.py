@@ -10,7 +10,13 @@ import polars as pl
 import pytest
 
 from recordings.report.clock_text import ShiftClock
-from recordings.review.energy_columns import ENERGIES, FUEL, FUEL_U, u_column, value_column
+from recordings.review.energy_columns import (
+    ENERGIES,
+    FUEL,
+    FUEL_U,
+    energy_column_name,
+    uncertainty_column_name,
+)
 from recordings.review.ledger_table import COLUMNS, table_rows, write_table_csv, write_xlsx
 from recordings.review.reviewer_verdicts import LABELS
 
@@ -42,8 +48,8 @@ def ledger(*dumps: str, note: str = "") -> pl.DataFrame:
                 "moving_s": None,
                 "standing_s": 3.0,
                 "hole_s": 0.0,
-                **dict.fromkeys(map(value_column, ENERGIES), 0.1234),
-                **dict.fromkeys(map(u_column, ENERGIES), 0.0021),
+                **dict.fromkeys(map(energy_column_name, ENERGIES), 0.1234),
+                **dict.fromkeys(map(uncertainty_column_name, ENERGIES), 0.0021),
                 FUEL: 0.25,
                 FUEL_U: None,
                 "id": each,

@@ -16,7 +16,7 @@ from recordings import read_provenance
 from recordings.rrd.viewer import headless_viewer
 from recordings.rrd.writer import LiveView
 from replay.runs.run_logs import RecordTo, replay_logs
-from replay.runs.watch_machine_file import watch
+from replay.runs.watch_machine_file import watch_machine_file
 from tests.replay.sledge import MACHINE, Payscope, one_line
 from tests.viewer_needed import VIEWER
 
@@ -141,4 +141,4 @@ class TestViewer:
             first = None
             to = RecordTo(tmp_path / "out.rrd", viewer=LiveView(address))
             with pytest.raises(KeyboardInterrupt):
-                watch(machine_file, to, [], replay, on_answer, on_error)
+                watch_machine_file(machine_file, to, [], replay, on_answer, on_error)

@@ -51,7 +51,7 @@ def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
         np.tensordot(squares.T, effects, 1),
         np.zeros((24, 24)),
         points.within,
-    ).transform(squares)
+    ).combine_linearly(squares)
     within = points.within.squares / 96
     means = y.mean(2)
     of_runs = ((means - means.mean(1, keepdims=True)) ** 2).sum() / 20

@@ -97,7 +97,7 @@ def test_what_is_said_to_be_within_is_within(name):
         for _ in range(20):
             true = dice.uniform(3614.0, 3864.0)
             noise = dice.normal(0.0, np.sqrt(6.0**2 / 4 + 2.0**2 + 3.0**2))
-            found = calibration.calibrated(100.0 + 1.02 * true + noise, None, 4)
+            found = calibration.calibrate_estimate(100.0 + 1.02 * true + noise, None, 4)
             accepted += within
             wrong += within and abs((found.mass_kg or true) - true) > limit_kg(rule, true)
     assert accepted >= 20

@@ -8,8 +8,8 @@ from analysis.calibration.use.learnt_priors import (
     TermOfLog,
     contradicted_priors,
     learnt_terms,
-    with_learnt_priors,
-    without_prior,
+    machine_with_learnt_priors,
+    machine_without_prior,
 )
 from replay.machines.machine_file import load_machine
 
@@ -34,9 +34,9 @@ def said(values, own_std, term="load_transfer", prior=PRIOR, mean=0.0):
 
 def test_a_prior_is_taken_off_what_a_log_says():
     (one,) = said([0.01], 0.02, mean=0.004)
-    value, std = without_prior((one.posterior, one.posterior_std), (0.004, PRIOR))
+    value, std = machine_without_prior((one.posterior, one.posterior_std), (0.004, PRIOR))
     assert (value, std) == pytest.approx((0.01, 0.02))
-    assert without_prior((0.0, PRIOR), (0.0, PRIOR)) is None
+    assert machine_without_prior((0.0, PRIOR), (0.0, PRIOR)) is None
 
 
 def test_the_prior_counts_once_and_not_once_a_log():
@@ -69,13 +69,13 @@ def test_what_a_machine_file_states_stays():
         "cat262c.toml",
         ["settings.priors.learnt.load_transfer={mean = 0.1, std = 0.2, mean_u = 0.3}"],
     )
-    machine = with_learnt_priors(
+    machine = machine_with_learnt_priors(
         stated, learnt_terms(said([0.0] * 3, 0.02) + said([5.0] * 3, 9.0, "const", 50.0))
     )
     terms = machine.settings.priors.learnt
     assert list(terms) == ["const", "load_transfer"]
     assert terms["load_transfer"].mean == 0.1
-    assert with_learnt_priors(stated, {}) is stated
+    assert machine_with_learnt_priors(stated, {}) is stated
 
 
 def test_a_later_log_contradicts_from_four_deviations_on():
