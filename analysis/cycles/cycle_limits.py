@@ -151,8 +151,10 @@ class CycleLimits:
     #: and of means of classes that digging or taking turns separates, in their own.
     digging_class_distance_std: float = 3.0
     #: Fraction of the states that are heavier than both neighbours or lighter, by which loaded and
-    #: empty take turns: of masses that are independent two thirds are.
+    #: empty take turns: of masses that are independent two thirds are,
     alternating_min_fraction: float = 0.9
+    #: or so many standard deviations more than of independent masses.
+    alternating_std: float = 3.0
     #: Standard deviations from which a state that is lighter after digging has not dug.
     not_dug_std: float = 3.0
     #: Smallest spread of empty passes, as a fraction of a load: what is carried back has a long

@@ -301,10 +301,18 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
 
 
 def _alternating_labels(mass_kg: Floats) -> Ints:
-    """(states,) 1 if heavier than the state before, 0 if lighter; -1 where none alternate."""
+    """(states,) 1 if heavier than the state before, 0 if lighter; -1 where none alternate.
+
+    How often independent masses turn: Bienaymé 1874, Sur une question de probabilités.
+    """
     rises = np.diff(mass_kg) > 0.0
     turns = rises[1:] != rises[:-1]
-    if not turns.size or float(turns.mean()) < LIMITS.alternating_min_fraction:
+    by_chance = 2.0 * turns.size / 3.0
+    std = np.sqrt((16.0 * mass_kg.size - 29.0) / 90.0)
+    least = min(
+        LIMITS.alternating_min_fraction * turns.size, by_chance + LIMITS.alternating_std * std
+    )
+    if not turns.size or np.count_nonzero(turns) < least:
         return np.full(mass_kg.size, -1)
     return np.append(not rises[0], rises).astype(np.int64)
 

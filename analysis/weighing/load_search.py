@@ -28,7 +28,7 @@ from analysis.weighing.motion_samples import Ints
 from analysis.weighing.record_places import rows_to_search
 from analysis.weighing.uneven_ground import FEWEST
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.joint.group_effects import GroupEffects
+from estimators.joint.group_effects import HINTED, GroupEffects
 from estimators.numerics.autocorrelation import pooled_autocorrelation
 
 #: So many residuals of a manoeuvre are independent: a start of three seconds, whose residuals are
@@ -46,22 +46,25 @@ def add_load_states(
     back. So a fit that is bad is searched again from loads that change where something hints at it,
     and from those that the way of driving suggests. What explains the force best is taken.
     """
-    settled = _settle_states(found, of, repeatability_kg)
+    kind = places(found.motion)
+    settled = _settle_states(found, of, repeatability_kg, kind)
     misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
     if not misfits or found.motion.manoeuvres < FEWEST:
         return settled
     of = _add_uneven_ground(found, of, fit_rows(found, of.noise).group)
     alike = _SameMeans.of(found, of)
     fits = list[JointFit]()
-    hints = np.append(0, np.cumsum(places(found.motion) > 1))
+    hints = np.append(0, np.cumsum(kind > 1))
     if hints[-1]:
         held = _hold_states(alike.states(hints), of)
-        fits.append(_settle_states(held, of, repeatability_kg))
+        fits.append(_settle_states(held, of, repeatability_kg, kind))
     hauls = hauling_patterns(found.motion)
     if hauls:
-        held = _hold_states(alike.states(min(hauls, key=alike.information_criterion)), of)
-        hidden = _settle_states(held, of, repeatability_kg)
-        fits += [hidden, _tell_scatter(held, of, repeatability_kg)]
+        haul = min(hauls, key=alike.information_criterion)
+        kind = np.where(np.diff(haul) > 0, np.maximum(kind, HINTED), kind)
+        held = _hold_states(alike.states(haul), of)
+        hidden = _settle_states(held, of, repeatability_kg, kind)
+        fits += [hidden, _tell_scatter(held, of, repeatability_kg, kind)]
     likely = [settled, *(each for each in fits if _has_certain_loads(each))]
     if len(likely) == 1:
         return settled
@@ -96,7 +99,7 @@ class _SameMeans:
         motion, terms = found.motion, applicable_terms(found.motion, several=True)
         task = FitTask(motion, of.noise, of.priors, terms, of.wheels, None, of.uneven_1_s)
         number = np.unique(stretch_units(motion))
-        return cls(task, _units_of(found, of), number, found.mean_samples)
+        return cls(task, _units_of(found, of, places(motion)), number, found.mean_samples)
 
     def states(self, membership: Ints) -> LoadStates:
         """The load states of manoeuvres of these loads, (units,)."""
@@ -120,26 +123,28 @@ def _hold_states(states: LoadStates, of: JointFitInputs) -> JointFit:
     for _ in range(1, LIMITS.held_rounds):
         if not np.isfinite(found.theta).all():
             break
-        units = _units_of(found, of)
+        units = _units_of(found, of, places(found.motion))
         found = joint_fit(of, states_of(units, states.unit, states.membership))
     return found
 
 
-def _tell_scatter(held: JointFit, of: JointFitInputs, repeatability_kg: float | None) -> JointFit:
+def _tell_scatter(
+    held: JointFit, of: JointFitInputs, repeatability_kg: float | None, kind: Ints
+) -> JointFit:
     """Fit the same states with the scatter that they have, and how probable one load is."""
     if not np.isfinite(held.theta).all():
         return held
-    units, states = _units_of(held, of), _states_in(held)
+    units, states = _units_of(held, of, kind), _states_in(held)
     likeliest = find_states(units, states.unit, repeatability_kg)
     scattering = states_of(units, states.unit, states.membership, usual_scatter=False)
     states = replace(scattering, single_probability=likeliest.single_probability)
     return refit_with_changes(replace(held, states=states), of.noise, of.priors, rounds=2)
 
 
-def _units_of(found: JointFit, of: JointFitInputs) -> GroupEffects:
+def _units_of(found: JointFit, of: JointFitInputs, kind: Ints) -> GroupEffects:
     """What each manoeuvre says of its mass by a fit, and what tells changes between them."""
     units = _task_of(found, of).group_effects_of_fit(found, fit_rows(found, of.noise))
-    return replace(units, kind=places(found.motion))
+    return replace(units, kind=kind)
 
 
 def _task_of(found: JointFit, of: JointFitInputs) -> FitTask:
@@ -147,12 +152,14 @@ def _task_of(found: JointFit, of: JointFitInputs) -> FitTask:
     return FitTask(found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states)
 
 
-def _settle_states(found: JointFit, of: JointFitInputs, repeatability_kg: float | None) -> JointFit:
+def _settle_states(
+    found: JointFit, of: JointFitInputs, repeatability_kg: float | None, kind: Ints
+) -> JointFit:
     """Find the states and fit by turns from a first fit on.
 
     A search that does not settle has the states about which manoeuvres scatter least, for as many.
     """
-    number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
+    number = np.unique(stretch_units(found.motion))
     if not np.isfinite(found.theta).all():
         return _withhold_masses(found)
     first, tried = found, list[JointFit]()
@@ -161,7 +168,7 @@ def _settle_states(found: JointFit, of: JointFitInputs, repeatability_kg: float 
         states = max(
             (
                 find_states(
-                    replace(task.group_effects_of_fit(found, each), kind=hints),
+                    replace(task.group_effects_of_fit(found, each), kind=kind),
                     number,
                     repeatability_kg,
                 )
