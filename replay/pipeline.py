@@ -54,7 +54,12 @@ from analysis.weighing.nuisance_frames import budget_frame, make_nuisance_frame
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import one_blas_thread
-from replay.inputs.channel_inputs import channel_fields, make_provenance, read_channels, topic_notes
+from replay.inputs.channel_inputs import (
+    channel_fields,
+    make_provenance,
+    name_raw_frames,
+    read_channels,
+)
 from replay.inputs.machine_identity import identify_machine
 from replay.inputs.parallel_tables import join_parallel_tables
 from replay.inputs.time_line import offset_note as order_note
@@ -157,7 +162,7 @@ def run(
     why = reasons_for_no_answer(excitation, seen.frames["gate"], machine.settings)
     return Run(
         frames={
-            **topic_notes(raw),
+            **name_raw_frames(raw),
             **seen.frames,
             "planar": plane,
             "planar_budget": plane_budget,

@@ -58,13 +58,13 @@ class BoomDumps:
         """Those that lie in a stretch of time."""
         return [each for each in self.dumps if start_ns <= each.dumped_ns <= end_ns]
 
-    def boom_out_during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+    def dumps_with_boom_out(self, start_ns: int, end_ns: int) -> list[BoomDump]:
         """Those whose boom is out in a stretch of time: one who creeps may dump before it."""
         return [each for each in self.dumps if start_ns <= each.end_ns and each.start_ns <= end_ns]
 
     def shows_no_dump(self, start_ns: int, end_ns: int) -> bool:
         """Whether the boom would show a dump in a stretch of time, and shows none."""
-        return self.tells and not self.boom_out_during(start_ns, end_ns)
+        return self.tells and not self.dumps_with_boom_out(start_ns, end_ns)
 
 
 #: Of a log whose boom shows none.

@@ -206,7 +206,7 @@ def add_dump_times(
         if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
             over.append(later.dig_ns[0])
         empty = min(over, default=int(t_ns[-1]))
-        dumped = found.dumps.boom_out_during(ready, empty)
+        dumped = found.dumps.dumps_with_boom_out(ready, empty)
         if not dumped and cycle.loaded is None and over and not found.dumps.tells:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)

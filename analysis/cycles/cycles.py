@@ -149,7 +149,7 @@ def weigh_cycles(
         row["quality"], row["counted"] = _row_quality(row, part)
         row["withheld_for"] = reason or _remark_on_cycle(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
-        ready_ns = _when_weighed_ns(part)
+        ready_ns = _cycle_complete_ns(part)
     table = subtract_spillage(_cycle_frame(rows), parts, found, frames, machine.machine)
     return LogCycles(table, sums, worth.scale)
 
@@ -178,7 +178,7 @@ def _list_cycle_times(part: CycleParts, ready_ns: int) -> dict[str, object]:
     }
 
 
-def _when_weighed_ns(part: CycleParts) -> int:
+def _cycle_complete_ns(part: CycleParts) -> int:
     """When the machine is through with a cycle."""
     seen = [span for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span]
     return seen[-1][1]

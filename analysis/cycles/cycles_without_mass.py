@@ -75,7 +75,7 @@ def uncounted_cycles(
     )
 
 
-def _uncertainty_gain_kg(
+def unweighed_load_kg(
     number: float, number_u: float, mean_kg: float | None, std_kg: float | None
 ) -> tuple[float, float]:
     """Estimate the load of so many cycles, with its uncertainty, by the loads that have a mass.

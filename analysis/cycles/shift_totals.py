@@ -13,10 +13,10 @@ import polars as pl
 from analysis.cycles.boom_dumps import find_standing_samples
 from analysis.cycles.cycle_parts import IDLE_S
 from analysis.cycles.cycles_without_mass import (
-    _uncertainty_gain_kg,
     find_channel_gaps_ns,
     lost_cycles,
     uncounted_cycles,
+    unweighed_load_kg,
 )
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.model.physical_units import NS_PER_S
@@ -126,7 +126,7 @@ def total_payload(row: Mapping[str, Any]) -> dict[str, float]:
     """
     counted_kg, lost_kg = row["payload_kg"], row["lost_kg"] or 0.0
     number_u = row["uncounted_cycles_u"] or 0.0
-    more_kg, more_u_kg = _uncertainty_gain_kg(
+    more_kg, more_u_kg = unweighed_load_kg(
         row["uncounted_cycles"] or 0.0, number_u, row["payload_mean_kg"], row["payload_std_kg"]
     )
     total_kg = counted_kg + more_kg + lost_kg

@@ -72,7 +72,7 @@ def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
-def _force_sign_while_driving(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _correlation_while_driving(inputs: CheckInputs, motion: AxisMotion) -> float:
     rate_hz = inputs.machine.settings.align.rate_hz
     fewest = rows_in_duration(_SHORTEST_MOVING_S, rate_hz, FEWEST_READINGS)
     few = np.count_nonzero(motion.moving) < fewest
@@ -217,7 +217,7 @@ CHECKS: Final = (
     CheckRow(
         "force_sign",
         "mass",
-        _force_sign_while_driving,
+        _correlation_while_driving,
         "correlation of acceleration and force; strongly negative: inverted sign",
         minimum="force_sign_min",
         optional=True,

@@ -34,7 +34,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     if weighing is None or totals is None:
         return []
     fit = weighing.fit
-    modelled = _joint_fit_nuisances(inputs)
+    modelled = _nuisances_of_methods(inputs)
     shows = any(t > _TERM_IS_THERE for term, t in fit.term_t_values.items() if term not in modelled)
     shows = shows or bool(fit.fit.misfit.any())
     shows = shows or (fit.states is not None and fit.states.scatters)
@@ -54,7 +54,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     return out
 
 
-def _joint_fit_nuisances(inputs: CheckInputs) -> set[str]:
+def _nuisances_of_methods(inputs: CheckInputs) -> set[str]:
     """The nuisances that the methods have as well: their Coulomb term, a constant one way."""
     if inputs.weighing is None or not inputs.machine.settings.forces.coulomb:
         return set()

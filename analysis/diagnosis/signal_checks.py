@@ -68,12 +68,12 @@ def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
     )
 
 
-def _resistance_of_one_side(inputs: CheckInputs, _: AxisMotion) -> float:
+def _least_torque_difference(inputs: CheckInputs, _: AxisMotion) -> float:
     torque = inputs.side_differences.get("torque")
     return np.nan if torque is None else torque.least_difference_1
 
 
-def _name_resisting_side(inputs: CheckInputs, _: AxisMotion) -> str:
+def _name_unequal_quantity(inputs: CheckInputs, _: AxisMotion) -> str:
     worst = max(
         inputs.side_differences.values(), key=lambda each: each.least_difference_1, default=None
     )
@@ -119,14 +119,14 @@ SIGNAL_CHECKS: Final = (
         "difference of left and right on straight drives over their mean, where it is beyond noise",
         maximum="sides_max",
         optional=True,
-        names=_name_resisting_side,
+        names=_name_unequal_quantity,
         consequence="tell",
         remedy="channels.torque_left_N_m and torque_right_N_m, or the speeds: their scales",
     ),
     CheckRow(
         "one_sided",
         "mass",
-        _resistance_of_one_side,
+        _least_torque_difference,
         "the same of the torques alone: more says that one of them is not measured",
         maximum="one_sided_max",
         optional=True,

@@ -163,7 +163,7 @@ _PREFIXES: Final = "cdhkmnpu"
 _SUFFIX_WORDS: Final = 3
 
 
-def read_unit_after_number(name: str) -> tuple[str, str | None]:
+def split_unit_from_name(name: str) -> tuple[str, str | None]:
     """A name without the unit behind it, and the unit: `speed_kmh`, `left_Mz_Nm`, `motor_rpm`."""
     words = re.split(r"[_\s.]+", name)
     for count in range(min(_SUFFIX_WORDS, len(words) - 1), 0, -1):

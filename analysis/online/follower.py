@@ -73,7 +73,7 @@ class _RowTimeline:
             self.breaks.append((self.rows, place))
         self.rows += 1
 
-    def number_of_row(self, row: int) -> int:
+    def time_of_row_ns(self, row: int) -> int:
         begin, place = next(each for each in reversed(self.breaks) if each[0] <= row)
         return round((place + row - begin) * self.step_ns)
 
@@ -210,7 +210,9 @@ class Follower:
         self, found: Mapping[str, TimedEstimate]
     ) -> dict[str, tuple[int, Estimate]]:
         assert self._times is not None
-        return {name: (self._times.number_of_row(row), each) for name, (row, each) in found.items()}
+        return {
+            name: (self._times.time_of_row_ns(row), each) for name, (row, each) in found.items()
+        }
 
     def _update_mass(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
         if "pooled" not in estimates:

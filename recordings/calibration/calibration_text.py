@@ -86,7 +86,7 @@ def undetectable_faults(document: EvidenceDocument) -> list[str]:
         else ()
     )
     return [
-        _list_runs_without_value(document),
+        _describe_unlisted_runs(document),
         *_UNSEEN,
         *_unseen_machine(document),
         *first,
@@ -95,7 +95,7 @@ def undetectable_faults(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def _list_runs_without_value(document: EvidenceDocument) -> str:
+def _describe_unlisted_runs(document: EvidenceDocument) -> str:
     """Which runs may have been left out."""
     stretch = document.campaign.notary
     if stretch is None:

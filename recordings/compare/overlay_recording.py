@@ -101,12 +101,12 @@ def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list
             led = view.kind is Kind.LINES and view.name not in _CONTEXT and view in elsewhere
             if led and len(moved) > _FEW:
                 continue
-            over = overlay_views_of_both_runs(view, a, b)
+            over = panel_of_both_runs(view, a, b)
             panels.append(over)
             if view.kind is Kind.BANDS:  # the other tabs have the differences of what led to it
                 panels.append(difference_panel(view, less, over))
         elif view.name in _CONTEXT:
-            panels.append(keep_views_of_one_run(view, a))
+            panels.append(panel_of_run_a(view, a))
     pages = [Page("Compared", tuple(filter(None, panels)), (COMPARED,))]
     for tab in rest:
         differ = [
@@ -119,13 +119,13 @@ def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list
             continue
         found: list[Panel | None] = []
         for view in differ:
-            over = overlay_views_of_both_runs(view, a, b)
+            over = panel_of_both_runs(view, a, b)
             found += [over, difference_panel(view, less, over)]
         pages.append(Page(tab.name, tuple(filter(None, found))))
     return pages
 
 
-def keep_views_of_one_run(view: View, a: _OverlaidRun) -> Panel | None:
+def panel_of_run_a(view: View, a: _OverlaidRun) -> Panel | None:
     """A view in which both are alike."""
     drawn = tuple(
         replace(each, frame=entity_under_side(_A, each.frame))
@@ -146,7 +146,7 @@ def has_difference(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
     )
 
 
-def overlay_views_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | None:
+def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | None:
     """Both over each other; lanes of states one below the other."""
     mine, theirs = a.columns_drawn_in_view(view), b.columns_drawn_in_view(view)
     if not (mine or theirs):

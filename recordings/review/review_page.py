@@ -26,7 +26,7 @@ from recordings.review.reviewer_verdicts import (
 )
 from recordings.review.shift_facts import (
     list_shift_facts,
-    long_hole_sentences,
+    long_hole_sentence,
     losses_besides_torn_ends,
     missing_load_sentences,
     reason_for_no_tonnes,
@@ -247,7 +247,7 @@ def review_html(page: ReviewPage) -> str:
         against=page.calibration.against and f"{NOT_CALIBRATED}: {page.calibration.against}.",
         headline=summarise_shift(shift, why_not, state),
         no_tonnes=bool(why_not),
-        alarms=list(filter(None, (warn_of_two_machines(state), long_hole_sentences(shift, state)))),
+        alarms=list(filter(None, (warn_of_two_machines(state), long_hole_sentence(shift, state)))),
         facts=list_shift_facts(shift, page.ledger, state, page.target),
         warnings=_list_warnings(page),
         payload_heads=[column.head for column in PAYLOAD],

@@ -77,9 +77,9 @@ def missing_load_sentences(shift: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def long_hole_sentences(shift: Mapping[str, Any], state: ReviewState) -> str:
+def long_hole_sentence(shift: Mapping[str, Any], state: ReviewState) -> str:
     """Where nothing was recorded for minutes, and what that costs; empty where nowhere."""
-    spans = long_gap_sentences(state)
+    spans = long_gap_spans_text(state)
     if not spans:
         return ""
     price = "what was loaded then is unknown"
@@ -92,7 +92,7 @@ def long_hole_sentences(shift: Mapping[str, Any], state: ReviewState) -> str:
     return f"Nothing was recorded {spans}; {price}."
 
 
-def long_gap_sentences(state: ReviewState) -> str:
+def long_gap_spans_text(state: ReviewState) -> str:
     """The spans of minutes in which nothing was recorded; empty where there are none."""
     clock = state.clock
     return "; ".join(

@@ -11,7 +11,7 @@ from analysis.model.physical_units import NS
 from recordings.report.shift_text import K
 from recordings.review.review_state import ReviewState, read_state
 from recordings.review.shift_facts import (
-    long_gap_sentences,
+    long_gap_spans_text,
     losses_besides_torn_ends,
     torn_sentences,
     warn_of_two_machines,
@@ -59,7 +59,7 @@ def read_shifts(folders: Sequence[Path]) -> list[WeekShift]:
 def _list_missing_parts(state: ReviewState) -> Iterable[str]:
     if state.mixed_machines:
         yield warn_of_two_machines(state)
-    if gaps := long_gap_sentences(state):
+    if gaps := long_gap_spans_text(state):
         yield f"Nothing was recorded {gaps}."
     yield from torn_sentences(state)
     yield from losses_besides_torn_ends(state)

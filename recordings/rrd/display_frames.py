@@ -67,7 +67,7 @@ def series_of_view(view: View, run: Run) -> Iterator[tuple[Series, str]]:
     """The series of a view that this run has numbers for, each with the name of its frame."""
     for series in view.series:
         for name in frames_of_series(series, run.frames):
-            if _has_numbers_to_draw(series, split_arcs_by_turn(run.frames[name])):
+            if _has_numbers_to_draw(series, select_arcs(run.frames[name])):
                 yield series, name
 
 
@@ -132,7 +132,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
     asked: dict[str, dict[str, pl.Expr]] = {}
     for view in dict.fromkeys(view for tab in TABS for view in tab.views):
         for series, name in series_of_view(view, run):
-            frame = split_arcs_by_turn(run.frames[name])
+            frame = select_arcs(run.frames[name])
             if series.frame == "findings":
                 frame = shortest_findings_first(frame, span_ns(run))
             if view.kind is Kind.STATES:
@@ -244,7 +244,7 @@ def break_at_gaps(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
     return pl.concat([numbers, ends], how="diagonal").sort("t_ns")
 
 
-def split_arcs_by_turn(frame: pl.DataFrame) -> pl.DataFrame:
+def select_arcs(frame: pl.DataFrame) -> pl.DataFrame:
     """Of planar fits the arcs, which follow each other; without an arc, the fit of all motion."""
     if "kind" not in frame.columns:
         return frame

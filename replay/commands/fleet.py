@@ -101,7 +101,7 @@ def run_command(
             output,
             _make_engine(address, workers),
             shown.mark_done,
-            shown.begin_bar,
+            shown.note_engine_slots,
             recordings=recordings,
         )
     if as_json:
@@ -299,7 +299,7 @@ def _replay_with_other_settings(
     from replay.fleet.compare_results import RunCallbacks, replay_with_settings
 
     with FleetProgress() as shown:
-        told = RunCallbacks(shown.begin, shown.mark_done, shown.begin_bar)
+        told = RunCallbacks(shown.begin, shown.mark_done, shown.note_engine_slots)
         other, did, gone = replay_with_settings(results, overrides, days, engine, told)
     if gone:
         typer.echo(f"{gone} logs are no longer where they were, and left out", err=True)

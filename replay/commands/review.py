@@ -265,7 +265,7 @@ def print_review(screen: "Console", made: "ShiftReview") -> None:
     from recordings.review.review_page import NOT_CALIBRATED, PAGE
     from recordings.review.shift_facts import (
         list_shift_facts,
-        long_hole_sentences,
+        long_hole_sentence,
         losses_besides_torn_ends,
         missing_load_sentences,
         summarise_shift,
@@ -279,7 +279,7 @@ def print_review(screen: "Console", made: "ShiftReview") -> None:
         print_line(screen, summarise_shift(made.shift, "", state))
     if state.mixed_machines:
         print_line(screen, f"warning: {warn_of_two_machines(state)}")
-    holes = long_hole_sentences(made.shift, state)
+    holes = long_hole_sentence(made.shift, state)
     for sentence in (
         *filter(None, [holes]),
         *missing_load_sentences(made.shift),

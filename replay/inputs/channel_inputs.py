@@ -172,7 +172,7 @@ def _refuse_unknown_names(log: Log, topic: str, frame: pl.DataFrame) -> None:
             )
 
 
-def topic_notes(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def name_raw_frames(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """The frames by the names that a run has for them: `raw/imu/data` is that of `/imu/data`.
 
     Where there is a topic `imu/data` as well, the name is its, and `/imu/data` keeps its slash:

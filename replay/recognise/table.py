@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Final
 
-from analysis.model.physical_units import read_unit_after_number, unit_registry
+from analysis.model.physical_units import split_unit_from_name, unit_registry
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.signals.derive import unit_of_name
 from replay.logs import TABLE, Log
@@ -150,7 +150,7 @@ def _name_without_unit(name: str) -> str:
     cut = name
     for opening in "[(":
         cut = cut.partition(opening)[0] or cut
-    return read_unit_after_number(cut)[0]
+    return split_unit_from_name(cut)[0]
 
 
 def quantity_of_name(said: str | None, unit: str | None) -> str | None:

@@ -73,7 +73,9 @@ class MachineDriver:
         self._plant = make_plant(scenario)
         self._load_index = load_index
         if self._plant.resonance_rad_s:
-            self.state[plant.STRETCH] = self._engine_sag(scenario.machine.mass_kg + load_kg)
+            self.state[plant.STRETCH] = self._driveline_stretch_m(
+                scenario.machine.mass_kg + load_kg
+            )
         if scenario.chassis.squat_hz:
             self.state[plant.PITCH] = self._plant.pitch_1_kg * load_kg
         fastest = max(
@@ -320,7 +322,7 @@ class MachineDriver:
         stop_m = (speed_m_s - slowed * math.log1p(speed_m_s / slowed)) / viscous_1_s
         return stop_m + speed_m_s * self.scenario.campaign.valve_lag_s
 
-    def _engine_sag(self, mass_kg: float) -> float:
+    def _driveline_stretch_m(self, mass_kg: float) -> float:
         """How far the spring of the driveline is stretched by the slope where a log begins."""
         wheel_kg = self._plant.wheel_share * mass_kg + self._plant.rotating_kg
         body_kg = mass_kg * (1.0 - self._plant.wheel_share)

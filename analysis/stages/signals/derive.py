@@ -19,7 +19,7 @@ from analysis.model.loss import Loss
 from analysis.model.machine import BODY_NUMBERS, Channel, Machine
 from analysis.model.physical_units import (
     gain_and_offset_to_si,
-    read_unit_after_number,
+    split_unit_from_name,
     unit_registry,
 )
 from analysis.model.schema import CHANNEL_COLUMNS, HINTS
@@ -121,7 +121,7 @@ def unit_of_name(name: str) -> str:
     """
     if name in _SI:
         return "" if _SI[name] == "1" else _SI[name]
-    _, unit = read_unit_after_number(name)
+    _, unit = split_unit_from_name(name)
     if unit is None and name not in BODY_NUMBERS and not name.endswith("_1"):
         raise MachineError(
             f"'{name}' does not end in its unit; call it {name}_A, or {name}_1 for a pure number"

@@ -173,12 +173,12 @@ def walk_messages(
             )
             if fault != 0:
                 break
-            check_count = _check_end(checks, check_count, told, stop)
+            check_count = _add_bytes_to_compare(checks, check_count, told, stop)
             mark = steps[step, _MARK]
             if mark >= 0:
                 node = steps[step, _NODE]
                 element = int(filled[node])
-                check_count, note_count = _remember_layout(
+                check_count, note_count = _add_note_to_template(
                     notes, check_count, note_count, mark, element - int(kept[node]), place, count
                 )
                 _write_marks(table, marks, mark, element, place, count, begin)
@@ -250,7 +250,7 @@ def _write_marks(
 
 
 @inlined
-def _remember_layout(
+def _add_note_to_template(
     notes: Ints, checks: int, count: int, mark: int, element: int, place: int, value: int
 ) -> tuple[int, int]:
     """Add a note to the template: how many checks and notes it has, -1 checks for too many."""
@@ -398,7 +398,7 @@ def _walk_strided_list(
 
 
 @inlined
-def _check_end(checks: Ints, count: int, begin: int, end: int) -> int:
+def _add_bytes_to_compare(checks: Ints, count: int, begin: int, end: int) -> int:
     """Add bytes to compare, a length or a string; how many such there are, -1 for too many."""
     if count < 0 or end == begin:
         return count

@@ -47,10 +47,10 @@ __getattr__ = resolve_late(
         "TableTimes": "replay.logs.tables.axis",
         "TimeError": "replay.logs.tables.times",
         "Utf8Text": "replay.logs.tables.text",
-        "as_utf8": "replay.logs.tables.text",
-        "disagreement": "replay.logs.tables.only_time",
+        "convert_to_utf8": "replay.logs.tables.text",
+        "describe_disagreement": "replay.logs.tables.only_time",
         "find_times": "replay.logs.tables.axis",
         "head_lines": "replay.logs.tables.text",
-        "sniff": "replay.logs.tables.dialect",
+        "sniff_dialect": "replay.logs.tables.dialect",
     },
 )

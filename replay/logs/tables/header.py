@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final
 
-from analysis.model.physical_units import gain_and_offset_to_si, read_unit_after_number, spelt_unit
+from analysis.model.physical_units import gain_and_offset_to_si, spelt_unit, split_unit_from_name
 from estimators.errors import MachineError
 from replay.logs.tables.hints import DialectError
 
@@ -112,7 +112,7 @@ def split_unit(name: str) -> tuple[str, str | None]:
         unit = spelt_unit(remarked["unit"])
         if unit:
             return remarked["name"].strip(), unit
-    return read_unit_after_number(name)
+    return split_unit_from_name(name)
 
 
 def name_by_last_part(column: ColumnName) -> ColumnName:
