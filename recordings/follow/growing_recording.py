@@ -210,8 +210,8 @@ class GrowingRecording:
         for name, level in self._thresholds.items():
             frames[name] = pl.DataFrame({"t_ns": [t_ns], "threshold": [level]})
         for method, rows in new.estimates.items():
-            frames[f"display/estimates/{method}"] = _select_numeric_rows(rows, ESTIMATES)
-        frames["display/gate"] = _select_numeric_rows(new.gate, GATE)
+            frames[f"display/estimates/{method}"] = _make_numeric_frame(rows, ESTIMATES)
+        frames["display/gate"] = _make_numeric_frame(new.gate, GATE)
         now = np.array([t_ns])
         stream.send_columns(
             text_entity(ANSWER),
@@ -222,7 +222,7 @@ class GrowingRecording:
             columns=rr.TextDocument.columns(text=[text], media_type=[rr.MediaType.MARKDOWN]),
         )
         # the excitation last: see above
-        frames["display/excitation"] = _select_numeric_rows(new.excitation, EXCITATION)
+        frames["display/excitation"] = _make_numeric_frame(new.excitation, EXCITATION)
         for name, frame in frames.items():
             for batch in iter_drawn_batches(name, frame, self._about.t0_unix_ns):
                 stream.send_record_batch(batch, index=[TIME, SINCE_START])
@@ -235,7 +235,7 @@ class GrowingRecording:
             self._file.close()
 
 
-def _select_numeric_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> pl.DataFrame:
+def _make_numeric_frame(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> pl.DataFrame:
     return pl.DataFrame(rows, {"t_ns": pl.Int64, **dict.fromkeys(columns, pl.Float64)})
 
 

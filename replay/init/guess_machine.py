@@ -114,7 +114,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     kinematic = "specific_force_x_m_s2" not in found
     lacking = [*told.questions, *_lacking_sentences(found, told.questions, kinematic=kinematic)]
     lines = [
-        f"# A first machine file for {_strip_line_breaks(log.path.name)}: check every line of it.",
+        f"# A first machine file for {_replace_unprintable(log.path.name)}: check every line of it.",
         '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
         "",
         "[machine]",
@@ -132,7 +132,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     lines += mounting_lines(log, sources)
     if is_table and time is not None:
         lines += ["[log]", *_make_log_lines(time), ""]
-    lines += [f"# {_strip_line_breaks(note)}" for note in log.notes()]
+    lines += [f"# {_replace_unprintable(note)}" for note in log.notes()]
     lines += [""] if log.notes() else []
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
@@ -197,7 +197,7 @@ def _make_comment_lines(proposal: ChannelProposal) -> list[str]:
         lines.append(f'unit = "{proposal.unit}"')
     if proposal.derive:
         lines.append(f'derive = "{proposal.derive}"')
-    return [f"# {_strip_line_breaks(proposal.reason)}", *(f"# {line}" for line in lines), ""]
+    return [f"# {_replace_unprintable(proposal.reason)}", *(f"# {line}" for line in lines), ""]
 
 
 def _profile_unused_columns(log: Log, guesses: list[Guess]) -> list[str]:
@@ -205,7 +205,7 @@ def _profile_unused_columns(log: Log, guesses: list[Guess]) -> list[str]:
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
     rest = [each for each in profile_fields(log) if (each.topic, each.field) not in used]
     several = any(each.topic != TABLE for each in rest)
-    topics = [f"{_strip_line_breaks(each.topic)} " if several else "" for each in rest]
+    topics = [f"{_replace_unprintable(each.topic)} " if several else "" for each in rest]
     return [
         "# Also in the log:",
         *(
@@ -226,9 +226,9 @@ def profile_line(each: FieldProfile) -> str:
     unit = f" [{each.unit}]" if each.unit else ""
     rate = "" if each.rate_hz is None else f", {each.rate_hz:.4g} Hz"
     if each.low is None or each.middle is None or each.high is None:
-        return _strip_line_breaks(f"{each.field}{unit}{rate}: {each.course or 'no number'}")
+        return _replace_unprintable(f"{each.field}{unit}{rate}: {each.course or 'no number'}")
     span = f"{each.low:.4g} … {each.middle:.4g} … {each.high:.4g}"
-    return _strip_line_breaks(f"{each.field}{unit}{rate}: {span}  {each.course}")
+    return _replace_unprintable(f"{each.field}{unit}{rate}: {span}  {each.course}")
 
 
 def _note_on_wheel_speed(guess: Guess) -> str:
@@ -308,12 +308,12 @@ def notes_on_topics(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[str]
         lists = [field for field in row["fields"] or [] if "[]" in field]
         rest = [each for each in lists if (row["topic"], each.partition("[")[0]) not in used]
         if row["problem"]:
-            yield _strip_line_breaks(f"#   {row['topic']} ({row['type']}): {row['problem']}")
+            yield _replace_unprintable(f"#   {row['topic']} ({row['type']}): {row['problem']}")
         elif rest:
-            yield _strip_line_breaks(f"#   {row['topic']} ({row['type']}): {', '.join(rest)}")
+            yield _replace_unprintable(f"#   {row['topic']} ({row['type']}): {', '.join(rest)}")
 
 
-def _strip_line_breaks(text: str) -> str:
+def _replace_unprintable(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)
 
 

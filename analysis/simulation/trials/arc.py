@@ -36,9 +36,7 @@ def arc_phases(
         heading = heading_rad + turned
         sign = AxisPair(np.sign(rate.x), np.sign(rate.z))
         total = body.required_drive(rate, acceleration, heading, sign)
-        drive = AxisPair(
-            _arc_driving_fraction(total.x, rate.x), _arc_driving_fraction(total.z, rate.z)
-        )
+        drive = AxisPair(_driving_component(total.x, rate.x), _driving_component(total.z, rate.z))
         values: list[Values] = [
             rate.x,
             acceleration.x,
@@ -61,7 +59,7 @@ def arc_phases(
     return phases, ManoeuvreTimes("arc", begin_s, begin_s, steady_s, down_s, end_s)
 
 
-def _arc_driving_fraction(total: Values, rate: Values) -> Values:
+def _driving_component(total: Values, rate: Values) -> Values:
     return np.where(total * rate >= 0.0, total, 0.0)
 
 
