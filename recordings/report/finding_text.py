@@ -8,22 +8,42 @@ from analysis.model.run_record import Run
 from recordings.report.clock_text import ShiftClock
 from recordings.report.number_text import number_text, plus_minus
 
-#: What a severity leads to.
-LEADS_TO: Final = {
+_LEADS_TO: Final = {
     "withhold": "invalidates the mass",
     "widen": "moves the mass by more than its uncertainty",
-    "tell": "moves the mass by less than its uncertainty, or by an unknown amount",
+    "tell": "moves the mass by less than its uncertainty",
 }
 
 
+def consequence_text(finding: Finding) -> str:
+    """What a cause does to the mass."""
+    if finding.severity == "tell" and finding.mass_change_kg is None:
+        return "its effect on the mass is not known"
+    return _LEADS_TO[finding.severity]
+
+
+def order_by_effect(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Order causes as they are printed everywhere.
+
+    Those that invalidate the mass come first, then those that may change it, then the others; the
+    likeliest first among each.
+    """
+    return tuple(
+        sorted(
+            findings,
+            key=lambda each: (each.severity != "withhold", not may_change_mass(each), each.rank),
+        )
+    )
+
+
 def findings_of_run(run: Run) -> tuple[Finding, ...]:
-    """The findings of a run, the likeliest first; none of a run that was not looked at."""
+    """The findings of a run the likeliest first; none where none were looked for."""
     frame = run.frames.get("findings")
     return () if frame is None else findings_of_rows(frame.iter_rows(named=True))
 
 
 def findings_of_rows(rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
-    """The findings of rows of the frame `findings`."""
+    """The findings of rows of the frame `findings`, the likeliest first."""
     return tuple(Finding.from_row(row) for row in rows)
 
 
@@ -90,20 +110,20 @@ def findings_text(run: Run) -> str:
     """Every finding in Markdown; a sentence where none shows, nothing where none was looked for."""
     if "findings" not in run.frames:
         return ""
-    found = findings_of_run(run)
+    found = order_by_effect(findings_of_run(run))
     if not found:
         return "# Findings\n\nNone of the known causes of a wrong mass was detected in this log."
     parts = ["# Findings"]
-    for each in found:
+    for number, each in enumerate(found, 1):
         lines = [
             each.evidence,
             *filter(
                 None, (mass_change_text(each), proposal_text(each), indistinguishable_causes(each))
             ),
-            LEADS_TO[each.severity],
+            consequence_text(each),
         ]
         where = ", ".join(filter(None, (each.channel, finding_span_text(each))))
-        parts.append(f"## {each.rank}. {cause_name(each.cause)}{f' ({where})' if where else ''}")
+        parts.append(f"## {number}. {cause_name(each.cause)}{f' ({where})' if where else ''}")
         strength = f"{number_text(each.strength_1)} × the detection threshold"
         parts.append(f"{each.says}; {strength}\n\n" + "\n".join(f"- {line}" for line in lines))
     return "\n\n".join(parts)

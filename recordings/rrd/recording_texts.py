@@ -11,7 +11,12 @@ from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
-from recordings.report.finding_text import finding_line, findings_of_run, findings_text
+from recordings.report.finding_text import (
+    finding_line,
+    findings_of_run,
+    findings_text,
+    order_by_effect,
+)
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
     markdown_table,
@@ -148,7 +153,7 @@ def summary_text(run: Run) -> str:
             )
             lines.append(f"{method:<8} {mass}{turns}")
     lines += planar_fit_lines(said.planar, said.planar_budget)
-    for each in findings_of_run(run)[:_FOUND]:
+    for each in order_by_effect(findings_of_run(run))[:_FOUND]:
         lines.append(f"finding  {each.rank}. {finding_line(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:

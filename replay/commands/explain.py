@@ -137,7 +137,7 @@ def _print_explanation(
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)
-    part("causes, the likeliest first:", finding_lines(explained))
+    part("causes, by effect on the mass, then by likelihood:", finding_lines(explained))
     if explained.manoeuvre is not None:
         part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
     part("manoeuvres that stand out:", map(manoeuvre_line, explained.worst))

@@ -239,9 +239,14 @@ def further_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterat
 
 
 def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
-    from recordings.report.finding_text import finding_line, findings_of_rows, may_change_mass
+    from recordings.report.finding_text import (
+        finding_line,
+        findings_of_rows,
+        may_change_mass,
+        order_by_effect,
+    )
 
-    found = findings_of_rows(answer.findings)
+    found = order_by_effect(findings_of_rows(answer.findings))
     shown = found if verbose else [each for each in found if may_change_mass(each)][:_MOST_LINES]
     yield from (f"finding: {finding_line(each)}" for each in shown)
     left = len(found) - len(shown)

@@ -64,6 +64,10 @@ _TO_ANSWER = (
 _JOINT_UNIT = (
     'are the joints\' velocities in m/s? where they are in rad/s, scale = "wheel_radius_m"'
 )
+_EFFORT_UNIT = (
+    "is effort a torque in N·m, or a motor current in A? where it is a current, scale = the torque "
+    "at the wheel per ampere"
+)
 #: The topic (None in a table) and the field of a column.
 Source = tuple[str | None, str]
 
@@ -114,7 +118,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     kinematic = "specific_force_x_m_s2" not in found
     lacking = [*told.questions, *_lacking_sentences(found, told.questions, kinematic=kinematic)]
     lines = [
-        f"# A first machine file for {_replace_unprintable(log.path.name)}: check every line of it.",
+        f"# A first machine file for {_replace_unprintable(log.path.name)}: check every line.",
         '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
         "",
         "[machine]",
@@ -164,9 +168,10 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]
     is_unsure = any(_note_on_wheel_speed(guess) for guess in guesses)
-    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *_TO_ANSWER]
-    lines += [f"# to answer: {sentence}" for sentence in to_answer]
-    rest = [*_profile_unused_columns(log, guesses), *notes_on_topics(topics, guesses)]
+    profiles = profile_fields(log)
+    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *_ask_about_efforts(guesses, profiles)]
+    lines += [f"# to answer: {sentence}" for sentence in (*to_answer, *_TO_ANSWER)]
+    rest = [*_profile_unused_columns(profiles, guesses), *notes_on_topics(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
     return "\n".join(lines) + "\n", lacking
@@ -200,10 +205,24 @@ def _make_comment_lines(proposal: ChannelProposal) -> list[str]:
     return [f"# {_replace_unprintable(proposal.reason)}", *(f"# {line}" for line in lines), ""]
 
 
-def _profile_unused_columns(log: Log, guesses: list[Guess]) -> list[str]:
+def _ask_about_efforts(guesses: list[Guess], profiles: list[FieldProfile]) -> list[str]:
+    """Ask for the unit of joint efforts that are taken for torques; name one without a sign."""
+    used = {(each.topic, each.field) for each in guesses if each.field.startswith("effort[")}
+    if not used:
+        return []
+    unsigned = [
+        f"{each.field} lies between {each.low:.4g} and {each.high:.4g}, never below zero: a torque "
+        "that brakes would be negative"
+        for each in profiles
+        if (each.topic, each.field) in used and each.low is not None and each.low >= 0.0
+    ]
+    return ["; ".join([_EFFORT_UNIT, *unsigned])]
+
+
+def _profile_unused_columns(profiles: list[FieldProfile], guesses: list[Guess]) -> list[str]:
     """Every column that is not used, with its unit, rate and range."""
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
-    rest = [each for each in profile_fields(log) if (each.topic, each.field) not in used]
+    rest = [each for each in profiles if (each.topic, each.field) not in used]
     several = any(each.topic != TABLE for each in rest)
     topics = [f"{_replace_unprintable(each.topic)} " if several else "" for each in rest]
     return [
