@@ -103,7 +103,7 @@ def compute_shift_energy(
         frames: of the run: aligned, excitation, digging, cycles, manoeuvres, loads, nuisances,
             budget.
         machine: as it was replayed.
-        holes_ns: see `cycles_without_mass.holes`.
+        holes_ns: see `cycles_without_mass.find_channel_gaps_ns`.
 
     Returns:
         Its rows; none where no mass or no cycle was found.

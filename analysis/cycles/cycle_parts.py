@@ -311,7 +311,7 @@ def summarise_cycle_motion(
     Args:
         cycles: the frame.
         excitation: times, phases and speed.
-        holes_ns: see `cycles_without_mass.holes`.
+        holes_ns: see `cycles_without_mass.find_channel_gaps_ns`.
     """
     samples = _DriveSamples.from_excitation(excitation)
     found: list[CycleMotion] = []

@@ -187,7 +187,7 @@ def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles
 
     Args:
         cycles: the frame.
-        gaps: `holes`.
+        gaps: `find_channel_gaps_ns`.
     """
     dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / NS_PER_S
     known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()

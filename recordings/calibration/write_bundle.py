@@ -52,7 +52,7 @@ def write_bundle(
         document: the evidence.
         readings: frame `readings`.
         points: frame of the points.
-        tables: both, by file name, as `tables_of` gives them.
+        tables: both, by file name, as `encode_tables` gives them.
         key: signs; None leaves the bundle unsigned.
         stretch: of the recorder's list, if the campaign names one.
 

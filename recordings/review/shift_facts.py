@@ -31,7 +31,7 @@ def summarise_shift(shift: Mapping[str, Any], why_not: str, state: ReviewState) 
 
     Args:
         shift: frame `shift`, as reviewed.
-        why_not: see `no_tonnes_reason`.
+        why_not: see `reason_for_no_tonnes`.
         state: of the review: a torn last log leaves the end open.
     """
     answer = f"No tonnes: {why_not}" if why_not else shift_payload_sentence(shift)

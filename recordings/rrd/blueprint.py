@@ -114,7 +114,7 @@ def lay_out_run(
         run: the run.
         shown: its `display_frames`.
         texts: names of its `texts`.
-        pictures: its `plane_pictures`.
+        pictures: its `make_plane_pictures`.
         under: the entity that all of it lies under; empty: none.
     """
     pages = [

@@ -63,7 +63,7 @@ def _list_logs_of_folder(source: str) -> list[FleetLog]:
 
 
 def _is_log(path: Path) -> bool:
-    """Not so a folder that `logs_in` found no log in, and leaves for a reader to refuse."""
+    """Whether a path is a log: a file, or a folder with a metadata.yaml."""
     return not path.is_dir() or (path / "metadata.yaml").is_file()
 
 

@@ -105,7 +105,7 @@ def fleet_run(
     A log that fails is listed and costs nobody else. What was done before an interruption is done.
 
     Args:
-        logs: of `fleet_logs`.
+        logs: of `list_fleet_logs`.
         plan: how each is replayed.
         destination: a folder, or `s3://bucket/prefix`.
         recordings: whether every recording's `.rrd` is kept.

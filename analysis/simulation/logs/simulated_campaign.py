@@ -32,7 +32,7 @@ class SimulatedLog:
     Attributes:
         scenario: that was simulated.
         load_kg: the load.
-        topics: `imu`, `torque` and `speed`, in a shift also others, as `measure` gives them.
+        topics: `imu`, `torque` and `speed`, in a shift also others, as `measure_topics` gives them.
         trials: a row a trial (none in a shift): `run` (its number), the unix times `start_ns` and
             `end_ns`, `throttle_ns`, `cruise_ns` and `braking_ns` of its first start (null without
             one), and the true `load_kg mass_kg friction_N_s_m coulomb_N rolling_N slope_deg

@@ -100,7 +100,7 @@ class _Trial:
             case Excite():
                 return self._excited_trial(manoeuvre, begin_s, heading_rad)
             case Travel():
-                raise AssertionError("needs a whole log, which `integrate_for` says")
+                raise AssertionError("needs a whole log, which `key_that_needs_integration` says")
 
     def stand_at_heading(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
         """Stand at a heading; the brakes hold."""

@@ -107,7 +107,7 @@ class Stiction:
 
         Returns:
             The phase, the last state, and the axes (0, 1) on which friction lets go or, with
-            Coulomb friction or when asked to `stop`, the motion ends.
+            Coulomb friction or when asked to `follow_until_rest`, the motion ends.
         """
         from scipy.integrate import solve_ivp
 

@@ -163,7 +163,7 @@ def block_ends(of: Bools) -> Ints:
 
 
 def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None:
-    """Power of noise at `frequencies`, (frequencies,), and of how many blocks; None of too few.
+    """Power of noise at `block_frequencies`, and the number of blocks; None where they are too few.
 
     Of second differences, so that what is smooth does not leak; divided by their response, so that
     white noise of variance 1 has 1 everywhere (0 Hz is not told). Blocks with far more fast power

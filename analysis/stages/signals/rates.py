@@ -94,7 +94,7 @@ def mean_step_ns(t_ns: Ints, longest_ns: float, step_ns: float) -> float:
 
 
 def wrap_angle(name: str, x: Floats) -> Floats:
-    """Undo the unwrapping of an angle that `series_of` took."""
+    """Undo the unwrapping of an angle that `make_channel_series` took."""
     if name not in _WHOLE_TURN:
         return x
     turn = _WHOLE_TURN[name]

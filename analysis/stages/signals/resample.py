@@ -32,7 +32,7 @@ def average_about_instants(
     """Average the line through the samples over a width about each instant, by its exact integral.
 
     Beside a gap, the first sample and the last, the width shrinks on both sides alike, so that
-    nothing is delayed. A value is known where `interpolate` knows it.
+    nothing is delayed. A value is known where `interpolate_in_stretches` knows it.
 
     Args:
         t_ns: (n,) stamps, strictly ascending.

@@ -10,7 +10,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from estimators.arrays import Bytes, Ints
-from replay.logs.decoding.arrays import array_of_times
+from replay.logs.decoding.arrow_arrays import array_of_times
 from replay.logs.decoding.decode_program import Program, Wanted, compile_program
 from replay.logs.decoding.decoder import (
     DecodedBatch,

@@ -1,4 +1,4 @@
-"""A message definition as a program for `walk`: what follows what, and what is to be noted.
+"""A message definition as a program for `walk_messages`: the order of fields, and which to note.
 
 Only what is asked for is noted. Everything is walked, since whether a message is whole must not
 depend on the fields that somebody wants from it; numbers that follow one another are one step.

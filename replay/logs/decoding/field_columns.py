@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Ints
-from replay.logs.decoding.arrays import (
+from replay.logs.decoding.arrow_arrays import (
     ELEMENT_TYPES,
     Array,
     array_of_elements,

@@ -26,7 +26,7 @@ def columns(names, vectors):
 
 
 def turned(seen, imu):
-    """What `to_machine_axes` makes of columns that share their stamps."""
+    """What `rotate_to_machine_axes` makes of columns that share their stamps."""
     stamps = {name: np.arange(x.size) * 10_000_000 for name, x in seen.items()}
     out = rotate_to_machine_axes({n: (stamps[n], x) for n, x in seen.items()}, imu, AlignSettings())
     assert all(np.array_equal(out[name][0], t) for name, t in stamps.items())
