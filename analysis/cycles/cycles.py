@@ -33,8 +33,7 @@ from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build
 from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
-from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
-from analysis.weighing.mass_budget import mass_uncertainty_budget
+from analysis.weighing.empty_mass_datum import Datum, EmptyMachine, payload_sources
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Floats
 
@@ -107,9 +106,8 @@ def weigh_cycles(
     """
     digs = frames["digging"]
     motion = frames["aligned"], frames["excitation"]
-    found = (
-        known or find_load_passes(frames["loads"], frames["manoeuvres"], digs, *motion) or NO_PASSES
-    )
+    masses = frames["loads"], frames["manoeuvres"]
+    found = known or find_load_passes(*masses, digs, *motion) or NO_PASSES
     twice = known is None and does_digging_contradict_boom(found, digs)
     found = NO_PASSES if twice else found
     parts = split_cycles_into_parts(found, digs)
@@ -355,11 +353,7 @@ def _shared_uncertainty(
     datum = empty.make_datum(pass_weights_by_state(weighing.fit, found) @ weights)
     own = common_uncertainty(weighing, machine, found, weights, None)
     gain_1, gain_u_1 = empty.gain or (None, None)
-    sources = (
-        mass_uncertainty_budget(weighing, machine, empty.weights)
-        if datum is None
-        else datum.uncertainty_sources_of_payload(empty.weights)
-    )
+    sources = payload_sources(weighing, machine, datum, empty.weights)
     unknown = unknown_scale(sources)
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
@@ -381,11 +375,7 @@ def common_uncertainty(
     fit = weighing.fit
     of_states = pass_weights_by_state(fit, found)
     summed = of_states @ weights
-    sources = (
-        mass_uncertainty_budget(weighing, machine, summed)
-        if datum is None
-        else datum.uncertainty_sources_of_payload(summed)
-    )
+    sources = payload_sources(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
     total_kg = max(abs(float(weights @ found.mass_kg)), 1e-9)
     kept = (combine(sources, "random") / by_1) ** 2 - float(weights**2 @ found.u_kg**2)

@@ -22,7 +22,7 @@ from analysis.model.uncertainty_sources import combine
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import yaw_speeding_sign
 from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, unknown_factors
-from analysis.weighing.mass_budget import mass_uncertainty_budget
+from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Bools, Floats
 
@@ -254,7 +254,7 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
         return None
     fit = weighing.fit
     lightest = int(np.argmin(fit.masses_kg))
-    sources = mass_uncertainty_budget(weighing, machine, fit.weights_of_state(lightest))
+    sources = budget_of_mass(weighing, machine, fit.weights_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
     unknown = bool(unknown_factors(sources))
     scale_kg = UNKNOWN_SCALE * abs(mass_kg) if unknown else 0.0

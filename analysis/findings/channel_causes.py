@@ -88,7 +88,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
             f"it repeats one reading {times} {total_s[name]:.1f} s in all, while others "
             f"change{_refit_text(found)}",
             channel=name,
-            span_ns=inputs.relative_to_first_sample_ns(*spans[0]),
+            span_ns=inputs.since_first_sample_ns(*spans[0]),
             change=lambda: refit_without_rows(inputs, holds),
             harmless=_is_harmless(inputs, found),
             explains=_OF_DEAD if 1e9 * total_s[name] > _DEAD_1 * (t[-1] - t[0]) else (),
@@ -229,9 +229,7 @@ def find_spikes(inputs: FindingInputs) -> list[Symptom]:
                 f"{each.unix_ns.size} single readings are off by {each.size:.3g} (median), up to "
                 f"{each.ratio:.0f} deviations",
                 channel=name,
-                span_ns=inputs.relative_to_first_sample_ns(
-                    int(each.unix_ns[0]), int(each.unix_ns[-1])
-                ),
+                span_ns=inputs.since_first_sample_ns(int(each.unix_ns[0]), int(each.unix_ns[-1])),
                 change=lambda near=each.near: refit_without_rows(inputs, near),
             )
             for name, each in spikes_by_channel(inputs).items()

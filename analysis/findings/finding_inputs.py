@@ -127,7 +127,7 @@ class FindingInputs:
         names = (*self.measured_equation_channels, *self.machine.channels)
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
 
-    def relative_to_first_sample_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
+    def since_first_sample_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
         """The same in ns since the first aligned sample."""
         t0 = self.check_inputs.t0_unix_ns
         return int(begin_unix_ns) - t0, int(end_unix_ns) - t0

@@ -13,7 +13,7 @@ from analysis.findings.cause import MassChange
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.fitted_stretches import mark_first_samples
+from analysis.weighing.fitted_stretches import first_of_stretch
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
@@ -163,7 +163,7 @@ def refit_warm_started(
 
 def renumber_stretches(motion: MotionSamples) -> MotionSamples:
     """The motion with its stretches numbered anew: what was left out may have cut some in two."""
-    parts = np.where(motion.used, np.cumsum(mark_first_samples(motion.group)) - 1, -1)
+    parts = np.where(motion.used, np.cumsum(first_of_stretch(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
     short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)
     return replace(motion, group=parts.astype(np.int64)).exclude_samples(short)

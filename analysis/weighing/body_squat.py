@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.fitted_stretches import mark_first_samples, mark_last_samples
+from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
 from analysis.weighing.motion_samples import Floats, MotionSamples, rolling_fraction
 from analysis.weighing.pitch_squat import fit_instrumental_variables, pitch_squat_cross_products
 from analysis.weighing.weighing_limits import LIMITS
@@ -130,8 +130,8 @@ def _stretch_rows(
     ground = in_time.speed * rolling_fraction(in_time.speed, motion.force, slip_1_N)
     relative = loads.relative_load_of(motion.unit)
     first, last = (
-        np.flatnonzero(mark_first_samples(motion.group)),
-        np.flatnonzero(mark_last_samples(motion.group)),
+        np.flatnonzero(first_of_stretch(motion.group)),
+        np.flatnonzero(last_of_stretch(motion.group)),
     )
     found: list[_Stretch] = []
     for begin, end in zip(first.tolist(), (last + 1).tolist(), strict=True):

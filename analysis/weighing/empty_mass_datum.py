@@ -18,7 +18,7 @@ import numpy as np
 
 from analysis.model.machine import Body, Machine
 from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combine, largest_first
-from analysis.weighing.mass_budget import mass_uncertainty_budget
+from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS
@@ -100,7 +100,7 @@ class EmptyMachine:
     @cached_property
     def sources(self) -> list[UncertaintySource]:
         """What its uncertainty is made of."""
-        found = mass_uncertainty_budget(self.weighing, self.machine, self.weights)
+        found = budget_of_mass(self.weighing, self.machine, self.weights)
         return [*found, replace(_CARRIED, u=self.carried_kg[1])]
 
     @cached_property
@@ -174,15 +174,12 @@ class EmptyMachine:
         together_kg2 /= 2.0 * in_ratio * sum_kg
         by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
         found = datum_of_share(float(np.clip(by_kg, 0.0, in_ratio)))
-        if (
-            found.scale_1 <= 0.0
-            or combine(found.uncertainty_sources_of_payload(payloads)) ** 2 >= own_kg2
-        ):
+        if found.scale_1 <= 0.0 or combine(found.payload_sources(payloads)) ** 2 >= own_kg2:
             return None
         return found
 
     def _variance_of_weighted_sum(self, weights: Floats) -> float:
-        return combine(mass_uncertainty_budget(self.weighing, self.machine, weights)) ** 2
+        return combine(budget_of_mass(self.weighing, self.machine, weights)) ** 2
 
 
 @dataclass(frozen=True)
@@ -210,7 +207,7 @@ class Datum:
         payload_kg = float(payload @ self.empty.weighing.fit.masses_kg)
         return payload - self.by_kg * payload_kg * self.empty.weights
 
-    def uncertainty_sources_of_payload(self, payload: Floats) -> list[UncertaintySource]:
+    def payload_sources(self, payload: Floats) -> list[UncertaintySource]:
         """What the uncertainty of a payload, in kg, is made of; the largest first.
 
         Args:
@@ -218,9 +215,7 @@ class Datum:
         """
         empty = self.empty
         payload_kg = abs(float(payload @ empty.weighing.fit.masses_kg))
-        found = mass_uncertainty_budget(
-            empty.weighing, empty.machine, self.weights_of_masses(payload)
-        )
+        found = budget_of_mass(empty.weighing, empty.machine, self.weights_of_masses(payload))
         known = unknown_factors(found)
         kept = [
             replace(each, u=None if each.u is None else each.u * abs(self.scale_1))
@@ -235,3 +230,19 @@ class Datum:
                 replace(_CARRIED, u=bucket_kg * abs(self.scale_1)),
             ]
         )
+
+
+def payload_sources(
+    weighing: Weighing, machine: Machine, datum: Datum | None, weights: Floats
+) -> list[UncertaintySource]:
+    """What the uncertainty of a sum of masses, in kg, is made of, with the datum if there is one.
+
+    Args:
+        weighing: of the log.
+        machine: scale and its uncertainties.
+        datum: payloads by the empty machine.
+        weights: (masses,) of the sum.
+    """
+    if datum is None:
+        return budget_of_mass(weighing, machine, weights)
+    return datum.payload_sources(weights)

@@ -14,8 +14,8 @@ from analysis.weighing.motion_samples import (
     Floats,
     Ints,
     MotionSamples,
-    mark_first_samples,
-    mark_last_samples,
+    first_of_stretch,
+    last_of_stretch,
     rolling_fraction,
 )
 from analysis.weighing.nuisances import Moments, Nuisance
@@ -356,7 +356,7 @@ def mean_stride(samples: int) -> int:
 def _samples_since_start(group: Ints) -> Ints:
     """How many samples of its stretch are before each, (n,)."""
     row = np.arange(group.size)
-    return row - np.maximum.accumulate(np.where(mark_first_samples(group), row, 0))
+    return row - np.maximum.accumulate(np.where(first_of_stretch(group), row, 0))
 
 
 def _distance_from_start(motion: MotionSamples) -> Floats:
@@ -375,13 +375,13 @@ def _route_positions(motion: MotionSamples, found: PreviousEstimates) -> tuple[F
 
 def _drop_first_samples(group: Ints, lag: int) -> Ints:
     """The stretches without their first samples, whose force is from before the break-away."""
-    return np.where((_samples_since_start(group) >= lag) | mark_last_samples(group), group, -1)
+    return np.where((_samples_since_start(group) >= lag) | last_of_stretch(group), group, -1)
 
 
 def _thin_stretches(group: Ints, stride: int) -> Bools:
     """Every so many-th sample of each stretch, and the last of one that has fewer."""
     since = _samples_since_start(group)
-    short = mark_last_samples(group) & (since < stride - 1)
+    short = last_of_stretch(group) & (since < stride - 1)
     return (group >= 0) & ((since % stride == stride - 1) | short)
 
 

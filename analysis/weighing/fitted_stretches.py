@@ -89,12 +89,12 @@ def driving_directions(group: Ints, speed: Floats) -> Floats:
     return out
 
 
-def mark_first_samples(group: Ints) -> Bools:
+def first_of_stretch(group: Ints) -> Bools:
     """Which samples are the first of their stretch, (n,)."""
     return (group >= 0) & (np.append(-1, group[:-1]) != group)
 
 
-def mark_last_samples(group: Ints) -> Bools:
+def last_of_stretch(group: Ints) -> Bools:
     """Which samples are the last of their stretch, (n,)."""
     return (group >= 0) & (np.append(group[1:], -1) != group)
 
@@ -102,7 +102,7 @@ def mark_last_samples(group: Ints) -> Bools:
 def cut_stretches(group: Ints, unit: Ints) -> Ints:
     """The stretches, each of one manoeuvre, numbered anew, (n,)."""
     used = group >= 0
-    cut = used & (mark_first_samples(group) | np.append(False, unit[1:] != unit[:-1]))
+    cut = used & (first_of_stretch(group) | np.append(False, unit[1:] != unit[:-1]))
     return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
 
 
@@ -112,7 +112,7 @@ def trim_to_break_away(
     """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
     smooth = np.abs(_mean_of_three(speed)) > moves_m_s
     grown = group.copy()
-    for begin in np.flatnonzero(mark_first_samples(group)):
+    for begin in np.flatnonzero(first_of_stretch(group)):
         first = int(begin)
         while (
             first > 0 and begin - first < look_back and smooth[first - 1] and group[first - 1] < 0
@@ -131,7 +131,7 @@ def number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
     near = flagged_windows(turns, mixed) | flagged_windows(turns[::-1], mixed + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
-    return np.where(group >= 0, np.cumsum(mark_first_samples(group)) - 1, -1).astype(np.int64)
+    return np.where(group >= 0, np.cumsum(first_of_stretch(group)) - 1, -1).astype(np.int64)
 
 
 def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
@@ -142,7 +142,7 @@ def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
     used = group >= 0
     if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
         return group
-    first = np.flatnonzero(mark_first_samples(group))
+    first = np.flatnonzero(first_of_stretch(group))
     fastest = np.maximum.reduceat(np.where(used, np.abs(_mean_of_three(speed)), 0.0), first)
     moves = fastest > noise_m_s
     return np.where(used & moves[group], group, -1)

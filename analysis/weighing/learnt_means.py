@@ -15,7 +15,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import MOVED, SCALE, build
 from analysis.model.uncertainty_sources import combine
 from analysis.weighing.load_frames import difference_weights
-from analysis.weighing.mass_budget import mass_uncertainty_budget
+from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.wheel_kinematics import TERMS
@@ -140,9 +140,7 @@ def _make_response_rows(
     total_kg = abs(float(total @ fit.masses_kg))
     # the same share of all
     scale_1 = (
-        combine(mass_uncertainty_budget(weighing, machine, total), "scale") / total_kg
-        if total_kg
-        else 0.0
+        combine(budget_of_mass(weighing, machine, total), "scale") / total_kg if total_kg else 0.0
     )
     rows: list[dict[str, object]] = []
     for number, weights in sums.items():

@@ -12,7 +12,7 @@ from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_states import LoadStates, sample_units
-from analysis.weighing.mass_budget import mass_uncertainty_budget, relative_u
+from analysis.weighing.mass_budget import budget_of_mass, relative_u
 from analysis.weighing.motion_samples import Floats, Ints
 from analysis.weighing.nuisance_frames import empty_frame
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
@@ -103,7 +103,7 @@ def empty_states(weighing: Weighing, times: list[tuple[int, int]], machine: Mach
         return []
     lightest = int(np.argmin(fit.masses_kg))
     difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
-    u_kg = combine(mass_uncertainty_budget(weighing, machine, fit.weights_of_state(lightest)))
+    u_kg = combine(budget_of_mass(weighing, machine, fit.weights_of_state(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
@@ -119,7 +119,7 @@ def _equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -
         if state == lightest:
             continue
         weights = difference_weights(weighing, state, found)
-        random_kg = combine(mass_uncertainty_budget(weighing, machine, weights), "random")
+        random_kg = combine(budget_of_mass(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
         found.append(state)
@@ -165,7 +165,7 @@ def _make_load_row(
 ) -> dict[str, object]:
     fit, body, states = weighing.fit, machine.machine, weighing.fit.states
     assert states is not None
-    sources = mass_uncertainty_budget(weighing, machine, fit.weights_of_state(state))
+    sources = budget_of_mass(weighing, machine, fit.weights_of_state(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
     u_kg = combine(sources)
     withheld = [check.check for check in verdict.failed("mass")]
@@ -218,7 +218,7 @@ def _payload_with_uncertainty(
     if not empty and body.empty_mass_kg is None:
         return {f"{of}_{name}": None for of in ("payload", "own_payload") for name in names}, []
     weights = difference_weights(weighing, state, empty)
-    sources = mass_uncertainty_budget(weighing, machine, weights)
+    sources = budget_of_mass(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
     u_kg = combine(sources)
     if not empty:
@@ -227,7 +227,7 @@ def _payload_with_uncertainty(
     own = (own_kg, u_kg, combine(sources, "random"))
     told = own
     if datum is not None:
-        sources = datum.uncertainty_sources_of_payload(weights)
+        sources = datum.payload_sources(weights)
         told = (datum.scale_1 * own_kg, combine(sources), combine(sources, "random"))
     found: dict[str, float | None] = {
         f"payload_{n}": value for n, value in zip(names, told, strict=True)

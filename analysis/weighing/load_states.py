@@ -14,8 +14,8 @@ from analysis.weighing.motion_samples import (
     Floats,
     Ints,
     MotionSamples,
-    mark_first_samples,
-    mark_last_samples,
+    first_of_stretch,
+    last_of_stretch,
 )
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.changepoints import Partitions, partitions
@@ -159,7 +159,7 @@ def stretch_units(motion: MotionSamples) -> Ints:
     One that is too short to tell a mass, or that hardly changes its speed, goes with the one before
     it, or with the one after it where something tells that the load changed before and not after.
     """
-    unit = motion.unit[mark_first_samples(motion.group)]
+    unit = motion.unit[first_of_stretch(motion.group)]
     number, of = np.unique(unit, return_inverse=True)
     samples = np.bincount(of, weights=np.bincount(motion.group[motion.used]))
     tells = samples >= min(
@@ -175,9 +175,8 @@ def stretch_units(motion: MotionSamples) -> Ints:
     before = np.maximum.accumulate(np.where(tells, place, -1))
     after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
     goes = np.where(before < 0, np.argmax(tells), before)
-    first, last = (
-        np.flatnonzero(each(motion.group)) for each in (mark_first_samples, mark_last_samples)
-    )
+    group = motion.group
+    first, last = (np.flatnonzero(each(group)) for each in (first_of_stretch, last_of_stretch))
     for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
@@ -392,8 +391,7 @@ def _between_manoeuvre_scatter(
         mean = means_by_state(level, weight, state)
         return float(weight @ (level - mean[state]) ** 2) / freedom
 
-    ratio = float(np.sqrt(excess(0.0)))
-    if ratio <= 1.0:
+    if (ratio := float(np.sqrt(excess(0.0)))) <= 1.0:
         return 0.0, float(freedom), ratio
     low, high = 0.0, float(np.ptp(level)) + 1e-9
     for _ in range(_ROUNDS):

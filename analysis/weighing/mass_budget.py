@@ -123,7 +123,7 @@ _PARTS: Final = {
 }
 
 
-def mass_uncertainty_budget(
+def budget_of_mass(
     weighing: Weighing, machine: Machine, weights: Floats
 ) -> list[UncertaintySource]:
     """Every source of uncertainty of a sum of masses, the largest first, the unknown ones last.
@@ -175,7 +175,7 @@ def relative_u(weighing: Weighing, machine: Machine, state: int) -> float:
     By this a load has a mass or none: NaN where the fit has no number, infinite where its mass is
     not above 0.
     """
-    sources = mass_uncertainty_budget(weighing, machine, weighing.fit.weights_of_state(state))
+    sources = budget_of_mass(weighing, machine, weighing.fit.weights_of_state(state))
     mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
     if not np.isfinite([mass_kg, combine(sources)]).all():
         return float("nan")

@@ -25,9 +25,9 @@ from analysis.weighing.fitted_stretches import (
     cut_stretches,
     driving_directions,
     drop_standing_runs,
+    first_of_stretch,
     fitted_manoeuvres,
-    mark_first_samples,
-    mark_last_samples,
+    last_of_stretch,
     missing_rows,
     number_runs,
     path_positions,
@@ -171,8 +171,8 @@ class MotionSamples:
     @cached_property
     def pieces(self) -> tuple["MotionSamples", ...]:
         """The same in pieces of whole stretches, with the samples around that they reach to."""
-        first = np.flatnonzero(mark_first_samples(self.group))
-        last = np.flatnonzero(mark_last_samples(self.group))
+        first = np.flatnonzero(first_of_stretch(self.group))
+        last = np.flatnonzero(last_of_stretch(self.group))
         whole = np.flatnonzero(np.diff(first // _PIECE)) + 1
         reach = math.ceil(LIMITS.piece_margin_s * self.rate_hz)
         found: list[MotionSamples] = []
@@ -301,8 +301,7 @@ def motion_samples(
     """Take the columns of the manoeuvres that the gate found informative.
 
     Args:
-        aligned: the grid, before the moving mean, with `digs` where that was looked for, and
-            `left_out`, rows that say nothing, where there are any.
+        aligned: the grid before the moving mean, if so with `digs`, and `left_out` of useless rows.
         excitation: the phases of motion.
         gated: which windows are accepted.
         machine: wheels, settings.
@@ -341,9 +340,8 @@ def motion_samples(
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
     stood = running_standstill_count(excitation)
     unit = cut_drives(stood, rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz))
-    silences = count_silences(
-        known, rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
-    )
+    longest_hole = rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
+    silences = count_silences(known, longest_hole)
     group = cut_stretches(group, unit)
     return MotionSamples(
         np.where(known, acceleration, 0.0),

@@ -8,7 +8,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build
 from analysis.model.uncertainty_sources import combine
-from analysis.weighing.mass_budget import mass_uncertainty_budget
+from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.wheel_kinematics import TERMS
 
@@ -101,7 +101,7 @@ def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
 
 
 def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
-    sources = mass_uncertainty_budget(weighing, machine, weighing.fit.weights_of_state(state))
+    sources = budget_of_mass(weighing, machine, weighing.fit.weights_of_state(state))
     total = combine(sources)
     u_kg = np.array([np.nan if source.u is None else source.u for source in sources])
     return pl.DataFrame(

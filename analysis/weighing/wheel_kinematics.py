@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.fitted_stretches import mark_first_samples, mark_last_samples
+from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
@@ -324,8 +324,8 @@ def _make_comparison_rows(
 ) -> _Rows | None:
     """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
     first, last = (
-        np.flatnonzero(mark_first_samples(motion.group)),
-        np.flatnonzero(mark_last_samples(motion.group)),
+        np.flatnonzero(first_of_stretch(motion.group)),
+        np.flatnonzero(last_of_stretch(motion.group)),
     )
     spans = np.column_stack([first, last + 1])[last + 1 - first >= 10 * MEAN]
     if not spans.size:

@@ -4,7 +4,7 @@ A guess is made only where a message type or a column's name leaves little doubt
 that is numeric is listed as a comment to choose from.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Final
 
@@ -21,7 +21,7 @@ from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.machines.toml_file import toml_value
 from replay.recognise.joints import recognise_joints
-from replay.recognise.profile import FieldProfile, profile_fields
+from replay.recognise.profile import FieldProfile, ask_about_efforts, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.table import recognise_channels
 from replay.recognise.words import read_column_name
@@ -63,10 +63,6 @@ _TO_ANSWER = (
 
 _JOINT_UNIT = (
     'are the joints\' velocities in m/s? where they are in rad/s, scale = "wheel_radius_m"'
-)
-_EFFORT_UNIT = (
-    "is effort a torque in N·m, or a motor current in A? where it is a current, scale = the torque "
-    "at the wheel per ampere"
 )
 #: The topic (None in a table) and the field of a column.
 Source = tuple[str | None, str]
@@ -169,9 +165,10 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     lines += [f"# missing: {sentence}" for sentence in lacking]
     is_unsure = any(_note_on_wheel_speed(guess) for guess in guesses)
     profiles = profile_fields(log)
-    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *_ask_about_efforts(guesses, profiles)]
+    used = {(guess.topic or TABLE, guess.field) for guess in guesses}
+    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_about_efforts(used, profiles)]
     lines += [f"# to answer: {sentence}" for sentence in (*to_answer, *_TO_ANSWER)]
-    rest = [*_profile_unused_columns(profiles, guesses), *notes_on_topics(topics, guesses)]
+    rest = [*_profile_unused_columns(profiles, used), *notes_on_topics(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
     return "\n".join(lines) + "\n", lacking
@@ -205,23 +202,10 @@ def _make_comment_lines(proposal: ChannelProposal) -> list[str]:
     return [f"# {_replace_unprintable(proposal.reason)}", *(f"# {line}" for line in lines), ""]
 
 
-def _ask_about_efforts(guesses: list[Guess], profiles: list[FieldProfile]) -> list[str]:
-    """Ask for the unit of joint efforts that are taken for torques; name one without a sign."""
-    used = {(each.topic, each.field) for each in guesses if each.field.startswith("effort[")}
-    if not used:
-        return []
-    unsigned = [
-        f"{each.field} lies between {each.low:.4g} and {each.high:.4g}, never below zero: a torque "
-        "that brakes would be negative"
-        for each in profiles
-        if (each.topic, each.field) in used and each.low is not None and each.low >= 0.0
-    ]
-    return ["; ".join([_EFFORT_UNIT, *unsigned])]
-
-
-def _profile_unused_columns(profiles: list[FieldProfile], guesses: list[Guess]) -> list[str]:
+def _profile_unused_columns(
+    profiles: list[FieldProfile], used: Collection[tuple[str, str]]
+) -> list[str]:
     """Every column that is not used, with its unit, rate and range."""
-    used = {(guess.topic or TABLE, guess.field) for guess in guesses}
     rest = [each for each in profiles if (each.topic, each.field) not in used]
     several = any(each.topic != TABLE for each in rest)
     topics = [f"{_replace_unprintable(each.topic)} " if several else "" for each in rest]

@@ -6,7 +6,7 @@ import pytest
 from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.weighing.load_frames import make_load_frame, manoeuvre_frame
-from analysis.weighing.mass_budget import mass_uncertainty_budget
+from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.nuisance_frames import budget_frame, make_nuisance_frame
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 from tests.analysis.weighing.weighed import RICH, Weighed, weighed
@@ -28,7 +28,7 @@ def with_body(log, **known):
 
 def u_of(log, **known):
     """What each source contributes, in kg."""
-    sources = mass_uncertainty_budget(log.weighing, with_body(log, **known), ONE)
+    sources = budget_of_mass(log.weighing, with_body(log, **known), ONE)
     return {each.name: each.u for each in sources}
 
 
@@ -75,13 +75,13 @@ class TestScale:
         told = {"force_gain_u": 0.01, "force_share_u": 0.005, "force_share_by_load_u": 0.3}
         told["wheel_radius_u_m"] = 0.001
         assert the_load(log, **told)["scale_unknown"] == ""
-        some = mass_uncertainty_budget(log.weighing, with_body(log, force_gain_u=0.0), ONE)
+        some = budget_of_mass(log.weighing, with_body(log, force_gain_u=0.0), ONE)
         assert "force_gain" not in unknown_scale(some)
 
     def test_a_whole_force_has_no_share_and_no_wheels_that_must_be_known(self, log):
         channels = {"force_x_N": log.machine.channels["torque_left_N_m"], **log.machine.channels}
         machine = with_body(log, force_share=1.0).model_copy(update={"channels": channels})
-        assert unknown_scale(mass_uncertainty_budget(log.weighing, machine, ONE)) == ["force_gain"]
+        assert unknown_scale(budget_of_mass(log.weighing, machine, ONE)) == ["force_gain"]
 
 
 class TestBody:
@@ -129,7 +129,7 @@ class TestFrames:
     def test_random_and_common_parts_are_the_whole(self, log):
         load = log.load
         assert np.hypot(load["u_random_kg"], load["u_common_kg"]) == pytest.approx(load["u_kg"])
-        sources = mass_uncertainty_budget(log.weighing, log.machine, ONE)
+        sources = budget_of_mass(log.weighing, log.machine, ONE)
         assert combine(sources) == pytest.approx(load["u_kg"])
         assert {each.kind for each in sources} == {"random", "common", "scale"}
 
