@@ -163,7 +163,7 @@ class Loop:
 
 
 class Primitive:
-    """What numba has another word for than Python."""
+    """A function with two implementations: one for plain Python, one for numba."""
 
     def __init__(self, interpreted: Callable[..., Any], load: Callable[[], Any]) -> None:
         """Have both.

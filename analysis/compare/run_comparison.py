@@ -82,7 +82,7 @@ class Comparison:
         ) and not any(change.name == "contents" for change in self.inputs)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values, with the changes of estimates."""
+        """The comparison as plain values, with the changes of estimates."""
         plain = asdict(self)
         for name in ("estimates", "manoeuvres"):
             changes: tuple[EstimateChange, ...] = getattr(self, name)

@@ -55,11 +55,11 @@ class BoomDumps:
     dumps: tuple[BoomDump, ...] = ()
 
     def dumps_during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
-        """Those that lie in a stretch of time."""
+        """Dumps that lie within a stretch of time."""
         return [each for each in self.dumps if start_ns <= each.dumped_ns <= end_ns]
 
     def dumps_with_boom_out(self, start_ns: int, end_ns: int) -> list[BoomDump]:
-        """Those whose boom is out in a stretch of time: one who creeps may dump before it."""
+        """Dumps with the boom out in a stretch of time: a creeping machine may dump before it."""
         return [each for each in self.dumps if start_ns <= each.end_ns and each.start_ns <= end_ns]
 
     def shows_no_dump(self, start_ns: int, end_ns: int) -> bool:

@@ -75,7 +75,7 @@ class _CommonUncertainty:
     empty: Floats
 
     def of_payload_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
-        """Of one payload: all that is common, and how much of that is alike in all.
+        """Common uncertainty of one payload, and the part of it that all payloads share.
 
         Args:
             weights: (passes,) of each pass in it.

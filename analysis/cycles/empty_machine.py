@@ -56,8 +56,8 @@ class ShiftScale(NamedTuple):
     """Where the scale of the payloads comes from.
 
     Attributes:
-        told_by: what tells it; empty where nothing does.
-        unknown: the sources that nothing tells, with commas.
+        told_by: source that fixes the scale; empty if none.
+        unknown: scale sources without a stated uncertainty, separated by commas.
         gain_1: mass of the empty machine in the log over that of the machine file, where it has u.
         gain_u_1: its standard uncertainty.
     """

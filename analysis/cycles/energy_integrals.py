@@ -163,7 +163,7 @@ def subtract_braked_drive(
     viscous_N_s_m: float,
     coulomb_N: float,
 ) -> EnergySamples:
-    """The same without drive where brakes take more: brakes that no sensor sees leave the force.
+    """Subtract the drive where brakes absorb more; unmeasured brakes do not show in the force.
 
     Args:
         samples: of the log.
@@ -181,14 +181,14 @@ def subtract_braked_drive(
 
 
 def undelayed_drive(samples: EnergySamples, force_late_s: float) -> EnergySamples:
-    """The same with the drive's stretches where the force acts, not where it is measured."""
+    """Move the stretches of drive from where the force is measured to where it acts."""
     sampled = samples.step_s[samples.step_s > 0.0]
     rows = round(force_late_s / float(np.median(sampled))) if sampled.size else 0
     return shift_drive_in_time(samples, -rows)
 
 
 def shift_drive_in_time(samples: EnergySamples, rows: int) -> EnergySamples:
-    """The same with the drive's stretches so many rows later.
+    """Delay the stretches of drive by a number of rows.
 
     A motor lets go gradually: where its force ends is known to half the moving mean at best.
     """

@@ -149,7 +149,7 @@ class _Starts(NamedTuple):
     def starts_between(
         self, begin_ns: int, end_ns: int, otherwise_kg: float | None
     ) -> "_Starts | None":
-        """Those between two times; where there are none, one of another mass, if that is known."""
+        """Starts between two times; if none, one start of another known mass, else None."""
         chosen = (self.middle_ns >= begin_ns) & (self.middle_ns <= end_ns)
         if chosen.any():
             return _Starts(self.middle_ns[chosen], self.mass_kg[chosen])

@@ -93,7 +93,7 @@ def sum_shift(
 def recount_shift(
     summary: pl.DataFrame, cycles: pl.DataFrame, rejected: Collection[int] = ()
 ) -> pl.DataFrame:
-    """The same with other cycles: calibrated ones, or without some that a reviewer rejects.
+    """Sum the shift again with other cycles: calibrated ones, or without rejected ones.
 
     Args:
         summary: frame `shift`.

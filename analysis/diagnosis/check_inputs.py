@@ -188,7 +188,7 @@ class CheckInputs:
 
     @cached_property
     def position_dependent_force(self) -> Floats | None:
-        """A spring, say, as far as the answer's fit knows it, (n,): it hides the mass from others.
+        """Position-dependent force in N of the joint fit, such as a spring, (n,).
 
         None where there is none.
         """

@@ -43,7 +43,7 @@ def _has_wheel_kinematics(inputs: CheckInputs, _: AxisMotion) -> bool:
 
 
 def _relative_u(inputs: CheckInputs, _: AxisMotion) -> float:
-    """Of the load that most manoeuvres are of."""
+    """Relative uncertainty of the load with most manoeuvres."""
     weighing = inputs.weighing
     if weighing is None:
         return np.nan

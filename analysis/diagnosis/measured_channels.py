@@ -272,7 +272,7 @@ def find_repeated_extremes(x: Floats) -> dict[float, float]:
 
 
 def _find_recurring_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
-    """Likewise the values that long runs come back to, and few readings are beyond."""
+    """Find levels to which long runs return and that few readings exceed."""
     often = Counter(run.value for run in runs)
     return {
         value: float((x == value).mean())

@@ -13,7 +13,7 @@ from estimators.arrays import Floats
 
 
 def _raw_opposing_share(inputs: CheckInputs, motion: AxisMotion) -> float:
-    """As `opposing_share`, of the unfiltered force: a low-pass undershoots below 0."""
+    """`opposing_share` of the unfiltered force, since a low-pass undershoots below 0."""
     force = _raw_force(inputs)
     if force is None:
         return np.nan

@@ -158,7 +158,7 @@ class Design:
 
 
 def scenario_with_manoeuvres(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
-    """The same scenario with these manoeuvres as its trial."""
+    """Copy a scenario with these manoeuvres as its trial."""
     campaign = base.campaign.model_copy(update={"manoeuvres": manoeuvres})
     return base.model_copy(update={"campaign": campaign})
 

@@ -86,7 +86,7 @@ def determine_parameters(
 
 
 def column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Floats | None:
-    """Of acceleration and speed after the moving mean, of sign and constant: (4,)."""
+    """Noise of acceleration, speed, sign and constant after the moving mean, (4,)."""
     known = ColumnNoise.of_axis(X, noise, settings.noise)
     if known is None:
         return None

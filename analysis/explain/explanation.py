@@ -104,7 +104,7 @@ class Explanation:
     determined: DeterminedParameters | None
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The fields as plain JSON values."""
         return {
             "at_s": self.at_s,
             "can_weigh": self.said.verdict.can_weigh,
@@ -165,7 +165,7 @@ def _is_near(finding: Finding, at_s: float) -> bool:
 def determine_parameters_at_moment(
     run: Run, manoeuvre: ManoeuvreReport | None, at_s: float | None
 ) -> DeterminedParameters | None:
-    """Of the manoeuvre, or of the window that ends at the moment; else of all that is used."""
+    """Determined parameters of the manoeuvre, the window that ends at a moment, or the log."""
     excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
     settings = run.provenance.settings
     if excitation is None or not excitation.height:

@@ -19,7 +19,7 @@ _DIMENSIONLESS = ("sign",)
 def convert_to_si(
     tree: Expression, units: Mapping[str, str], registry: Any
 ) -> tuple[Expression, Any]:
-    """The same expression with every name and constant in SI units, and its dimension.
+    """Convert every name and constant of an expression to SI units; with its dimension.
 
     Args:
         tree: the expression.

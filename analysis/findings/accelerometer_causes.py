@@ -105,7 +105,7 @@ def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
-    """The same with all of gravity on z: what is on x is none of it."""
+    """Bias of an accelerometer whose z axis carries all of gravity: its mean along x."""
     return _zero_reading_symptom(inputs, ("bias",))
 
 

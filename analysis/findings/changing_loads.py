@@ -104,7 +104,7 @@ def find_changing_load(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _fitted_growths(inputs: FindingInputs) -> list[Symptom]:
-    """Those that are fitted although their load grows."""
+    """Growing loads that are part of the fit."""
     found = _significant_growths(inputs)
     if not found:
         return []
@@ -121,7 +121,7 @@ def _fitted_growths(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _excluded_growths(inputs: FindingInputs) -> list[Symptom]:
-    """Those that the answer leaves out."""
+    """Growing loads that the answer excludes."""
     weighing = inputs.check_inputs.weighing
     if weighing is None or not weighing.growing:
         return []

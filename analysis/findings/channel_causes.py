@@ -292,7 +292,7 @@ def are_mechanical_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: 
 
 
 def local_std(x: Floats) -> Floats:
-    """(n,) by the median of the distances within its block, and not below the log's."""
+    """Standard deviation (n,) by the median of abs(x) in each block; at least of all blocks."""
     size = x.size // _BLOCK * _BLOCK
     blocks = STD_OF_MAD * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
     # a start is sharper than what surrounds it

@@ -119,7 +119,7 @@ def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> floa
 def _lag_of_force(
     force: Floats, acceleration: Floats, v: Floats, drives: Bools, step_s: float
 ) -> tuple[float, float, float]:
-    """As `_find_lag`, of a force that does not see the brakes."""
+    """Lag of a force that brakes do not act on; see `_find_lag`."""
     longest = round(LIMITS.longest_delay_s / step_s)
     inside = drives.copy()
     inside[:longest] = inside[-longest:] = False

@@ -87,7 +87,7 @@ class FindingInputs:
 
     @cached_property
     def resting_samples(self) -> Bools:
-        """Those of them with no motion near, (n,): a machine swings after it has stopped."""
+        """Standstill samples, (n,), without motion near: a machine swings after it has stopped."""
         near = ~self.standing_samples
         after, before = (
             round(s * self.machine.settings.align.rate_hz)
@@ -128,7 +128,7 @@ class FindingInputs:
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
 
     def since_first_sample_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
-        """The same in ns since the first aligned sample."""
+        """Convert two unix stamps to ns since the first aligned sample."""
         t0 = self.check_inputs.t0_unix_ns
         return int(begin_unix_ns) - t0, int(end_unix_ns) - t0
 
@@ -138,7 +138,7 @@ class FindingInputs:
         return ~self.standing_samples[np.minimum(indices_of_stamps(t, unix_ns), t.size - 1)]
 
     def newtons_per_unit(self, channel: str) -> float:
-        """The longitudinal force in N that one of a force channel stands for (17)."""
+        """Longitudinal force in N per unit of a force channel, by equation (17) of the paper."""
         body = self.machine.machine
         if channel == "force_x_N":
             return 1.0 / body.force_share
@@ -177,7 +177,7 @@ class FindingInputs:
         return self.standstill_level_of(values(self.aligned, column))
 
     def standstill_level_of(self, x: Floats) -> tuple[float, float]:
-        """Likewise of (n,) values: of means of half a second, which hardly know of each other."""
+        """Standstill level of (n,) values, by nearly independent means over half a second."""
         x = x[self.resting_samples]
         x = x[np.isfinite(x)]
         size = max(round(LIMITS.stand_block_s * self.machine.settings.align.rate_hz), 1)

@@ -280,7 +280,7 @@ def _share_change_text(value: float, std: float) -> str:
 
 
 def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
-    """The same where the answer has loads that take turns with the direction."""
+    """Find a gain drift where loads of the answer alternate with the driving direction."""
     found = compare_share_with_loads(inputs)
     if found is None or found.worse > LIMITS.indistinguishable_gain:
         return []

@@ -184,7 +184,7 @@ def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> str:
-    """Of two clocks that run apart, the one of the force where there is one."""
+    """The channel to blame for two clocks that diverge: that of the force, if it is one of them."""
     force = inputs.force_channel
     topic = None if force is None else inputs.machine.channels[force].topic
     return slower if slower == topic else faster

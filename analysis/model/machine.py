@@ -361,7 +361,7 @@ class Machine(BaseModel):
 
     @property
     def differentiates_wheels(self) -> bool:
-        """Likewise of a speed that wheels measure, which may slip; a position does not."""
+        """Whether acceleration is differentiated from wheel speed, which may slip."""
         return self.differentiates_speed and self.channels["speed_x_m_s"].derivative_of is None
 
     def derivation_order(self) -> list[str]:

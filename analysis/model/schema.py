@@ -290,7 +290,7 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "planar",
-            "a row an arc or joint fit: the centre of mass, and what the motion determines",
+            "a row for each arc or joint fit: centre of mass, parameters the motion determines",
             (
                 Column("kind", pl.String, "1", "arc, arcs (all of them together) or joint"),
                 Column("start_t_ns", pl.Int64, "ns", "its first sample"),

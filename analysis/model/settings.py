@@ -256,7 +256,7 @@ class Settings(BaseModel):
         return getattr(getattr(self, part), key)
 
     def with_changes(self, changes: Mapping[str, Any]) -> Self:
-        """The same settings but for `changes`, by dotted name: `{"gate.window_samples": 400}`.
+        """Copy the settings with changes by dotted name: `{"gate.window_samples": 400}`.
 
         Raises:
             ValidationError: no such setting, or a value that it does not take.

@@ -59,7 +59,7 @@ class AnswerProgress:
 
     @property
     def percent(self) -> float | None:
-        """Of the information that the aim takes: its square over that of the uncertainty."""
+        """Information gained towards the target, in percent: (target / uncertainty)²."""
         if self.until_u_kg is None:
             return None
         if self.u_kg is None:

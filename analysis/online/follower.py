@@ -154,7 +154,7 @@ class Follower:
         return [report for row in self.rows(is_whole=is_whole) for report in row.reports]
 
     def rows(self, *, is_whole: bool = False) -> list[FollowedRow]:
-        """The same row by row, with decisions and estimates."""
+        """Yield the rows that are complete, each with its decisions and estimates."""
         table = self.log.take_new_rows(is_whole=is_whole)
         found: list[FollowedRow] = []
         if table is not None:

@@ -134,7 +134,7 @@ class OnlineStep(NamedTuple):
 
     @property
     def estimates(self) -> Mapping[str, TimedEstimate]:
-        """Those of straight motion."""
+        """Estimates of straight motion."""
         return self.straight.estimates
 
 

@@ -97,7 +97,7 @@ def machine_parts(
 def standard_uncertainty(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> float:
-    """Of a quantity with everything that is known; NaN where the motion does not determine it."""
+    """Standard uncertainty of a quantity, all sources; NaN if the motion does not determine it."""
     at = np.flatnonzero(gradient)
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")

@@ -79,13 +79,13 @@ class Drive:
 
     @property
     def mass_kg(self) -> float:
-        """As the fit before has it, or as the file has it where that told none."""
+        """Mass by the previous fit, or by the machine file if that determined none."""
         told = self._coefficient_of_term("mass_kg")
         return told if told > 0.0 else self.machine.machine.empty_mass_kg or 0.0
 
     @property
     def inertia_z_kg_m2(self) -> float:
-        """Of that fit, 0 where it told none; and so on."""
+        """Inertia by the previous fit, 0 if it determined none."""
         return self._coefficient_of_term("inertia_z_kg_m2")
 
     @property
@@ -110,14 +110,14 @@ class Drive:
 
     @property
     def weight(self) -> float:
-        """Of the machine, in N."""
+        """Weight of the machine, in N."""
         return self.mass_kg * self.gravity_m_s2
 
     def _coefficient_of_term(self, name: str) -> float:
         return float(self.coefficients[_AT[name]])
 
     def cut_to_slice(self, part: slice) -> "Drive":
-        """The same of a slice of samples."""
+        """Cut the drive to a slice of samples."""
         return replace(
             self, plane=self.plane.cut_to_slice(part), of_samples=self.of_samples[:, part]
         )

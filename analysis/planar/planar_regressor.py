@@ -43,7 +43,7 @@ class Regressor:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Of the regressor."""
+        """Shape of the regressor."""
         rows = len(range(2)[self.axes])
         return self.drive.plane.motion.speed.size, rows, self.columns.size + len(self.terms)
 

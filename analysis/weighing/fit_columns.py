@@ -67,7 +67,7 @@ class RelativeLoads:
         return cls(unit, value, weight_shares)
 
     def standardised_load_of(self, unit: Ints) -> Floats:
-        """The same over the root mean square of all manoeuvres'."""
+        """Relative load of these manoeuvres, over the root mean square of all."""
         return self.relative_load_of(unit) / max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
 
     def is_loaded_in(self, unit: Ints) -> Bools:
@@ -77,7 +77,7 @@ class RelativeLoads:
         )
 
     def relative_load_of(self, unit: Ints) -> Floats:
-        """Of samples of these manoeuvres, (n,); one that is not known goes with the one before."""
+        """Relative load of samples of these manoeuvres, (n,); unknown ones take the one before."""
         place = np.searchsorted(self.unit, unit, "right") - 1
         return self.value[place.clip(0, self.unit.size - 1)]
 
@@ -140,7 +140,7 @@ class FitRows:
     terms: tuple[Nuisance, ...]
 
     def select_terms(self, terms: tuple[Nuisance, ...]) -> "FitRows":
-        """The same with the columns of some of the terms."""
+        """Select the columns of some of the terms."""
         if terms == self.terms:
             return self
         at = np.array([0, 1, *(2 + self.terms.index(term) for term in terms)])
@@ -275,7 +275,7 @@ def _whiten_constants(A: Floats, f: Floats, group: Ints, ratio: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _PieceColumns:
-    """Of a piece: (terms + 3, n) columns, the force behind them, and the stretch of each sample."""
+    """Columns of a piece, (terms + 3, n), with its force and the stretch of each sample."""
 
     values: Floats
     group: Ints
@@ -284,7 +284,7 @@ class _PieceColumns:
 
 @dataclass(frozen=True, slots=True)
 class _PieceMeans:
-    """Of a piece: columns, force, stretch and length of each mean, and its last sample."""
+    """Means of a piece: columns, force, stretch and length of each, and its last sample."""
 
     A: Floats
     f: Floats

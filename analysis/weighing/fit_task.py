@@ -62,7 +62,7 @@ class FitTask:
     uneven_1_s: float = 0.0
 
     def cut_to_first_stretches(self, stretches: int) -> "FitTask":
-        """The same up to the end of so many stretches."""
+        """Cut the task to its first stretches."""
         motion = self.motion.cut_to_first_stretches(stretches)
         states = None if self.states is None else self.states.among(motion)
         return replace(self, motion=motion, states=states)
@@ -284,7 +284,7 @@ class FitTask:
         ]
 
     def _prior_means(self, mean: Floats, moved_s: float) -> PriorMeans:
-        """Those of a round, whose force was moved back by so much."""
+        """Means of the priors in a round whose force was moved by a delay."""
         mean, mean_u = mean.copy(), np.zeros(len(self.terms))
         mean[term_index("lag", self.terms)] += moved_s
         for place, term in self._indices_of_learnt_terms():

@@ -236,7 +236,7 @@ def _mass_slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float
 
 
 def _row_variance(fit: JointFit, noise: ColumnNoiseModel) -> float:
-    """Of a row of the fit by the instruments' noise, added up over rows that overlap, in N²."""
+    """Variance of a row by sensor noise, summed over overlapping rows, in N²."""
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous, -1.0])
     overlap = samples / mean_stride(samples)

@@ -341,7 +341,7 @@ class JointFit:
 
     @property
     def mass_kg(self) -> float:
-        """Of the state that most manoeuvres are of."""
+        """Mass of the load state with most manoeuvres."""
         return float(self.masses_kg[self.main_state])
 
     @property
@@ -358,7 +358,7 @@ class JointFit:
         return self.sum_u_kg(self.weights_of_state(self.main_state))
 
     def sum_u_kg(self, weights: Floats) -> float:
-        """Likewise of a sum of masses, in kg."""
+        """Standard uncertainty of a sum of masses, in kg."""
         return root_sum_of_squares(self.parts_kg(weights))
 
 

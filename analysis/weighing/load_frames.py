@@ -66,7 +66,7 @@ def _span_of_each_state(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[i
 
 
 def _manoeuvre_of_samples(fit: JointFit, states: LoadStates) -> Ints:
-    """Of each fitted sample, the place of its manoeuvre among those of the states."""
+    """Index of each fitted sample's manoeuvre among those with a load state."""
     return np.searchsorted(states.unit, sample_units(fit.motion))
 
 

@@ -55,7 +55,7 @@ class ColumnNoiseModel(Protocol):
 
 @dataclass(frozen=True)
 class CachedNoise:
-    """The same noise, each length of a mean worked out once.
+    """Column noise that computes the covariance of each length of mean once.
 
     Attributes:
         columns: whose noise it is.
@@ -128,14 +128,14 @@ class MotionSamples:
     wheel_radius_u_1: float | None = None
 
     def cut_to_first_stretches(self, stretches: int) -> "MotionSamples":
-        """The same up to the end of so many stretches."""
+        """Cut the samples to the first stretches."""
         if not self.used.any() or int(self.group.max()) < stretches:
             return self
         end = int(np.argmax(self.group >= stretches))
         return replace(self._select_samples(slice(0, end)), progress=centred_progress(end))
 
     def near_fitted(self, reach_s: float) -> "MotionSamples":
-        """The same without samples that are farther than so from any that may be fitted.
+        """Drop samples farther than a distance from any that may be fitted.
 
         What moves the force or the speed in time by no more finds what it would.
         """
@@ -170,7 +170,7 @@ class MotionSamples:
 
     @cached_property
     def pieces(self) -> tuple["MotionSamples", ...]:
-        """The same in pieces of whole stretches, with the samples around that they reach to."""
+        """Split into pieces of whole stretches, with the samples around that their means need."""
         first = np.flatnonzero(first_of_stretch(self.group))
         last = np.flatnonzero(last_of_stretch(self.group))
         whole = np.flatnonzero(np.diff(first // _PIECE)) + 1
@@ -184,18 +184,18 @@ class MotionSamples:
         return tuple(found)
 
     def exclude_samples(self, samples: Bools) -> "MotionSamples":
-        """The same without some of the samples, stretches numbered anew."""
+        """Exclude some of the samples and renumber the stretches."""
         group = np.where(samples, -1, self.group)
         left = group >= 0
         group[left] = np.unique(group[left], return_inverse=True)[1]
         return replace(self, group=group)
 
     def shift_force(self, lag_s: float) -> "MotionSamples":
-        """The same with the force moved back by how late it is."""
+        """Advance the force by its delay."""
         return replace(self, force=self._shift_in_time(self.force, lag_s))
 
     def shift_speed(self, delay_s: float) -> "MotionSamples":
-        """The same with the speed moved back by how late it is."""
+        """Advance the speed by its delay."""
         return replace(self, speed=self._shift_in_time(self.speed, delay_s))
 
     def _shift_in_time(self, x: Floats, late_s: float) -> Floats:

@@ -67,7 +67,7 @@ class Moments:
         return self.rolling_fraction * self.speed
 
     def select_rows(self, rows: Ints) -> "Moments":
-        """The same of some of the samples."""
+        """Select some of the samples."""
         channels = {n: x[rows] for n, x in vars(self).items() if isinstance(x, np.ndarray)}
         return replace(self, **channels)
 

@@ -17,7 +17,7 @@ from analysis.weighing.weighing_limits import LIMITS
 
 
 def align_records(motion: MotionSamples) -> MotionSamples:
-    """The same with the paths of its records moved onto each other, where a bench has several."""
+    """Move the paths of a bench's records onto each other, where it has several."""
     used = motion.used
     if motion.silences is None or not used.any() or not motion.is_on_bench:
         return motion
@@ -107,7 +107,7 @@ def rows_to_search(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
 
 
 def add_weight(rows: FitRows, place: list[int], weight_m_s2: Floats) -> FitRows:
-    """The same rows with weight by the place, per kg, in what multiplies the mass."""
+    """Add the position-dependent weight per kg to the column that multiplies the mass."""
     A = rows.A.copy()
     A[:, 0] += rows.A[:, 2:][:, place] @ weight_m_s2
     return replace(rows, A=A)

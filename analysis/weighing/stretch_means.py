@@ -25,7 +25,7 @@ def overlapping_means(x: Floats) -> Floats:
 
 @compiled_ahead
 def subtract_line(x: Floats) -> Floats:
-    """The same without a constant and a slope."""
+    """Subtract a constant and a slope."""
     middle = (x.size - 1) / 2.0
     ramp = np.arange(x.size) - middle
     slope = sum_in_order(ramp * x) / sum_in_order(ramp * ramp)

@@ -178,7 +178,7 @@ def _weigh_with_priors(
     machine: Machine,
     priors: PriorSettings,
 ) -> Weighing | None:
-    """The same with these priors."""
+    """Weigh with other priors."""
     settings = machine.settings
     known = ColumnNoise.of_axis(X, noise, settings.noise)
     if known is None or excitation.height < FEWEST_READINGS:
@@ -276,7 +276,7 @@ def _has_enough_samples(motion: MotionSamples) -> bool:
 
 
 def _exclude_manoeuvres(motion: MotionSamples, units: Sequence[int]) -> MotionSamples:
-    """The same without some manoeuvres, by their numbers."""
+    """Exclude manoeuvres by their numbers."""
     return motion.exclude_samples(np.isin(motion.unit, units))
 
 

@@ -91,7 +91,7 @@ class WheelKinematics:
         return self.is_consistent and abs(self.delay_s[0]) < LIMITS.longest_delay_s
 
     def apply_learnt_priors(self, priors: PriorSettings) -> "WheelKinematics":
-        """The same as a calibration says it, once for all its logs.
+        """Replace gain and lag by those that a calibration learnt for all its logs.
 
         The three are found together, so they are taken together, and where this log's gain is
         beyond its prior, or nothing goes together, its own words stand.

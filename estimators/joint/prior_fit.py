@@ -308,7 +308,7 @@ class _InformativeGroups:
 
 
 def _floor_meats(meats: Floats, gram: Floats) -> Floats:
-    """The same where no direction has less than a share of what white residuals have.
+    """Raise each direction of the meats to at least a share of its value for white residuals.
 
     Correlations that are estimated may add up to a negative variance.
     """

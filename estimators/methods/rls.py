@@ -167,7 +167,7 @@ def _solve_discounted(
 def _estimate_window_autocorrelation(
     A: Floats, f: Floats, window: int, index: Ints
 ) -> tuple[Floats, float]:
-    """Of windows fitted by themselves: what the recursion takes out of its own is not known."""
+    """Residual autocorrelation of windows fitted alone; that of the recursion is unknown."""
     least = solve_windows(A, f, window, index).theta
     return pooled_autocorrelation(*window_residuals(A, f, least, index, window), A)
 

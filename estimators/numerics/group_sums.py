@@ -210,6 +210,6 @@ class GroupSums:
 
 
 def as_slice(rows: Ints) -> slice | Ints:
-    """The same rows, without a copy of what is taken where they follow one another."""
+    """Rows as a slice where they are consecutive, so that indexing makes no copy."""
     first, last = int(rows[0]), int(rows[-1]) + 1
     return slice(first, last) if last - first == rows.size else rows

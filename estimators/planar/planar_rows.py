@@ -152,7 +152,7 @@ class PlanarRegressor:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Of the regressor."""
+        """Shape of the regressor."""
         return self.speed.size, len(ROWS), len(PARAMETERS)
 
     def __getitem__(self, part: slice) -> Floats:

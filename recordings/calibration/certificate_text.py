@@ -88,7 +88,7 @@ def list_missing_statements(document: EvidenceDocument) -> list[str]:
 def weighings_by_load(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> list[Mapping[str, Any]]:
-    """Of each load the number of weighings, their mean error and standard deviation, kg.
+    """Number of weighings of each load, their mean error and standard deviation, in kg.
 
     The limit is that of a single error: categories Y of R 51 and classes of R 134 have none of a
     mean or of a standard deviation (R 51 has those of category X, which checks packages).
@@ -148,9 +148,9 @@ def range_sentences(document: EvidenceDocument) -> Iterator[str]:
     )
     rule = limits.rule
     yield (
-        f"Decision rule: within the limits where a later mass errs beyond them with a probability "
-        f"of at most {rule.risk_1:g}, outside where it errs within them with at most that, else "
-        "undecided (JCGM 106, guarded acceptance by specific risk)."
+        "Decision rule (JCGM 106, guarded acceptance by specific risk): 'within limits' if a later "
+        f"mass exceeds the limits with a probability of at most {rule.risk_1:g}; 'outside limits' "
+        f"if it keeps them with a probability of at most {rule.risk_1:g}; otherwise 'undecided'."
     )
 
 

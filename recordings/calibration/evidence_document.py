@@ -233,7 +233,7 @@ class EvidenceDocument(BaseModel):
         }
 
     def fill_in_released_defaults(self, values: Mapping[str, Any]) -> "EvidenceDocument":
-        """The same, with settings that came later at the default that they came with.
+        """Fill in settings newer than the evidence at the default they were released with.
 
         Args:
             values: `evidence.json`, that it was read from.
@@ -249,7 +249,7 @@ class EvidenceDocument(BaseModel):
 
     @property
     def with_all_settings(self) -> "EvidenceDocument":
-        """The same with every setting of this version written down, also those left at default."""
+        """Write down every setting of this version, also those left at default."""
         return EvidenceDocument.model_validate_json(canonical_bytes(self.model_dump(mode="json")))
 
     @property

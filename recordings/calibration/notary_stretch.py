@@ -155,8 +155,8 @@ def list_keeper(
     by = SignedBy("unknown", "", "" if known is None else known.owner, key.key_id, key.text)
     if document.signer is not None and document.signer.key_id == key.key_id:
         checked.notes.append(
-            f"{NOTARY}: is kept with the key that signed this evidence: it proves no more than "
-            "what that key's owner says"
+            f"{NOTARY}: signed with the same key as this evidence, so it is no independent proof "
+            "of when the logs existed"
         )
     if known is None:
         checked.notes.append(

@@ -119,7 +119,7 @@ def _find_absent(whole: Any, there: Any, at: str) -> Iterator[tuple[str, Any]]:
 def changed_defaults(
     absent: Mapping[str, Any], kept: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """Of settings that came later, those whose default is no longer what it was when they came.
+    """Settings missing in evidence whose default has changed since they were released.
 
     Args:
         absent: as `absent_settings` gives them.

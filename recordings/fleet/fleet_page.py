@@ -207,7 +207,7 @@ def _make_machine_row(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, A
 
 
 def cell_text(value: float | None, form: str) -> tuple[str, str]:
-    """As shown, and as sorted."""
+    """Text of a cell to show, and to sort by."""
     if value is None or not math.isfinite(value):
         return "–", ""
     return f"{value:{form}}", f"{value:.6g}"

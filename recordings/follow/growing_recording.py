@@ -67,12 +67,12 @@ _LAST_OF_PART: Final = "/display/excitation"
 
 @dataclass(frozen=True, slots=True)
 class FollowedLog:
-    """What a growing recording is of.
+    """The log, machine file and noise that a growing recording belongs to.
 
     Attributes:
         identity: of the log, the machine file and the noise; recordings of one are continued.
         t0_unix_ns: unix time of the first row.
-        recording_id: of all parts alike, or viewers show several recordings.
+        recording_id: shared by all parts, so that viewers show one recording.
     """
 
     identity: str

@@ -38,7 +38,7 @@ def render_table_1(frame: pl.DataFrame) -> list[RenderedItem]:
             "paper's one; bound: Cramér–Rao",
             *errors,
         ),
-        RenderedItem("The same over the bound", *ratios),
+        RenderedItem("R.m.s. error divided by the Cramér–Rao bound", *ratios),
     ]
 
 
@@ -141,7 +141,7 @@ def rows_by_method(
 def rows_beside_printed(
     frame: pl.DataFrame, key: str, title: str, cell: Callable[[_Row], str], bound: str
 ) -> tuple[list[str], list[list[str]]]:
-    """The same, each method's number followed by the paper's; the bound in front."""
+    """Rows with each method's number followed by the paper's; the bound comes first."""
     methods = list(frame["method"].unique(maintain_order=True))
     header = [title, "bound"]
     for method in methods:

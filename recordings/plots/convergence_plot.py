@@ -105,7 +105,7 @@ def _draw_recursion(
 
 
 def _draw_running_means(axes: "Axes", run: Run) -> list[float]:
-    """Of the manoeuvres of each load, weighted by their variances, after each of them."""
+    """Draw the variance-weighted mean of each load after each of its manoeuvres."""
     frame = run.frames.get("manoeuvres")
     if frame is None:
         return []

@@ -181,7 +181,7 @@ def _draw_spans(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
 
 
 def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], bottom: float) -> None:
-    """Of each bin the share of every state, stacked."""
+    """Draw the share of every state in each bin, stacked."""
     edges = np.linspace(span[0], span[1], _SHARES + 1)
     width = max(float(edges[1] - edges[0]), 1.0)
     base = np.full(_SHARES, bottom + 0.08)

@@ -78,7 +78,7 @@ class ShiftClock:
         return f"{local:%Y-%m-%d %H:%M:%S} {_format_offset(local)}"
 
     def format_unix_ns(self, unix_ns: int) -> str:
-        """The same of a unix time."""
+        """Format a unix time."""
         return self.format_time((unix_ns - self.t0_unix_ns) / NS)
 
     def to_local_datetime(self, s: float) -> datetime:

@@ -231,7 +231,7 @@ def calibrated_mass_cells(load: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def calibrated_line(load: Mapping[str, Any]) -> str:
-    """The same in words; nothing where no calibration was given."""
+    """The calibrated mass in words; empty if no calibration was given."""
     if "calibrated_kg" not in load:
         return ""
     if load["calibrated_kg"] is None:

@@ -46,7 +46,7 @@ class TornLog(BaseModel):
 
     @property
     def loss(self) -> str:
-        """The same for a list of losses: a duration, where bytes would tell a reader nothing."""
+        """The gap as an entry of the list of losses, as a duration instead of bytes."""
         if self.next_s is None:
             return f"the end of log {self.number} ({self.name}), nobody knows how much"
         last = duration_text(max(self.next_s - self.ends_s, 0.0))

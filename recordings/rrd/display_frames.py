@@ -245,7 +245,7 @@ def break_at_gaps(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
 
 
 def select_arcs(frame: pl.DataFrame) -> pl.DataFrame:
-    """Of planar fits the arcs, which follow each other; without an arc, the fit of all motion."""
+    """The arcs among planar fits, in order of time; if there are none, the fit of all motion."""
     if "kind" not in frame.columns:
         return frame
     arcs = frame.filter(pl.col("kind") == "arc")

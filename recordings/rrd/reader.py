@@ -207,7 +207,10 @@ def _describe_store(path: Path, store: "LazyStore") -> tuple[Manifest, Provenanc
             "use the payscope that wrote it, or replay the log"
         ) from error
     except json.JSONDecodeError as error:
-        raise RecordingError(f"{path}: its description is damaged; replay the log") from error
+        raise RecordingError(
+            f"{path}: the recording's metadata is damaged; run the log again to make a new "
+            "recording"
+        ) from error
 
 
 def _read_frame(

@@ -102,7 +102,7 @@ class CalibrationOutcome:
         return said.calibration is not None and limits and not _has_drift(said.drift)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values."""
+        """The fields as plain values."""
         return {
             "folder": str(self.folder),
             "evidence": self.document.model_dump(mode="json"),

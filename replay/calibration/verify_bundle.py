@@ -76,7 +76,7 @@ class Verification:
         return verdict_text(self.folder, self.findings, f"verified; {self.signed_by}")
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values."""
+        """The fields as plain values."""
         return {
             "folder": str(self.folder),
             "outcome": 0 if self.outcome is None else int(self.outcome),

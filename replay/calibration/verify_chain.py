@@ -45,7 +45,7 @@ class VerifiedChain:
         return f"{these}: {kind.upper()} ({counted(wrong, 'finding')})"
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values."""
+        """The fields as plain values."""
         return {
             "outcome": 0 if self.outcome is None else int(self.outcome),
             "bundles": [made.to_dict() for made in self.bundles],

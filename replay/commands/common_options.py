@@ -55,7 +55,7 @@ FrictionLimit = Annotated[
         "--friction-limit",
         metavar="N_S_M",
         min=1e-3,
-        help="Say on which day each machine's viscous friction reaches so many N·s/m.",
+        help="Limit of viscous friction, N·s/m: report the day on which each machine reaches it.",
     ),
 ]
 

@@ -19,7 +19,11 @@ def command(
     ] = None,
     list_path: Annotated[
         Path | None,
-        typer.Option("--list", metavar="FILE", help="The list; else notary.jsonl in the folder."),
+        typer.Option(
+            "--list",
+            metavar="FILE",
+            help="Notary list to append to; by default notary.jsonl in the log folder.",
+        ),
     ] = None,
     machine_id: Annotated[
         str, typer.Option("--machine-id", metavar="ID", help="Serial number of the machine.")

@@ -65,16 +65,16 @@ class Conversion:
 
     @property
     def rows(self) -> int:
-        """Of all topics."""
+        """Number of rows written, over all topics."""
         return sum(part.rows for topic in self.topics for part in topic.parts)
 
     @property
     def size_bytes(self) -> int:
-        """Of all parts."""
+        """Size of all parts."""
         return sum(part.size_bytes for topic in self.topics for part in topic.parts)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The fields as plain JSON values."""
         return {
             "folder": str(self.folder),
             "rows": self.rows,

@@ -121,7 +121,7 @@ class Demo:
     files: tuple[Path, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values."""
+        """The fields as plain values."""
         return {
             "evidence": self.calibrated.to_dict(),
             "verified": self.verified.to_dict(),

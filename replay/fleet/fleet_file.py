@@ -133,7 +133,7 @@ def _setups_of_rule(name: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
 
 @cache
 def _compile_path_pattern(text: str) -> re.Pattern[str]:
-    """Of the end of a path: from a slash, or from its beginning."""
+    """Compile a pattern that matches the end of a path, from a slash or from its beginning."""
     end = 0
     found: list[str] = []
     for part in _PART.finditer(text):

@@ -44,7 +44,7 @@ class FleetResults:
 
     @cached_property
     def names(self) -> Mapping[str, Sequence[ResultName]]:
-        """Of every machine the results that are there, by day and key."""
+        """Existing results of every machine, by day and key."""
         found: dict[str, list[ResultName]] = {}
         for each in self.store.list_names(MARK):
             name = parse_result_name(each)
@@ -54,7 +54,7 @@ class FleetResults:
 
     @cached_property
     def _gathered(self) -> Mapping[str, str]:
-        """Of every machine the folder of its gathered tables, which are up to date."""
+        """Folder of the up-to-date gathered tables of every machine."""
         there: dict[str, list[str]] = {}
         for each in self.store.list_names(_GATHERED):
             folder, _, name = each.rpartition("/")

@@ -103,7 +103,7 @@ class Store:
             yield from pool.map(self.read, names)
 
     def read_some(self, names: Iterable[str]) -> Iterator[bytes | None]:
-        """The same of objects of which some may not be there: None for those."""
+        """Read several objects; None for each that is not there."""
 
         def read(name: str) -> bytes | None:
             try:

@@ -294,7 +294,7 @@ def fetch_log(log: FleetLog) -> Generator[Path]:
 
 
 def _digest_log_files(path: Path) -> tuple[str, ...]:
-    """Of a log that may not be one."""
+    """Digest the files of a path; empty if it is no log."""
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
     return tuple(file_sha256(each) for each in files)
 

@@ -78,7 +78,7 @@ class FleetRun:
             listed[source] = outcome.reason
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The fields as plain JSON values."""
         return {
             "destination": self.destination,
             "made": self.made,

@@ -32,7 +32,7 @@ CAUSAL: Final = "settings.filter.causal=true"
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Of the gate or of a method.
+    """Agreement of the gate or of one method.
 
     Attributes:
         name: `gate` or the method, and of which axis if it is of spins.

@@ -30,12 +30,12 @@ from replay.logs import ACTIVE
 
 @dataclass(frozen=True, slots=True)
 class ResumePoint:
-    """How far a recording came.
+    """How far an interrupted recording came, to resume from.
 
     Attributes:
-        until_unix_ns: of its last row.
-        end: of one that was cut, which is appended to; None of one whose log had not ended, which
-            is replaced when the log was followed as far again.
+        until_unix_ns: time of its last row.
+        end: where to append if the recording was cut off; None if its log had not ended yet, then
+            the recording is replaced once the follower has come as far again.
     """
 
     until_unix_ns: int

@@ -210,7 +210,7 @@ def progress_text(report: OnlineReport) -> str:
 
 
 def page_text(report: OnlineReport) -> str:
-    """The same in Markdown, for the page beside the plots."""
+    """The reports in Markdown, for the page beside the plots."""
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
     return (
         f"# {mass_text(report)}\n\n"

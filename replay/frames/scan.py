@@ -75,7 +75,7 @@ class _OpenReaders:
         atexit.register(self._wait_for_readers)
 
     def read(self, batches: Iterator[pl.DataFrame]) -> Iterator[pl.DataFrame]:
-        """The same batches, none any more once the interpreter ends."""
+        """Pass batches on, and stop once the interpreter ends."""
         self._count_readers(opened=1)
         try:
             while not self._ends:

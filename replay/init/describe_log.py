@@ -42,7 +42,7 @@ class LogInfo:
         return None if self.checked is None else not self.losses
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The fields as plain JSON values."""
         return {
             "path": str(self.path),
             "format": self.format,

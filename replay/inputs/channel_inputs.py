@@ -223,7 +223,7 @@ def resolve_machine(machine: Machine) -> dict[str, Any]:
 
 
 def package_versions() -> dict[str, str]:
-    """Of whatever may change a number or a recording."""
+    """Versions of all packages that may change a number or a recording."""
     return {"python": platform.python_version(), **{n: version(n) for n in _VERSIONS}}
 
 

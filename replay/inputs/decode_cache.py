@@ -38,7 +38,7 @@ _SAID: Final = 2
 
 
 class _CachedDescription(BaseModel):
-    """Of a log that was decoded."""
+    """Description of a decoded log."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -122,7 +122,7 @@ def decode_logs(
     folder: Path,
     on_log: Callable[[int], None] = lambda _: None,
 ) -> list[Log]:
-    """The same logs, decoded: those that are kept in the folder are not decoded again.
+    """Decode logs; those already decoded into the folder are read from it.
 
     Args:
         logs: opened.

@@ -118,7 +118,7 @@ def begins_ns(
 
 
 def shift_times(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
-    """The same messages later by so much, by whichever stamp they have."""
+    """Shift messages in time, by whichever stamp they have."""
     if not by_ns:
         return frame
     header = pl.col("header_stamp_ns")

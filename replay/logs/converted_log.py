@@ -100,7 +100,8 @@ class ConvertedTopics:
         """A field as `Log.read` gives it."""
         if name in OWN_COLUMNS:
             raise ConvertedFieldError(
-                f"'{name}' is a column of every topic; a field of that name is not read"
+                f"'{name}' is a reserved column of every topic; a message field with this "
+                "name cannot be read"
             )
         if name in self.leaf_fields_by_name:
             return pl.col(name)
@@ -248,7 +249,7 @@ class ConvertedLog(Log):
             ) from None
 
     def losses(self) -> tuple[Loss, ...]:
-        """Those of the log that was converted, and what a check found."""
+        """Losses of the log that was converted, and faults that a check found."""
         return (*self._about.losses, *self._losses)
 
     def check(self) -> LogCheck:

@@ -177,7 +177,10 @@ def follow_log(
             raise LogError(f"{path}: no such file or directory; start the recorder first")
     suffixes = {format_suffix(path) for path in paths if not path.is_dir()}
     if any(path.is_dir() for path in paths) and len(paths) > 1:
-        raise LogError(f"{first}: a folder is followed by itself; name one folder, or its files")
+        raise LogError(
+            f"{first}: a folder cannot be followed together with other paths; give one folder, or "
+            "only files"
+        )
     if suffixes & set(_TABLES):
         if len(paths) > 1:
             raise LogError(f"{first}: one table is followed at a time; name one")

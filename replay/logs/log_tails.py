@@ -57,7 +57,7 @@ class TableTail:
         return [*self._losses]
 
     def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
-        """The rows that became whole since; when it is whole, also a last one without a newline."""
+        """Rows completed since the last poll; at the file's end also a row without a newline."""
         new = self._file.update_size() - self._at
         data = self._file.read(self._at, min(new, _POLL_BYTES))
         end = len(data) if is_whole and len(data) == new else data.rfind(b"\n") + 1

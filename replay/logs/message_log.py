@@ -57,7 +57,7 @@ class MessageLog(Log):
         return self._topic_table
 
     def machine_ids(self) -> tuple[str, ...]:
-        """Those of MCAP's metadata records, or of `custom_data`."""
+        """Serial numbers in MCAP's metadata records, or in `custom_data`."""
         return machine_ids(self.files)
 
     @cached_property

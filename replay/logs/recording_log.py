@@ -114,7 +114,7 @@ class RecordingLog(Log):
         return (self._machine_id,) if self._machine_id else ()
 
     def losses(self) -> tuple[Loss, ...]:
-        """Those of the log that was recorded, and rows that a recovered recording has lost."""
+        """Losses of the recorded log, and rows that a recovered recording has lost."""
         return (*self._losses, *self._missing.values())
 
     def _note_missing(self, topic: str, stored: StoredFrame | None, height: int) -> None:

@@ -72,7 +72,7 @@ def time_axis(machine: Machine) -> TimeAxis | None:
 
 
 def table_axis(section: LogSection) -> TimeAxis | None:
-    """The same of the keys of `[log]`; None where none is given."""
+    """Time column and dialect of a table by the keys of `[log]`; None if none is given."""
     given = section.model_dump()
     time, unit = given.pop("time", None), given.pop("time_unit", None)
     if time is None and unit is None and not given:

@@ -59,7 +59,7 @@ class NotarisedFolder:
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values."""
+        """The fields as plain values."""
         return {
             "list": str(self.path),
             "added": [each.model_dump(mode="json") for each in self.added],

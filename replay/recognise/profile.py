@@ -56,7 +56,7 @@ class FieldProfile:
     course: str
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values, without the drawing."""
+        """The fields as plain JSON values, without the drawing."""
         return {
             "topic": self.topic,
             "field": self.field,

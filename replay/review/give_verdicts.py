@@ -126,7 +126,7 @@ class GivenVerdicts:
     def _said_by_person(
         self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
-        """Of these, what no log says; arguments as of `list_changes_to`."""
+        """Verdicts given by a person, not by a log; arguments as of `list_changes_to`."""
         now = _current_second()
         signed = {"author": self.author.strip() or None, "time": now}
         if self.begin or self.end:

@@ -306,7 +306,7 @@ def _changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, s
 def torn_logs(
     logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], about: Provenance
 ) -> tuple[TornLog, ...]:
-    """Those that break off, in time.
+    """Logs that break off, in order of time.
 
     Args:
         logs: of the shift.

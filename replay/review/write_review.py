@@ -58,7 +58,7 @@ class ShiftReview:
         return reason_for_no_tonnes(self.state, self.ledger)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The fields as plain JSON values."""
         return {
             "folder": str(self.folder),
             "shift": self.shift,

@@ -318,7 +318,7 @@ class Calibration:
         return CalibratedMass(mass, u, low, high, "")
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values: no NaN, no infinity."""
+        """The fields as plain JSON values: no NaN, no infinity."""
         return _ADAPTER.dump_python(self, mode="json")
 
     @classmethod

@@ -99,7 +99,7 @@ def clip_negative_parts(parts_kg2: Floats, components: Sequence[Component]) -> F
 
 
 def line_parts(inversion: Inversion, mass_kg: float) -> tuple[float, float, float]:
-    """Of the line at a mass, in kg of m̂: at its centroid, by its slope, by its references."""
+    """Uncertainty of the line at a mass, in kg of m̂: by its centroid, slope and references."""
     own = inversion.scatters > 0.0
     line = np.tensordot(inversion.variance_kg2[own], inversion.on_line[own], 1)
     h = mass_kg - inversion.centre_kg

@@ -121,7 +121,7 @@ class Inversion:
         )
 
     def add_common_u(self, u_kg: float) -> "Inversion":
-        """The same with an uncertainty of later masses besides, in kg of mass."""
+        """Add an uncertainty that all later masses share, in kg of mass."""
         return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
 
     def u_kg(self, mass_kg: float, readings: float, u_random_kg: float = 0.0) -> float:

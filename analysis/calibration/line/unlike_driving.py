@@ -79,7 +79,7 @@ class Unlike:
 
     @classmethod
     def from_frames(cls, frames: Mapping[str, pl.DataFrame]) -> Self | None:
-        """Of a replay's frames; None where no calibration learnt anything."""
+        """Read it from a replay's frames; None if no calibration has learnt priors."""
         if "responses" not in frames:
             return None
         known, moved = frames["learnt_errors"], frames["responses"]

@@ -163,7 +163,7 @@ def error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
 
 
 def errors_of_points(calibration: Calibration) -> list[tuple[str, float, float]]:
-    """Of each load that was on board: its reference, and the mean error of its runs."""
+    """Reference of each load on board, and the mean error of its runs."""
     found: list[tuple[str, float, float]] = []
     for reference in calibration.references:
         errors = [

@@ -190,7 +190,7 @@ def contradicted_priors(nuisances: pl.DataFrame) -> str:
 
 
 def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], float, float]]:
-    """Of each learnt term its row, what the log says alone, and the deviation of that to expect."""
+    """For each learnt term: its row, the estimate by the log alone, and its expected deviation."""
     if "alone" not in nuisances.columns:
         return
     for row in nuisances.drop_nulls("alone").to_dicts():

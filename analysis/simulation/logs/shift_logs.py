@@ -183,7 +183,7 @@ class _PositionAndBoom(NamedTuple):
 def times_within_cycles(
     driven: tuple[DrivenManoeuvre, ...], begins: Floats
 ) -> tuple[DrivenManoeuvre, ...]:
-    """The same manoeuvres, their times since their cycle began."""
+    """Count the times of manoeuvres from the begin of their cycle."""
     return tuple(
         each._replace(times=each.times.subtract_begin(float(begins[each.trial]))) for each in driven
     )

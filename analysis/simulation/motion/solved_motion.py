@@ -52,7 +52,7 @@ class ManoeuvreTimes(NamedTuple):
     end_s: float
 
     def subtract_begin(self, begin_s: float) -> "ManoeuvreTimes":
-        """The same times, counted from `begin_s`."""
+        """Count the times from `begin_s`."""
 
         def later(time_s: float | None) -> float | None:
             return None if time_s is None else time_s - begin_s

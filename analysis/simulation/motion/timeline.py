@@ -138,7 +138,7 @@ class Timeline:
 def repeat_trial(
     scenario: Scenario, load_kg: float, motion: SolvedMotion, start_ns: int
 ) -> Timeline:
-    """The same solved trial again and again, then a rest."""
+    """Repeat a solved trial, then rest."""
     trials = scenario.campaign.runs
     period_ns = math.ceil(motion.duration_s * 1e9)
     trial_ns = start_ns + period_ns * np.arange(trials + 1, dtype=np.int64)

@@ -313,7 +313,7 @@ class Scenario(BaseModel):
     shift: SimulatedShift | None = None
 
     def with_seed(self, seed: int) -> Self:
-        """The same scenario with other noise."""
+        """Copy the scenario with another seed, and so with other noise."""
         sensors = self.sensors.model_copy(update={"seed": seed})
         return self.model_copy(update={"sensors": sensors})
 

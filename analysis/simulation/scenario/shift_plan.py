@@ -40,7 +40,10 @@ class SimulatedShift(BaseModel):
     load_least_kg: float = Field(default=200.0, gt=0, le=1e5, description="no load is less")
     load_most_kg: float = Field(default=1100.0, gt=0, le=1e5, description="or more")
     carry_back_kg: float = Field(
-        default=10.0, ge=0, le=1e4, description="mean of what stays in the bucket, exponential"
+        default=10.0,
+        ge=0,
+        le=1e4,
+        description="mean carry-back left in the bucket after a dump; exponentially distributed",
     )
     carry_back_most_kg: float = Field(default=60.0, ge=0, le=1e4, description="and its most")
     spill_1_s: float = Field(

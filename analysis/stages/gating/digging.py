@@ -154,7 +154,7 @@ def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileCont
 
 
 def find_pile_contacts(met: list[_PileContact]) -> list[_PileContact]:
-    """Those that are driven into a pile; none where the log's resistances change by themselves."""
+    """Starts driven into a pile; none if resistance varies without piles in this log."""
     grows = [each for each in met if each.row[2] > 0.0]
     # the bucket is where most of them go: a log may have its signs turned round
     bucket = 1 if 2 * sum(each.way > 0 for each in grows) >= len(grows) else -1

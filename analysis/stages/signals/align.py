@@ -123,7 +123,7 @@ def _channel_and_regressor_series(
 
 
 def required_series(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSeries]:
-    """Those that the grid has to have."""
+    """Channel series that the grid must have."""
     return {name: each for name, each in series.items() if name not in HINTS}
 
 

@@ -308,7 +308,7 @@ def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series
 
 
 def flush_unresolved(x: filters.Floats) -> filters.Floats:
-    """The same with 0 for what no sensor resolves: a filter rings out down to the last number."""
+    """Set to 0 what no sensor resolves: a filter rings on down to the smallest number."""
     return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
 
 

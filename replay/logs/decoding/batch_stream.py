@@ -174,7 +174,7 @@ TIME = "log_time_ns"
 
 
 def sorted_batch(batch: RawBatch) -> RawBatch:
-    """The same messages by their log times; the bytes stay where they are."""
+    """Sort messages by their log times, without moving their bytes."""
     times = batch.log_times
     if (times[1:] >= times[:-1]).all():
         return batch

@@ -51,7 +51,7 @@ class DirectFields:
 
     @property
     def steps(self) -> tuple[Steps, ...]:
-        """Of all of them, in that order."""
+        """Steps of all fields, in order."""
         return (*(v[0] for v in self.values), *(a[0] for a in self.arrays), *self.texts)
 
 

@@ -13,7 +13,7 @@ from replay.logs.messages.broken_bytes import BrokenBytesError
 
 
 def int64(value: int) -> int:
-    """The same number.
+    """Return a number unchanged.
 
     Raises:
         BrokenBytesError: a column of 64-bit integers cannot hold it.

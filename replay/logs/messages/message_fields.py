@@ -68,7 +68,10 @@ def resolve(name: str, record: RecordType) -> Field:
         FieldError: there is no such field, or it is not a single value.
     """
     if name in OWN_COLUMNS:
-        raise FieldError(f"'{name}' is a column of every topic; a field of that name is not read")
+        raise FieldError(
+            f"'{name}' is a reserved column of every topic; a message field with this name cannot "
+            "be read"
+        )
     steps = _parse_field_path(name)
     here = Scalar("") if not steps else record
     walked = ""

@@ -67,7 +67,7 @@ class RawBatch:
         )
 
     def split_to_batches(self) -> Iterator["RawBatch"]:
-        """The same in batches of at most `BATCH_ROWS` messages and, with several, `BATCH_BYTES`."""
+        """Split into batches of at most `BATCH_ROWS` messages and, with several, `BATCH_BYTES`."""
         if 0 < self.rows <= BATCH_ROWS and self.lengths.sum() <= BATCH_BYTES:
             yield self
             return

@@ -276,7 +276,7 @@ def _part_number(name: str) -> list[tuple[int, str]]:
 
 
 def unpack_file(packed: Path, target: Path) -> str | None:
-    """Unpack a file, and say why not all of it where it is damaged; what came before stays."""
+    """Decompress a file; if it is damaged, keep what precedes the damage and return the reason."""
     import pyarrow as pa  # slow to import, and most logs are not compressed so
 
     # half of what is free is left to others

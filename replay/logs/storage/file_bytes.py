@@ -30,7 +30,7 @@ class FileBytes:
         return self.read_array(offset, count).tobytes()
 
     def read_array(self, offset: int, count: int) -> NDArray[np.uint8]:
-        """The same bytes (n,) as an array, which is not copied again."""
+        """Read bytes (n,) as an array, without another copy."""
         data = np.empty(max(0, min(count, self.size - offset)), np.uint8)
         return data[: self.read_into(offset, data)]
 
