@@ -47,7 +47,7 @@ def is_compiler_loaded() -> bool:
 
 
 class _InterpreterBudget:
-    """What is left of the seconds."""
+    """The remaining seconds of a time budget."""
 
     seconds = MOST_SECONDS
 
@@ -213,7 +213,7 @@ def compiled_beside(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
 
 
 def _convert_to_python(result: Any) -> Any:
-    """What compiled code returns: numbers of Python, not of numpy."""
+    """Convert numpy scalars of a result to Python numbers, as compiled code returns them."""
     if isinstance(result, np.generic):
         return result.item()
     if type(result) is tuple:

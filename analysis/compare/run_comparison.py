@@ -52,7 +52,7 @@ class EstimateChange:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """What differs between replays A and B; everything else is equal."""
+    """Differences between replays A and B; everything else is equal."""
 
     settings: tuple[ValueChange, ...]
     """Settings and keys of the machine file."""

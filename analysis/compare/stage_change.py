@@ -36,7 +36,7 @@ _VALUES: Final = 1 << 24
 
 
 class Replay(Protocol):
-    """What is compared: a run, or a recording that is read when it is needed."""
+    """A replay to compare: a run, or a recording that is read on demand."""
 
     @property
     def provenance(self) -> Provenance:
@@ -139,7 +139,7 @@ def compare_stage(
 
 
 def row_keys(replay: Replay, name: str, key: Sequence[str], offset_ns: int) -> pl.DataFrame:
-    """What each row is about, in A's time; its number where the frame has no key."""
+    """Key of each row in A's time; its number where the frame has no key."""
     columns = list(key) or [replay.stages[name][0]] if replay.stages[name] else []
     frame = replay.read(name, columns) if columns else pl.DataFrame()
     if not key:

@@ -112,7 +112,7 @@ def _is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequen
 
 
 def _distance_from_line(calibration: Calibration, unlike: Unlike | None) -> tuple[float, float]:
-    """What the log's masses are off by beside their line, in their mean, and the u of that."""
+    """Mean distance of the log's masses from their line, with its standard uncertainty."""
     of_masses = (
         [] if unlike is None else [x for (of, _), x in unlike.moved_kg.items() if of == MOVED[0]]
     )

@@ -1,4 +1,4 @@
-"""What makes a counted load worth a second look, though the fit calls it good."""
+"""Doubts about a counted load that the fit calls good."""
 
 from collections.abc import Mapping
 from typing import Any

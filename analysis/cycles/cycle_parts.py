@@ -82,7 +82,7 @@ class _DriveSamples(NamedTuple):
     def summarise_span(
         self, start_ns: int, end_ns: int, holes_ns: Sequence[tuple[int, int]]
     ) -> DriveSummary:
-        """What they say of a stretch of time."""
+        """Summarise the drive within a stretch of time."""
         part = slice(*np.searchsorted(self.t_ns, [start_ns, end_ns]))
         step_s, speed = self.step_s[part], self.speed_m_s[part]
         known = np.isfinite(speed)

@@ -237,7 +237,7 @@ def _make_payload_row(
 def _payload_uncertainty(
     row: dict[str, object], worth: "_SharedUncertainty", weights: Floats
 ) -> dict[str, object]:
-    """What a payload has in common with others, how much of it with all of them, and the whole.
+    """Uncertainty that a payload shares with others, the part shared by all, and the total.
 
     The log's own stand beside those that the empty machine tells: a calibration has to have them.
     """
@@ -294,7 +294,7 @@ def _tare_share(found: Passes) -> Floats:
 
 
 def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
-    """What a payload is off since another load was carried back before, as a variance."""
+    """Variance of a payload because of a different load carried back before it."""
     variance = 2.0 * carried_variance(found)
     if part.loaded is None:
         return 0.0
@@ -367,7 +367,7 @@ def _shared_uncertainty(
 def common_uncertainty(
     weighing: Weighing, machine: Machine, found: Passes, weights: Floats, datum: Datum | None
 ) -> _CommonUncertainty:
-    """What is common to payloads of the log's own, with the fit's correlations.
+    """Uncertainty common to the log's own payloads, with the fit's correlations.
 
     Of all payloads together it is what the fit's budget has besides what the passes' own noise and
     scatter add up to. One payload also has what nuisances do to its own starts and not to others'.

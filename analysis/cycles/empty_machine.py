@@ -39,7 +39,7 @@ class MixedMachines:
     after_kg: float
 
     def warning_text(self, name: str) -> str:
-        """What a reader must know.
+        """Warning for the reader.
 
         Args:
             name: of the log that it jumps at.

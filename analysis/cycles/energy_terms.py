@@ -23,7 +23,7 @@ _FOUND: Final = ("term", "posterior", "posterior_std")
 
 @dataclass(frozen=True)
 class ForceModel:
-    """What the joint fit says of the force, in the units of `nuisances`.
+    """Force model of the joint fit, in the units of `nuisances`.
 
     Attributes:
         const: the constant force.

@@ -1,4 +1,4 @@
-"""What each pass between two changes of load weighs.
+"""Mass of each pass between two changes of load.
 
 A pass is a stretch of manoeuvres that are all loaded or all empty; states that differ by less than
 loaded and empty do (spillage, a state split in two) are one pass.

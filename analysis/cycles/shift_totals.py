@@ -120,7 +120,7 @@ def recount_shift(
 
 
 def total_payload(row: Mapping[str, Any]) -> dict[str, float]:
-    """What was dumped in the shift: counted, uncounted and lost, under one uncertainty.
+    """Total dumped in the shift: counted, uncounted and lost, with one uncertainty.
 
     What is common to all payloads is common to those that are priced by them.
     """

@@ -1,4 +1,4 @@
-"""What the checks look at: the ungated samples of straight motion and of spins.
+"""Inputs of the checks: the ungated samples of straight motion and of spins.
 
 Among it is what the log weighs against the machine's empty mass: a gear that nobody divided out, a
 force in another unit or a wrong radius multiply every mass of a log alike, and have no other
@@ -95,7 +95,7 @@ class EmptyMassDifference:
 
     @property
     def possible_causes(self) -> list[str]:
-        """What a factor like this comes from."""
+        """Possible causes of such a factor."""
         if self.factor <= 0.0:
             return ["a force of the wrong sign"]
         times = max(self.factor, 1.0 / self.factor)

@@ -1,4 +1,4 @@
-"""What a check is: a number of a log, its limits, and what failing it leads to."""
+"""A check: a number of a log, its limits, and the consequence of failing it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -59,6 +59,6 @@ class CheckRow:
         return f"{self.meaning} ({name})" if name else self.meaning
 
     def consequence_in_log(self, inputs: CheckInputs, motion: AxisMotion) -> Consequence:
-        """What failing leads to in this log: in proportion to what the check names changes."""
+        """Consequence of failing in this log, in proportion to the mass change it names."""
         moved_u = self.moved_u(inputs, motion)
         return "tell" if moved_u is not None and moved_u <= MOVES_U else self.consequence

@@ -59,7 +59,7 @@ class SideDifference:
 
     @property
     def least_difference_1(self) -> float:
-        """What the sides differ by at least, 0 where that may be noise."""
+        """Least difference of the sides; 0 if it may be noise."""
         return max(abs(self.value_1) - self.resistance_1, 0.0) if self.is_significant else 0.0
 
     @property
@@ -74,7 +74,7 @@ class SideDifference:
 
     @property
     def smaller_over_larger_1(self) -> float:
-        """What the smaller side reads of the larger one; below 0 they oppose each other."""
+        """Ratio of the smaller side to the larger; below 0 they oppose each other."""
         half = abs(self.value_1) / 2.0  # of a side that reads nothing it is 1, but for rounding
         return (1.0 - half) / (1.0 + half)
 

@@ -30,7 +30,7 @@ _ROWS: dict[Drive, list[int]] = {"straight": [0], "spin": [1], "joint": [0, 1]}
 
 
 class MeasuredSignals(NamedTuple):
-    """What the instruments give at n instants, each (n,), or the white noise a sample of each."""
+    """Sensor signals at n instants, each (n,), or their white noise per sample."""
 
     force_x_N: Floats
     torque_z_N_m: Floats

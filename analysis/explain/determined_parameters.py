@@ -1,4 +1,4 @@
-"""What a stretch of motion determines of mass, friction and a constant force, and what not."""
+"""Which of mass, friction and constant force a stretch of motion determines."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -28,7 +28,7 @@ _FEWEST: Final = 20
 
 @dataclass(frozen=True, slots=True)
 class DeterminedParameters:
-    """What the motion determines.
+    """Parameters that the motion determines.
 
     Attributes:
         samples: that were looked at.

@@ -97,7 +97,7 @@ def format_dimension(dimension: Any) -> str:
 
 
 def si_gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:
-    """What turns a number in a unit into one in SI units, and its dimension."""
+    """Factor that converts a number to SI units, and its dimension."""
     import pint
 
     text = unit.replace("·", "*").replace("²", "**2").replace("°", "degree")

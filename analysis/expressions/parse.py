@@ -29,7 +29,7 @@ COMPARISONS: Final = ("<", ">", "<=", ">=")
 
 
 class ExpressionError(ValueError):
-    """What is wrong with an expression, in a line."""
+    """Fault of an expression, in a line."""
 
 
 @dataclass(frozen=True, slots=True)

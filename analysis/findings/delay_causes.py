@@ -98,7 +98,7 @@ def _is_long_delay(seen: tuple[float, float, float]) -> bool:
 
 
 def _residual_square(force: Floats, columns: Floats, rows: Bools) -> float:
-    """What the equation of motion leaves of the force, in squares."""
+    """Sum of squares of the force that the equation of motion does not explain."""
     A, f = columns[rows], force[rows]
     left = f - A @ np.linalg.lstsq(A, f, rcond=None)[0]
     return float(left @ left)

@@ -1,4 +1,4 @@
-"""What the causes look at: the log, its verdict and its joint fit."""
+"""Inputs of the causes: the log, its verdict and its joint fit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -112,14 +112,14 @@ class FindingInputs:
 
     @property
     def force_channel(self) -> str | None:
-        """What names the force: its channel, or that of the left torque."""
+        """Channel that stands for the force: its own, or that of the left torque."""
         return next(
             iter(self.measured_channels("force_x_N", "torque_left_N_m", "torque_right_N_m")), None
         )
 
     @property
     def speed_channels(self) -> tuple[str, ...]:
-        """What the speed is read from."""
+        """Channels that measure the speed."""
         return self.measured_channels(*SPEEDS, "position_x_m")
 
     def channel_of(self, topic: str) -> str | None:

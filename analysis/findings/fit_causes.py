@@ -1,4 +1,4 @@
-"""What the joint fit finds besides mass and friction, each against what chance gives."""
+"""Causes by terms of the joint fit besides mass and friction, each against chance."""
 
 import math
 from dataclasses import replace

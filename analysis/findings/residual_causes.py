@@ -1,4 +1,4 @@
-"""What mass and friction leave of the force: coloured, of uneven size, or swinging.
+"""Causes by the residual of the force: coloured, of uneven size, or oscillating.
 
 The same sum of channels is looked at while the machine stands, where it holds the instruments'
 noise alone; its spectrum while it drives is compared with that.

@@ -232,6 +232,6 @@ def _largest_step(level: Floats) -> tuple[int, float, float]:
 
 
 def line_residual_share(level: Floats) -> float:
-    """What a line leaves of its scatter."""
+    """Fraction of scatter about a line that remains after fitting it."""
     x = np.arange(level.size, dtype=np.float64)
     return float(np.std(level - np.polyval(np.polyfit(x, level, 1), x)))

@@ -262,7 +262,7 @@ class ProjectedEquation:
         return self.information.get(name, 0.0)
 
     def remaining_score(self, name: str) -> float:
-        """What is left, along a cause."""
+        """Remaining Xᵀy of a candidate cause."""
         return self.score.get(name, 0.0)
 
 

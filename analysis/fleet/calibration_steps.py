@@ -49,7 +49,7 @@ class FleetCalibration(BaseModel):
 
 
 class LineChange(NamedTuple):
-    """What moved from one calibration to the next.
+    """Change from one calibration to the next.
 
     Attributes:
         before: the earlier one.

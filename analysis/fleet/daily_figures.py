@@ -1,4 +1,4 @@
-"""What a machine's days say of its zero, its scale and its friction; tonnes by week."""
+"""Zero, scale and friction of a machine by day, and tonnes by week."""
 
 from collections.abc import Mapping
 from typing import Final

@@ -148,7 +148,7 @@ def tables_of_run(run: Run, more: Mapping[str, pl.DataFrame]) -> dict[str, pl.Da
 
 
 def result_row(run: Run) -> dict[str, object]:
-    """What a run says of its recording, by the columns of `results` that it knows."""
+    """Results of a run, by the columns of `results` that it determines."""
     about, frames = run.provenance, run.frames
     verdict = Verdict.of(frames["verdict"])
     shift = frames["shift"].row(0, named=True)

@@ -23,7 +23,7 @@ _OF_SPINS: Final = tuple(name for pair in Z.parameters for name in pair)
 
 @dataclass(frozen=True, slots=True)
 class AnswerRow:
-    """What the methods say of the whole log; of the joint fit where the log has one load.
+    """Estimates by method for the whole log; also the joint fit if the log has one load.
 
     Attributes:
         quantities: by name and unit (`mass_kg`, `mass_std_kg`, …), then by method; None where it is
@@ -90,7 +90,7 @@ class AnswerRow:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a run says, and what it is worth.
+    """Answer of a run with its uncertainty.
 
     Attributes:
         rows: of the whole log; none of a run without masses.

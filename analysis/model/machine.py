@@ -74,7 +74,7 @@ class ImuMounting(BaseModel):
 
 
 class Body(BaseModel):
-    """What is known of the machine itself, with standard uncertainties (`..._u_...`)."""
+    """Known properties of the machine, with standard uncertainties (`..._u_...`)."""
 
     model_config = STRICT
 
@@ -151,7 +151,7 @@ class LogSection(BaseModel):
 
     @model_serializer(mode="wrap")
     def _given_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """What is given: keys of later versions change no machine file of an earlier one."""
+        """Keep the given keys only, so that a later version's keys change no earlier file."""
         return {name: value for name, value in handler(self).items() if value is not None}
 
 

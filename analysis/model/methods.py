@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class FeedKind(Enum):
-    """What a method is fed."""
+    """Kind of samples that a method is fed."""
 
     WINDOWS = "every accepted window"
     SETTLED = "each sample once, of the accepted windows that no braking follows within sight"
@@ -78,7 +78,7 @@ class AxisNoise:
 
 
 class EstimatorModule(Protocol):
-    """What every module of an estimator has."""
+    """Interface of an estimator module."""
 
     @property
     def trace(self) -> "Callable[..., Trace]":

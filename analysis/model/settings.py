@@ -66,7 +66,7 @@ class SmoothSettings(BaseModel):
 
 
 class ForcesSettings(BaseModel):
-    """What the equation of straight motion (7) is made of."""
+    """Settings of the equation of straight motion (7)."""
 
     model_config = STRICT
 

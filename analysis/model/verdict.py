@@ -67,7 +67,7 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the checks of a log say together."""
+    """Verdict of all checks of a log."""
 
     checks: tuple[Check, ...] = ()
 

@@ -115,7 +115,7 @@ def target_u_kg(body: Body, until_u_kg: float | None) -> float | None:
 
 
 def missing_text(missing: int | None, reverse: int | None) -> str:
-    """What excitation is missing, in words; empty where none is, or nobody knows.
+    """Missing excitation in words; empty if none is missing or it is unknown.
 
     Args:
         missing: manoeuvres.

@@ -64,7 +64,7 @@ class GateRow:
 
 @dataclass(frozen=True, slots=True)
 class GateState:
-    """What the gate remembers.
+    """State of the gate.
 
     Attributes:
         axis: straight motion or spins.

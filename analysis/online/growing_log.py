@@ -38,7 +38,7 @@ _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 
 @dataclass(frozen=True, slots=True)
 class LogBasis:
-    """What the first seconds of a log tell, and what stays so.
+    """Facts fixed by the first seconds of a log.
 
     Attributes:
         machine: with the grid's rate, the window and the moving mean.
@@ -251,7 +251,7 @@ def take_first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataF
 
 
 def log_time_offset_ns(frame: pl.DataFrame, label: str) -> int | None:
-    """What is taken off log times; None where the header's stamps place a topic.
+    """Offset subtracted from log times; None if header stamps place a topic.
 
     Header stamps that scatter are told by their label: log time, although they are there.
     """

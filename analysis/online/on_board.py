@@ -101,7 +101,7 @@ class OnlineState:
 
 
 class AxisStep(NamedTuple):
-    """What one row leads to on an axis.
+    """Result of one row on an axis.
 
     Attributes:
         gate: what the gate saw in the window that ends here, and what it decided.
@@ -114,7 +114,7 @@ class AxisStep(NamedTuple):
 
 
 class OnlineStep(NamedTuple):
-    """What one row leads to.
+    """Result of one row.
 
     Attributes:
         state: to step on from.

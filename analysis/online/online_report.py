@@ -1,4 +1,4 @@
-"""What is told of a machine while it drives: the last mass, how sure, how old, and if it is valid.
+"""Reports while driving: the last mass, its uncertainty, its age and whether it is valid.
 
 A number is given only with its validity: what is not valid or merely old is null.
 """

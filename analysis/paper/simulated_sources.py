@@ -75,7 +75,7 @@ class Source(Generic[S]):
 
 @dataclass(frozen=True, eq=False)
 class Extract(Generic[S, T]):
-    """What is kept of each repetition of a source."""
+    """Data kept of each repetition of a source."""
 
     source: Source[S]
     make: Callable[[S], T]

@@ -54,7 +54,7 @@ _STAGES: Final = ((X, _FORCE, (0, 4)), (Z, _TORQUE, (1, 5)))
 
 @dataclass(frozen=True, slots=True)
 class PlanarLog:
-    """What every fit of a log needs."""
+    """Inputs of every fit of a log."""
 
     plane: Plane
     excitation: pl.DataFrame
@@ -148,7 +148,7 @@ def prior_from_axis(
     rows: slice,
     columns: tuple[int, ...],
 ) -> Prior:
-    """What straight motion or spins tell an arc, with the terms that only they have."""
+    """Prior for an arc by straight motion or spins, with the terms that only these have."""
     nothing = Prior.around_zero({}, 2)
     if axis is Z and not log.plane.has_torque:
         return nothing
@@ -295,7 +295,7 @@ def prior_for_rows(known: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
 def _make_fit_row(
     kind: str, log: PlanarLog, used: Bools, fitted: NamedEstimate, known: tuple[str, ...]
 ) -> dict[str, Any]:
-    """What a fit says, by column."""
+    """Make the row of a fit, by column."""
     estimate, plane = fitted.estimate, log.plane
     found = estimate.identifiability
     t_ns = plane.t_ns[used]
@@ -341,7 +341,7 @@ def _make_fit_row(
 
 
 def missing_machine_values(fitted: NamedEstimate, gradients: list[Floats], machine: Machine) -> str:
-    """What the machine file should state and does not, for any of these quantities."""
+    """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [list_uncertainty_sources(fitted.estimate, g, fitted.priors, machine) for g in told]
     names = (name for found in each for name in unknown_scale(found))

@@ -1,4 +1,4 @@
-"""What the uncertainty of inertia, moments and centre of mass is made of."""
+"""Uncertainty budget of inertia, moments and centre of mass."""
 
 from collections.abc import Iterator
 from typing import Final

@@ -192,6 +192,6 @@ def make_drive(
 
 
 def robust_maximum(x: Floats, used: Bools) -> float:
-    """What the samples reach without their outliers; a little where they are none or 0."""
+    """Maximum of the samples without outliers; a small number if there are none or all are 0."""
     found = float(np.quantile(np.abs(x[used]), _REACHES)) if used.any() else 0.0
     return max(found, 1e-6)

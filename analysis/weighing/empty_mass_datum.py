@@ -94,18 +94,18 @@ class EmptyMachine:
 
     @cached_property
     def rotating_kg(self) -> float:
-        """What the log weighs, with what only turns."""
+        """Weighed mass including rotating mass, in kg."""
         return float(self.weights @ self.weighing.fit.masses_kg) - self.carried_kg[0]
 
     @cached_property
     def sources(self) -> list[UncertaintySource]:
-        """What its uncertainty is made of."""
+        """Sources of its uncertainty."""
         found = budget_of_mass(self.weighing, self.machine, self.weights)
         return [*found, replace(_CARRIED, u=self.carried_kg[1])]
 
     @cached_property
     def _stated_kg(self) -> float | None:
-        """What the machine file states, with what only turns."""
+        """Empty mass stated in the machine file, including rotating mass, in kg."""
         empty_kg = self._body.empty_mass_kg
         return None if empty_kg is None else empty_kg + self._body.rotating_mass_kg
 

@@ -425,7 +425,7 @@ def _noise_moments(
     which: Ints,
     weight: Floats,
 ) -> tuple[Floats, Floats]:
-    """What noise of acceleration, speed and force adds to AᵀA and Aᵀf, by stretch.
+    """Noise terms of AᵀA and Aᵀf by acceleration, speed and force, by stretch.
 
     Args:
         terms: the nuisances.

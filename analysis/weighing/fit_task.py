@@ -177,7 +177,7 @@ class FitTask:
     def _update_estimates(
         self, before: PreviousEstimates, theta: Floats, *, shift: bool
     ) -> tuple[PreviousEstimates, float]:
-        """What a round found, and how far the lag moved by it."""
+        """Update the estimates by a round, and return how far the lag moved."""
         masses = theta.size - 1 - len(self.terms)
         names = (term.name for term in self.terms)
         by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
@@ -230,7 +230,7 @@ class FitTask:
         return wheels.delay_s[0] if wheels is not None and told else 0.0
 
     def _squat_gain(self) -> float:
-        """What is added to the acceleration's own part: its squat, where the pitch shows it."""
+        """Addition to the acceleration's own part: its squat, if the pitch shows it."""
         told = self.wheels is not None and self.motion.by_accelerometer
         return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
 

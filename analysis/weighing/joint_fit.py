@@ -161,7 +161,7 @@ def _wheel_kinematics(
 
 
 def _averaging_share(by_length: list[JointFit], place: int) -> float:
-    """What the mean's length does to the mass, as a share of it; 0 where noise could."""
+    """Relative effect of the mean's length on the mass; 0 if it may be noise."""
     best, longer = by_length[place], by_length[place + 1 :]
     if best.mass_kg == 0.0:
         return 0.0

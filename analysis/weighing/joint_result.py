@@ -1,4 +1,4 @@
-"""What the joint fit found: masses, nuisances, and what their uncertainty is made of."""
+"""Result of the joint fit: masses, nuisances, and the sources of their uncertainty."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -42,7 +42,7 @@ class PriorMeans:
 
 @dataclass(frozen=True)
 class MotionResponses:
-    """What an error of the motion moves the masses by, (masses,).
+    """Change of the masses by errors of the motion, (masses,).
 
     On level ground all masses by the same share, so that it is a share of their differences. On a
     slope that is driven up empty and down with a load, gravity's part of a specific force has no
@@ -115,7 +115,7 @@ class JointFit:
 
     @property
     def slope(self) -> float:
-        """What the resistance grows by with the speed, in N·s/m; it never falls."""
+        """Slope of resistance over speed, in N·s/m; never negative."""
         return max(resistance_slope(self.theta, self.terms, self.motion), 0.0)
 
     @property
@@ -147,7 +147,7 @@ class JointFit:
 
     @cached_property
     def posterior(self) -> tuple[Floats, Floats]:
-        """What the log says of the terms, (terms,), and the deviations."""
+        """Posterior mean of the terms, (terms,), and their standard deviations."""
         own = self.fit.std[self.count + 1 :]
         by_means = self._mean_sensitivities[:, self.count + 1 :]
         return self.theta[self.count + 1 :], np.sqrt(own**2 + (by_means**2).sum(axis=0))
@@ -220,7 +220,7 @@ class JointFit:
         return out
 
     def parts_kg(self, weights: Floats) -> dict[str, float]:
-        """What the standard uncertainty of a sum of masses is made of, by cause.
+        """Parts of the standard uncertainty of a sum of masses, by cause, in kg.
 
         Args:
             weights: (masses,) of each mass in the sum.
@@ -264,11 +264,11 @@ class JointFit:
         return parts
 
     def _squat_parts_kg(self, weights: Floats) -> float:
-        """What is uncertain of a gain that changes with the load, of a sum of masses in kg."""
+        """Uncertainty of a sum of masses by a gain that changes with the load, in kg."""
         return 0.0 if self.squat is None else self.squat.u_kg(weights, self.masses_kg)
 
     def _pitch_parts_kg(self, weights: Floats) -> float:
-        """What is uncertain of the squat that the pitch shows, likewise."""
+        """Uncertainty of a sum of masses by the squat that the pitch shows, in kg."""
         if self.kinematics is None or not self.motion.by_accelerometer:
             return 0.0
         # springs give way in proportion to the mass
@@ -290,7 +290,7 @@ class JointFit:
         return found
 
     def _wheel_parts_kg(self, weights: Floats, slip_kg: float) -> dict[str, float]:
-        """What slip, gain and delay, found together, do to a sum of masses, in kg.
+        """Uncertainty of a sum of masses by jointly fitted slip, gain and delay, in kg.
 
         They go together: the part of each is what is left of it once those before are known.
         """
@@ -368,7 +368,7 @@ def root_sum_of_squares(parts_kg: dict[str, float]) -> float:
 
 
 def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: MotionSamples) -> float:
-    """What the resistance grows by with the speed, at the mean speed, in N·s/m.
+    """Slope of resistance over speed at the mean speed, in N·s/m.
 
     Args:
         theta: (p,) masses, viscous friction, terms.

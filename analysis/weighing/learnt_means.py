@@ -1,4 +1,4 @@
-"""What errors of a calibration's learnt means do to a log's masses, and what the log says of them.
+"""Effect of errors of learnt means on a log's masses, and the log's estimate of them.
 
 The means of learnt priors are wrong by one error in all logs, ε in their standard uncertainties. A
 calibration's line has what ε did to its own logs. What it does to another log differs where that
@@ -132,7 +132,7 @@ def _make_response_rows(
     moved_kg: Floats,
     sums: Mapping[int, Floats],
 ) -> list[dict[str, object]]:
-    """What moves sums of masses, by number: a row a term, and one for the scale."""
+    """Make the rows of what moves sums of masses: one a term, and one for the scale."""
     if not sums:
         return []
     fit = weighing.fit

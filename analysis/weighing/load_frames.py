@@ -237,7 +237,7 @@ def _payload_with_uncertainty(
 
 
 def _state_notes(fit: JointFit, machine: Machine) -> str:
-    """What a reader must know of the states, beside every number."""
+    """Notes on the load states for the reader."""
     states = fit.states
     assert states is not None
     said: list[str] = []

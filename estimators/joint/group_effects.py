@@ -1,4 +1,4 @@
-"""What each unit of a series (a manoeuvre, say) says of its level, effects that all share aside."""
+"""Level of each unit of a series, such as a manoeuvre, with shared effects removed."""
 
 from dataclasses import dataclass
 from typing import Final

@@ -180,7 +180,7 @@ def estimate_stds(G: Floats, p: int, rss: Floats, samples: int, mean: int) -> Fl
 
 @dataclass(frozen=True, slots=True)
 class WindowHistory:
-    """What a recursive estimator keeps of the samples it was fed.
+    """Samples that a recursive estimator has to remember.
 
     Attributes:
         products: (lanes,) packed, discounted products of the columns of [A f].

@@ -52,7 +52,7 @@ def fit(
 
 
 class Windows(NamedTuple):
-    """What the solved windows keep, a row a window.
+    """Solutions of windows, a row a window.
 
     Attributes:
         theta: (rows, p) estimates.
@@ -136,7 +136,7 @@ def _normal_residual(A: Floats, f: Floats, window: int, index: Ints, theta: Floa
 
 
 class WindowStatistics(NamedTuple):
-    """What the gate asks of each window, (rows,) each.
+    """Statistics of each window that the gate decides by, (rows,) each.
 
     Attributes:
         rho: correlation of the first column and the force.

@@ -110,7 +110,7 @@ def add_pairs_beyond_hole(
 
 
 def autocovariance_loss(group: Ints, A: Floats | None) -> Floats:
-    """What a fit of A takes out of the autocovariances of its residuals, (lags, lags).
+    """Loss of autocovariance of the residuals caused by fitting A, (lags, lags).
 
     It does not depend on the residuals: whoever asks again for the same fit keeps it.
 

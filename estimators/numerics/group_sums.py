@@ -15,7 +15,7 @@ from estimators.numerics.small_systems import NOTHING
 
 @dataclass(frozen=True, slots=True)
 class NoiseMoments:
-    """What noise adds to the normal equations, by group in ascending order.
+    """Noise terms of the normal equations, by group in ascending order.
 
     Attributes:
         gram: (groups, p, p) added to AᵀA.

@@ -178,7 +178,7 @@ class _FittedParameters:
 
 @dataclass(frozen=True, slots=True)
 class _System:
-    """What is solved: triangular factors A (k, s, r), f (k, s), noise, and the priors.
+    """System to solve: triangular factors A (k, s, r), f (k, s), noise, and the priors.
 
     The noise is n·σ² of its sources (k, p), and what each column has of them (k, r, p).
     """
@@ -281,7 +281,7 @@ def rms_of_axes(residual: Floats, samples: int) -> Floats:
 
 
 def fit_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
-    """What the fit takes out of the autocovariances of each axis' residuals."""
+    """Loss of autocovariance of each axis' residuals caused by the fit."""
     k, used = A.shape[1], segment_id >= 0
     if not used.any():
         return [np.zeros((0, 0))] * k

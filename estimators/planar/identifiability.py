@@ -27,7 +27,7 @@ PIVOT_PREFERENCE = 100.0
 
 @dataclass(frozen=True, slots=True)
 class Identifiability:
-    """What a motion determines of p parameters.
+    """Which of p parameters, or combinations of them, a motion determines.
 
     Attributes:
         parameters: (p,) their names.

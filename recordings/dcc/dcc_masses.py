@@ -85,7 +85,7 @@ def certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMa
 
 
 def _list_item_names(item: "_Element") -> list[str]:
-    """What an item may be called by."""
+    """Names by which an item may be referred to."""
     values = item.findall(f"{{{DCC}}}identifications/{{{DCC}}}identification/{{{DCC}}}value")
     names = [item.get("id"), *(leaf_text(value) for value in values)]
     return [name for name in names if name]

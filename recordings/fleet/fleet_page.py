@@ -41,7 +41,7 @@ _DUE_DAYS: Final = 30
 
 @dataclass(frozen=True)
 class FleetPage:
-    """What a page shows.
+    """Contents of a page.
 
     Attributes:
         name: of the fleet.

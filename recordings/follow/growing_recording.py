@@ -1,4 +1,4 @@
-"""What is followed, recorded as it goes: a second at a time, each on disc when it is told.
+"""Recording of a followed log, second by second; each is on disc before it is reported.
 
 A part of a second is one append, whose last chunk is that of the excitation: where that is there,
 all of the second is. A recording that was cut goes on behind its last whole second.
@@ -82,7 +82,7 @@ class FollowedLog:
 
 @dataclass(slots=True)
 class _RowsToSend:
-    """What was not sent yet, by frame: rows of `t_ns` and numbers."""
+    """Rows not sent yet, by frame: `t_ns` and numbers."""
 
     excitation: list[dict[str, Any]] = field(default_factory=list)
     gate: list[dict[str, Any]] = field(default_factory=list)

@@ -160,7 +160,7 @@ def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) 
 
 
 def _time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[ListFault]:
-    """What clocks and times contradict."""
+    """Contradictions between clocks and times."""
     clock = dt.timedelta(seconds=CLOCK_S)
     latest: NotaryEntry | None = None
     ended: NotaryEntry | None = None
@@ -209,7 +209,7 @@ def _time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[L
 
 
 def list_notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
-    """What is no fault, and yet is to be known."""
+    """Notes that are no faults."""
     seen: dict[tuple[str, ...], NotaryEntry] = {}
     late: dict[int, float] = {}
     undated: list[int] = []

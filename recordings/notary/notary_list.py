@@ -105,7 +105,7 @@ class NotaryLine:
 
     @property
     def digest(self) -> str:
-        """What the line after it holds of it."""
+        """Digest by which the next line refers to this one."""
         return hashlib.sha256(self.data).hexdigest()
 
     def is_signed_by(self, key: PublicKey) -> bool:

@@ -40,7 +40,7 @@ class ShiftClock:
 
     @property
     def axis_label(self) -> str:
-        """What the ticks of an axis are."""
+        """Label of an axis."""
         if not self.is_dated:
             return "h:min since the start"
         return (

@@ -16,7 +16,7 @@ _LEADS_TO: Final = {
 
 
 def consequence_text(finding: Finding) -> str:
-    """What a cause does to the mass."""
+    """Describe what a cause does to the mass."""
     if finding.severity == "tell" and finding.mass_change_kg is None:
         return "its effect on the mass is not known"
     return _LEADS_TO[finding.severity]
@@ -58,7 +58,7 @@ def may_change_mass(finding: Finding) -> bool:
 
 
 def mass_change_text(finding: Finding) -> str:
-    """What mending would do to the mass, or nothing where that is not known."""
+    """How mending would change the mass; empty if unknown."""
     change, u = finding.mass_change_kg, finding.mass_change_u_kg
     if change is None:
         return ""
@@ -87,7 +87,7 @@ def finding_line(finding: Finding, clock: ShiftClock | None = None) -> str:
 
 
 def proposal_text(finding: Finding) -> str:
-    """What to write into the machine file, or nothing."""
+    """Keys to write into the machine file; empty if none."""
     if finding.setting is None or finding.value is None:
         return ""
     keys, values = finding.setting.split(", "), finding.value.split(", ")

@@ -42,7 +42,7 @@ class MassLine(NamedTuple):
 
 
 class ForceAcceleration(NamedTuple):
-    """What is drawn of force against acceleration.
+    """Data of the plot of force against acceleration.
 
     Attributes:
         points: all of them, `t_ns`, `ACCELERATION` and `FORCE`.

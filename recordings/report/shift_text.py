@@ -1,4 +1,4 @@
-"""What a shift came to, in a sentence: for the page, the terminal and the recording alike."""
+"""Result of a shift in a sentence, for page, terminal and recording alike."""
 
 from collections.abc import Mapping
 from typing import Any, Final

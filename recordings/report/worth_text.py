@@ -1,4 +1,4 @@
-"""What the answer is worth, in lines: loads and payloads, other priors, where uncertainty is."""
+"""Lines about the answer: loads and payloads, prior sensitivity, largest uncertainty."""
 
 from collections.abc import Mapping
 from math import ceil
@@ -119,7 +119,7 @@ def prior_sensitivity_line(load: Mapping[str, Any]) -> str:
 
 
 def _load_notes(load: Mapping[str, Any]) -> list[str]:
-    """What holds for every load of the log."""
+    """Notes that apply to every load of the log."""
     lines = [load[name] for name in ("said", "calibrated_said") if load.get(name)]
     told = load.get("payload_to") is not None and not load.get("payload_scale_unknown")
     if load["scale_unknown"]:
@@ -198,7 +198,7 @@ _SCATTER_UNKNOWN: Final = "an assumed disagreement of manoeuvres of one load"
 
 
 def uncertainty_advice(said: Answer) -> str | None:
-    """What would shrink the uncertainty most; None without an answer."""
+    """The measure that would reduce the uncertainty most; None without an answer."""
     shown = best_known_load(said)
     known = [s for s in said.budget if s["u_kg"] and s.get("load_id", 0) == shown]
     if not known or not any(load["mass_kg"] is not None for load in said.loads):
@@ -259,7 +259,7 @@ def _format_seconds(t_ns: int | None) -> str:
 
 
 def shift_lines(answer: Answer) -> list[str]:
-    """What the cycles of a log add up to, in a line; none where nothing was dumped."""
+    """Sum of the cycles of a log in a line; no line if nothing was dumped."""
     shift = answer.shift
     if not shift:
         return []

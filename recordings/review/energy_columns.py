@@ -66,7 +66,7 @@ def add_energy_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
 
 
 def energy_amounts_by_column(row: EnergyRow) -> dict[str, EnergyAmount]:
-    """What a row of the energy says, by the ledger's names."""
+    """Energy amounts of a row, by the ledger's column names."""
     if row.phase != WHOLE:
         return {row.phase: row.work}
     return {"energy": row.work, **{part: getattr(row, part) for part in PARTS[1:]}}

@@ -102,7 +102,7 @@ def number_cells(row: Row, columns: Sequence[CycleColumn]) -> list[str]:
 def cycle_rows(
     rows: pl.DataFrame, verdicts: Mapping[int, CycleVerdict], clock: ShiftClock
 ) -> list[Row]:
-    """What the page's table shows of each cycle.
+    """Rows of the page's table of cycles.
 
     Args:
         rows: the ledger.
@@ -202,7 +202,7 @@ class UsedCalibration(NamedTuple):
 
 @dataclass(frozen=True)
 class ReviewPage:
-    """What a page shows.
+    """Contents of a page.
 
     Attributes:
         state: of the review.

@@ -216,7 +216,7 @@ def read_state(folder: Path) -> ReviewState | None:
 def changed_settings_of_review(
     before: ReviewState | None, resolved: dict[str, Any]
 ) -> list[tuple[str, str, str]]:
-    """What differs from the review before: name, was, is.
+    """Settings changed since the previous review: name, old and new value.
 
     Args:
         before: the review before.

@@ -45,7 +45,7 @@ _Author = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class Labels(BaseModel):
-    """What was loaded, by whom, for whom and where; empty where nobody says so."""
+    """Product, operator, customer and place of a load; empty if not stated."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -57,7 +57,7 @@ class Labels(BaseModel):
 
 
 class CycleVerdict(Labels):
-    """What somebody says of a cycle, and when."""
+    """Verdict of a reviewer on a cycle, with its time."""
 
     id: str
     author: _Author
@@ -67,7 +67,7 @@ class CycleVerdict(Labels):
 
 
 class ShiftVerdict(Labels):
-    """What somebody says of all cycles; the later one counts, label by label.
+    """Verdict of a reviewer on all cycles; the later one counts, label by label.
 
     Attributes:
         begin: of those that are dumped from then on,
@@ -100,16 +100,16 @@ class VerdictFile(BaseModel):
 
     @property
     def shift_labels(self) -> Labels:
-        """What is said of all cycles, whenever they are dumped."""
+        """Labels of all cycles, whenever they are dumped."""
         return merge_labels(each for each in self.shift if each.begin is None and each.end is None)
 
     def labels_of_dump_at(self, unix_s: float) -> Labels:
-        """What is said of cycles that are dumped at a time."""
+        """Labels of cycles dumped at a time."""
         return merge_labels(each for each in self.shift if each.applies_to_dump_at(unix_s))
 
 
 def merge_labels(verdicts: Iterable[ShiftVerdict]) -> Labels:
-    """What verdicts say together."""
+    """Merge the labels of verdicts."""
     said: dict[str, str] = {}
     for verdict in verdicts:
         said |= {name: text for name in LABELS if (text := getattr(verdict, name))}

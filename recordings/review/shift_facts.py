@@ -1,4 +1,4 @@
-"""What a shift came to, as names and sentences: alike on the page and in the terminal."""
+"""Facts of a shift as names and sentences, alike on page and terminal."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -64,7 +64,7 @@ def reason_for_no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
 
 
 def missing_load_sentences(shift: Mapping[str, Any]) -> list[str]:
-    """What the total cannot hold: loads that were seen and have no price, or are not dumped."""
+    """Sentences about loads missing from the total: not weighed, or not dumped yet."""
     found: list[str] = []
     if shift["uncounted_cycles"] > 0.0 and not shift["cycles_counted"]:
         found.append(
@@ -103,7 +103,7 @@ def long_gap_spans_text(state: ReviewState) -> str:
 
 
 def torn_sentences(state: ReviewState) -> list[str]:
-    """What logs that break off cost, in minutes."""
+    """Sentences about torn logs and the minutes they lack."""
     return [each.sentence(state.clock) for each in state.torn]
 
 
@@ -119,7 +119,7 @@ def list_shift_facts(
     state: ReviewState,
     target: TargetCheck | None,
 ) -> list[tuple[str, str]]:
-    """What a reader looks for, name and value: the work first, then what the tonnes are worth."""
+    """Facts by name and value: the work first, then the uncertainty of the tonnes."""
     found = [*_list_work_facts(shift, ledger), *_list_time_facts(shift, ledger, state)]
     found += energy_facts(ledger, shift, state)
     if target is not None:
@@ -253,7 +253,7 @@ def cycles_and_mass_text(cycles: tuple[float, float], kg: tuple[float, float]) -
 
 
 def scale_text(shift: Mapping[str, Any]) -> str:
-    """What tells the scale of the tonnes, or what does not."""
+    """How the scale of the tonnes is fixed, or which sources are unknown."""
     gain = ""
     if shift["gain_1"] is not None:
         found = plus_minus(shift["gain_1"], shift["gain_u_1"])
@@ -269,7 +269,7 @@ def scale_text(shift: Mapping[str, Any]) -> str:
 
 
 def cycle_time_facts(ledger: pl.DataFrame) -> list[tuple[str, str]]:
-    """What a cycle's time goes into, on average; nothing where no cycle was seen whole.
+    """Mean duration of each phase of a cycle; none if no cycle was seen whole.
 
     A cycle with a hole in it, or with a reviewer's verdict against it, is in no mean.
     """

@@ -29,7 +29,7 @@ class TornLog(BaseModel):
     losses: tuple[str, ...]
 
     def sentence(self, clock: ShiftClock) -> str:
-        """What is missing, in time."""
+        """The missing time in a sentence."""
         which = f"Log {self.number} of {self.logs} ({self.name})"
         if self.next_s is None:
             return (

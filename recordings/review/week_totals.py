@@ -59,7 +59,7 @@ class WeekPart(NamedTuple):
 
 
 class WeekTotal(NamedTuple):
-    """What one day, machine or product adds up to.
+    """Sum of one day, machine or product.
 
     Attributes:
         name: of it; empty for loads without a product.

@@ -74,7 +74,7 @@ class Panel:
 
     @property
     def lanes_share(self) -> float:
-        """What its lanes need of the height of a page; 0 of a plot."""
+        """Share of the page's height that its lanes need; 0 for a plot."""
         if self.kind is not Kind.STATES:
             return 0.0
         return (_AROUND_LANES + _LANE * len(self.drawn)) / _PAGE

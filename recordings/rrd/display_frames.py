@@ -1,4 +1,4 @@
-"""What a view draws of a run: frames that exist only to be drawn.
+"""Frames that exist only to be drawn by a view of a run.
 
 A line must not cross a gap, so sparse rows get an empty row after each stretch; a manoeuvre is
 held over its span; a state is kept where it changes; of a long log there are the mean and the
@@ -87,7 +87,7 @@ def _has_numbers_to_draw(series: Series, frame: pl.DataFrame) -> bool:
 def drawn_columns_of_view(
     view: View, run: Run, shown: Mapping[str, pl.DataFrame]
 ) -> tuple[DisplayColumn, ...]:
-    """What a view draws of this run.
+    """Columns of this run that a view draws.
 
     Args:
         view: the view.
@@ -313,7 +313,7 @@ def _decimate_frame(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
 
 
 def bin_expressions(kind: Kind, series: Series) -> dict[str, pl.Expr]:
-    """What a bin has of a series, by column."""
+    """Expressions for the bins of a series, by column."""
     numbers = pl.col(series.column)
     if kind is Kind.BANDS:
         mean = {series.column: numbers.mean()}

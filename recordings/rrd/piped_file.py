@@ -13,7 +13,7 @@ _DESCRIPTORS: Final = Path("/dev/fd")
 
 
 class PipedFile:
-    """What arrives in the pipe goes to the file; after a fault it goes nowhere.
+    """Copies a pipe to a file; after a fault the rest is discarded.
 
     Attributes:
         name: what the library opens for writing, once.

@@ -170,7 +170,7 @@ def _draw_scatter(run: Run) -> PlanePicture | None:
 
 
 def _draw_line(run: Run) -> PlanePicture | None:
-    """What a calibration adds to an estimate: the points and the line, by method."""
+    """Draw points and line of a calibration, by method."""
     series: list[PlaneSeries] = []
     for name, colour, points in _calibrated_methods(run):
         estimate, reference = points["estimate_kg"].to_numpy(), points["reference_kg"].to_numpy()
@@ -187,7 +187,7 @@ def _draw_line(run: Run) -> PlanePicture | None:
 
 
 def _draw_errors(run: Run) -> PlanePicture | None:
-    """What the line leaves of each load, and of a load that the line has not seen."""
+    """Draw the residual of each load, and the error of each load left out of the line."""
     series: list[PlaneSeries] = []
     methods = list(_calibrated_methods(run))
     for number, (name, colour, points) in enumerate(methods):

@@ -73,7 +73,7 @@ def recording_markdown(run: Run) -> dict[str, str]:
 
 
 def recording_name(about: Provenance) -> str:
-    """What the viewer lists a recording as: its machine, and its logs."""
+    """Name of a recording in the viewer: its machine and its logs."""
     logs = ", ".join(each.name for each in about.inputs)
     return ": ".join(filter(None, (machine_name(about), logs))) or "payscope"
 
@@ -298,7 +298,7 @@ def _make_mass_cells(row: AnswerRow) -> list[str]:
 
 
 def _describe_worth(said: Answer, cycles: list[str]) -> list[str]:
-    """What the answer is worth: other priors, budget, priors and posteriors.
+    """Lines about the answer: prior sensitivity, budget, priors and posteriors.
 
     Sentences are lists: the viewer wraps them, and no table.
 

@@ -1,4 +1,4 @@
-"""What a view of a recording draws, and a tab of views."""
+"""Views of a recording, and tabs of views."""
 
 from dataclasses import dataclass
 from enum import Enum

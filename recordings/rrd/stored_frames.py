@@ -36,7 +36,7 @@ _ENUM: Final = "Enum"
 
 
 class StoredColumn(BaseModel):
-    """What a column was before it was stored."""
+    """Original type of a stored column."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -80,7 +80,7 @@ class StoredColumn(BaseModel):
 
 
 class StoredFrame(BaseModel):
-    """What a frame was before it was stored."""
+    """Original schema of a stored frame."""
 
     model_config = ConfigDict(frozen=True)
 

@@ -45,7 +45,7 @@ class TimelineKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ViewerRequest:
-    """What whoever opens a log asks of the recording that it waits for.
+    """Request of a viewer that waits for the recording of a log.
 
     Attributes:
         application: its id.

@@ -84,7 +84,7 @@ def write_recording(
 
 @dataclass(frozen=True)
 class Scene:
-    """What a viewer shows of a recording.
+    """Scene of a recording in a viewer.
 
     Attributes:
         name: that the viewer lists it by.

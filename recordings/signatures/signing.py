@@ -235,7 +235,7 @@ def make_envelope(payload: bytes, key: SigningKey) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class EnvelopeContent:
-    """What an envelope holds.
+    """Content of an envelope.
 
     Attributes:
         payload: the statement's bytes.

@@ -34,7 +34,7 @@ _MOST_NAMED: Final = 2
 
 @dataclass(frozen=True, slots=True)
 class CalibrationRequest:
-    """What a command is asked for.
+    """Request of a command.
 
     Attributes:
         folder: the evidence.
@@ -71,7 +71,7 @@ class MachineCalibration:
         return self.document.campaign.machine.id
 
     def describe(self, logged_id: str) -> str:
-        """What it is, in a sentence.
+        """Describe it in a sentence.
 
         Args:
             logged_id: the machine that the logs name; "" where they do not.
@@ -96,7 +96,7 @@ class MachineCalibration:
         return Machine.model_validate_json(canonical_bytes(weighing.model_dump(mode="json")))
 
     def differences_of_machine(self, weighing: Machine) -> str:
-        """What a machine, as `weighing` gives it, has otherwise than the calibration; "" if none.
+        """Settings of a machine that differ from the calibration's; "" if none.
 
         Serial number, channels, settings, priors: all that defines its mass. The name counts where
         a machine has no serial number.

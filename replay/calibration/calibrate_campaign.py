@@ -73,7 +73,7 @@ _MOST_LINES: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class CalibrationOutcome:
-    """What `calibrate` found and wrote.
+    """Result of `calibrate`, and the files it wrote.
 
     Attributes:
         folder: the bundle.
@@ -120,7 +120,7 @@ def _has_drift(drift: DriftCheck | None) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class EvidenceParts:
-    """What evidence is made of, before it is written.
+    """Parts of evidence, before they are written.
 
     Attributes:
         kind: "calibration" or "check".

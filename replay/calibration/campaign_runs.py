@@ -48,7 +48,7 @@ _NAME: Final = re.compile(r"[^A-Za-z0-9._-]")
 
 @dataclass(frozen=True, slots=True)
 class CampaignReplay:
-    """What the logs of a campaign gave.
+    """Replays of the logs of a campaign.
 
     Attributes:
         readings: frame `readings` of all runs, in the campaign's order of logs.
@@ -66,7 +66,7 @@ class CampaignReplay:
 
     @property
     def learnt(self) -> LearntPriors | None:
-        """What they say of the nuisances together; None where they are too few."""
+        """Priors learnt from all of them; None if they are too few."""
         terms = learnt_terms(self.terms)
         return LearntPriors(terms=terms, logs=self.terms) if terms else None
 
@@ -160,7 +160,7 @@ def draw_evidence_id() -> str:
 def evidence_of_replay(
     name: str, replayed: Run, topics: pl.DataFrame, recording: str
 ) -> EvidenceLog:
-    """What evidence keeps of a replay."""
+    """Part of a replay that evidence keeps."""
     about = replayed.provenance
     said = answer(replayed)
     excitation = replayed.frames["excitation"]

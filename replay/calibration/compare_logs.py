@@ -121,7 +121,7 @@ def _format_compared_value(value: object) -> str:
 def _compare_terms(
     checked: CheckedBundle, stored: tuple[TermOfLog, ...], anew: tuple[TermOfLog, ...]
 ) -> None:
-    """What each log says of the nuisances under the machine's own priors."""
+    """Compare each log's nuisances under the machine's own priors."""
     by_name = {(each.log, each.term): each for each in anew}
     wrong = [each for each in stored if not _terms_agree(each, by_name.get((each.log, each.term)))]
     for each in wrong[:_MOST_NAMED]:

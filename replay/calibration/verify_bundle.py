@@ -45,7 +45,7 @@ _DRAWN = (
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """What a verification came to.
+    """Result of a verification.
 
     Attributes:
         folder: the bundle.
@@ -159,7 +159,7 @@ def verify_bundle(
 
 
 def unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
-    """What `verify` compares with nothing, whatever it is given."""
+    """Claims that `verify` cannot check, whatever files it has."""
     yield (
         "Whether what the campaign file says of people, place, conditions, sensors and parts is "
         "true, and which software and platform made this: only the maker says so."
@@ -198,7 +198,7 @@ def checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class FilesCheck:
-    """What was compared, and what could not be.
+    """Files compared, and files that could not be.
 
     Attributes:
         done: what was compared, in words.

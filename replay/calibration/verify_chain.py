@@ -15,7 +15,7 @@ from replay.calibration.verify_bundle import Verification, verify_bundle
 
 @dataclass(frozen=True, slots=True)
 class VerifiedChain:
-    """What a verification of several bundles came to.
+    """Result of verifying several bundles.
 
     Attributes:
         bundles: each by itself, in the order given.

@@ -185,7 +185,7 @@ def _tell_old_names() -> Generator[None]:
 
 
 def _close_stdout() -> None:
-    """What is still buffered goes nowhere, so that its flush at the end cannot fail again."""
+    """Discard buffered output, so that the flush at exit cannot fail again."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -63,7 +63,7 @@ FrictionLimit = Annotated[
 def read_calibration(
     folder: Path | None, key: Path | None, *, signed: bool
 ) -> "CalibrationRequest | None":
-    """What is asked for by these options.
+    """Read the calibration named by these options.
 
     Raises:
         BadParameter: what is asked of evidence, without any.
@@ -119,7 +119,7 @@ def time_axis_from_options(
 
 
 def owner_question() -> "Callable[[SignedBy], str] | None":
-    """What asks the user about an unknown key; None where nobody sits at a terminal."""
+    """Function that asks the user about an unknown key; None without a terminal."""
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty()
     return ask_for_owner if at_terminal else None
 

@@ -39,7 +39,7 @@ def main() -> None:
 
 
 def parse_request(asked: argparse.Namespace) -> "ViewerRequest":
-    """What the viewer asks for; a time that is none is left out, as in Rerun's own importers."""
+    """Parse the viewer's request; an invalid time is ignored, as in Rerun's own importers."""
     from recordings.rrd.viewer_stream import TimelineKind, ViewerRequest
 
     times: list[tuple[str, TimelineKind, int]] = []

@@ -220,7 +220,7 @@ def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
 
 
 def further_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator[str]":
-    """What else bears on the answer, the most important first."""
+    """Further lines about the answer, the most important first."""
     from recordings.report.planar_text import planar_fit_lines
     from recordings.report.worth_text import goal_lines, shift_lines
 

@@ -330,7 +330,7 @@ def _value_for_file(value: Any, written: str) -> Any:
 
 
 def short_names(keys: Iterable[str]) -> dict[str, str]:
-    """What a table calls each dotted key: its last part, or all of it where two share that."""
+    """Short name of each dotted key: its last part, or all of it if two share that."""
     last = {key: key.rpartition(".")[2] for key in keys}
     shared = Counter(last.values())
     return {key: name if shared[name] == 1 else key for key, name in last.items()}

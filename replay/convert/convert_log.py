@@ -47,7 +47,7 @@ _STAMP: Final = "header_stamp_ns"
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """What was converted.
+    """Result of a conversion.
 
     Attributes:
         folder: where.

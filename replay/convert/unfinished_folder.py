@@ -106,7 +106,7 @@ class PartWriter:
 
 
 class ConversionPlan(BaseModel):
-    """What a conversion is of: another plan has other parts."""
+    """Plan of a conversion; another plan has other parts."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -209,7 +209,7 @@ def _name_record(number: int) -> str:
 
 
 def load_json(path: Path, model: type[_Model]) -> _Model | None:
-    """What was written, or None where it is not there or of another version."""
+    """Read a written file; None if it is missing or of another version."""
     try:
         return model.model_validate_json(path.read_bytes())
     except (FileNotFoundError, ValidationError):

@@ -110,7 +110,7 @@ _TARGET_KG: Final = 200.0
 
 @dataclass(frozen=True, slots=True)
 class Demo:
-    """What the demo found, and the files it made."""
+    """Results of the demo, and the files it made."""
 
     calibrated: CalibrationOutcome
     verified: Verification

@@ -74,7 +74,7 @@ class ProposalTrial:
         return ""
 
     def _against_empty_mass(self, was: Answer, now: Answer) -> str:
-        """What the mass of the empty machine, and gravity at rest, say against it."""
+        """Objection by the empty machine's mass or gravity at rest."""
         empty_kg = self.before.provenance.machine["machine"].get("empty_mass_kg")
         one, other = _lightest_load(was), _lightest_load(now)
         nearer = False

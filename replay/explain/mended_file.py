@@ -34,7 +34,7 @@ class Proposal:
 
 
 def proposals_of_finding(finding: Finding) -> tuple[Proposal, ...]:
-    """What a finding proposes, a key each; nothing where there is nothing to write."""
+    """Proposals of a finding, a key each; none if there is nothing to write."""
     if not finding.has_proposal:
         return ()
     keys = [key.strip() for key in str(finding.setting).split(",")]
@@ -107,7 +107,7 @@ def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
 
 
 def _change_comment(place: Any, name: str, why: str) -> str:
-    """What stands behind a key: the user's own words, why it changed, and what it was."""
+    """Comment behind a key: the user's words, why it changed, and its old value."""
     import tomlkit
     from tomlkit.items import Table
 

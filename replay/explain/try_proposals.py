@@ -65,7 +65,7 @@ class RejectedProposal:
 
 @dataclass(frozen=True)
 class MendedMachine:
-    """What a mended machine file does.
+    """A mended machine file and its effect.
 
     Attributes:
         path: of the file; None where nothing pays, so that none was written.
@@ -126,7 +126,7 @@ class Replays:
 
 @dataclass
 class Progress:
-    """What was kept so far, and what not.
+    """Proposals kept and rejected so far.
 
     Attributes:
         run: the replay with what was kept.

@@ -78,7 +78,7 @@ class OtherSettings:
 
     @property
     def limits(self) -> TaskLimits:
-        """What one recording may take."""
+        """Limits of one recording."""
         return self.last.limits
 
     def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:

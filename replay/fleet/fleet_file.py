@@ -95,7 +95,7 @@ class Fleet:
 
     @property
     def limits(self) -> TaskLimits:
-        """What one recording may take."""
+        """Limits of one recording."""
         return self.rules.limits
 
     def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:

@@ -133,7 +133,7 @@ class FleetResults:
 
     @cached_property
     def last_run(self) -> LastRun:
-        """What the last run was told."""
+        """Options of the last run."""
         try:
             return LastRun.model_validate_json(self._read_or(CURRENT, b"{}"))
         except ValidationError:

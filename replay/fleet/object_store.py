@@ -138,7 +138,7 @@ class Store:
             self._run(names[0], lambda: self._store.delete(names))
 
     def _run(self, name: str, work: Any) -> Any:
-        """What the work returns; its fault in one line."""
+        """Run the work; raise its fault in one line."""
         from obstore.exceptions import BaseError
 
         try:

@@ -121,7 +121,7 @@ class ReplayTask:
 
 @dataclass(frozen=True, slots=True)
 class TaskOutcome:
-    """What became of a recording.
+    """Outcome of a recording's task.
 
     Attributes:
         status: made; there already; refused, which is a result too; failed, which is none.

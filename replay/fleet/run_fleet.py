@@ -31,7 +31,7 @@ class FleetPlan(Protocol):
 
     @property
     def limits(self) -> TaskLimits:
-        """What one recording may take."""
+        """Limits of one recording."""
         ...
 
     def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
@@ -45,7 +45,7 @@ OnDone = Callable[[FleetLog, TaskOutcome], None]
 
 @dataclass
 class FleetRun:
-    """What a run did.
+    """Summary of a fleet run.
 
     Attributes:
         destination: of the results.

@@ -93,7 +93,7 @@ def fleet_report(
 
 
 def report_page(results: FleetResults, destination: str, name: str) -> FleetPage:
-    """What the page of a fleet shows."""
+    """Contents of the page of a fleet."""
     rows, cycles = results.results, results.scan("cycles")
     days = daily_figures(rows, cycles)
     calibrations = results.calibrations

@@ -97,7 +97,7 @@ class _MinuteDigests:
 
 
 class FollowedDigests:
-    """What the gate decided and the methods estimated, as it was followed."""
+    """Digests of gate decisions and estimates while a log was followed."""
 
     def __init__(self) -> None:
         self._minutes: dict[str, _MinuteDigests] = {}

@@ -184,7 +184,7 @@ def spin_text(report: OnlineReport) -> str:
 
 
 def event_text(report: OnlineReport) -> str:
-    """What a manoeuvre or a spin gave; empty for another event."""
+    """Result of a manoeuvre or spin; empty for another event."""
     match report.event:
         case "manoeuvre":
             return mass_text(report)

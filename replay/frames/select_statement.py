@@ -57,7 +57,7 @@ def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl
 
 
 def query_fault(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
-    """What polars says of a statement, in a line."""
+    """Fault of a statement by polars, in a line."""
     said = str(error).strip().partition("\n")[0]
     unknown = re.search(r"relation '(.*)' was not found", said)
     if unknown:

@@ -1,4 +1,4 @@
-"""What is in a log: the answer of `payscope info`."""
+"""Contents of a log, as `payscope info` prints them."""
 
 import time
 from dataclasses import asdict, dataclass
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogInfo:
-    """What is in a log. Times are ns of its own clock, null in a log without messages."""
+    """Contents of a log. Times are ns of its own clock, null in a log without messages."""
 
     path: Path
     format: str

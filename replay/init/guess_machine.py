@@ -219,7 +219,7 @@ def _profile_unused_columns(
 
 
 def _channel_line(each: FieldProfile) -> str:
-    """What a column without a channel says that it is, where a person may look for it."""
+    """Note on the quantity of a column without a channel."""
     quantity = read_column_name(each.field).quantity
     return f"  ({quantity})" if quantity in ("steering", "pressure", "power") else ""
 
@@ -241,7 +241,7 @@ def _note_on_wheel_speed(guess: Guess) -> str:
 
 
 def _recognise_joints(log: Log, topics: pl.DataFrame) -> Recognition:
-    """What the joints of all JointStates fill."""
+    """Recognise the joints of all JointStates."""
     found = Recognition()
     for row in topics.sort("messages", descending=True).iter_rows(named=True):
         is_joints = row["type"].rpartition("/")[2] == "JointState"

@@ -77,7 +77,7 @@ class DecodedLog(Log):
         return self._digests
 
     def topics(self) -> pl.DataFrame:
-        """What is in the log; see `Log.topics`."""
+        """Topics of the log; see `Log.topics`."""
         return pl.read_ipc(self._kept / _TOPICS)
 
     def _read_many(
@@ -99,15 +99,15 @@ class DecodedLog(Log):
         return found
 
     def losses(self) -> tuple[Loss, ...]:
-        """What could not be read."""
+        """Losses: data that could not be read."""
         return self._about.losses
 
     def notes(self) -> tuple[str, ...]:
-        """What was recognised of how the log is written."""
+        """Notes on how the log is written."""
         return self._about.notes
 
     def machine_ids(self) -> tuple[str, ...]:
-        """What the log says of whose it is."""
+        """Serial numbers of machines in the log."""
         return self._machine_ids
 
     def check(self) -> LogCheck:
@@ -217,7 +217,7 @@ def _decode_by_process(
 
 
 def _fields_of_log(log: Log, fields: Mapping[str, Sequence[str]]) -> dict[str, Sequence[str]]:
-    """What of these fields a log has, by topic: another table may have the other columns."""
+    """Which of these fields a log has, by topic; another table may have the others."""
     found: dict[str, Sequence[str]] = {}
     for topic, has in log.topics().select("topic", "fields").iter_rows():
         if topic in fields:

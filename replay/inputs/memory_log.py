@@ -66,7 +66,7 @@ class MemoryLog(Log):
         return frame.select(*_STAMPS, *fields).sort("log_time_ns", maintain_order=True)
 
     def check(self) -> LogCheck:
-        """What is in memory needs no check."""
+        """Report a clean check: data in memory needs none."""
         return LogCheck(sum(frame.height for frame in self._frames.values()), 0, 0)
 
     def losses(self) -> tuple[Loss, ...]:

@@ -25,7 +25,7 @@ _Has = frozenset[tuple[str, str]]
 
 
 def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict[Log, int]:
-    """What is added to the times of each log, so that all are in one time line.
+    """Offset of each log that puts all into one time line.
 
     Logs that count from 0 and hold the same follow one another in the order given; those that hold
     nothing in common run side by side, and so does all that has a clock.
@@ -130,7 +130,7 @@ def shift_times(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
 
 
 def offset_note(offsets: Mapping[Log, int]) -> list[str]:
-    """What a reader must know of the order."""
+    """Note on the order of the logs."""
     if not any(offsets.values()):
         return []
     names = ", ".join(log.path.name for log in offsets)

@@ -61,7 +61,7 @@ class ConvertedTopics:
         }
 
     def leaf_field_of_column(self, name: str) -> LeafField:
-        """What a column of a field holds, an element of a list among them.
+        """Leaf field of a column, which may be an element of a list.
 
         Raises:
             ConvertedFieldError: there is no such field.
@@ -157,7 +157,7 @@ class ConvertedTopics:
 
 
 class ConvertedLog(Log):
-    """What `convert` wrote: topics, losses and notes are those of the log itself."""
+    """A log written by `convert`, with topics, losses and notes of the original."""
 
     def __init__(self, path: Path) -> None:
         """Read the description.
@@ -203,7 +203,7 @@ class ConvertedLog(Log):
         return {f.name: f.unit for f in found.topic.fields if f.unit} if found else {}
 
     def notes(self) -> tuple[str, ...]:
-        """What was recognised of how the log was written."""
+        """Notes on how the log was written."""
         return self._about.notes
 
     def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:

@@ -45,7 +45,7 @@ class TailParts:
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         return [*self._losses, *(self._tail.losses if self._tail else ())]
 
     def poll(self) -> list[RawBatch]:
@@ -145,7 +145,7 @@ class GrowingLogFile(Protocol):
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What could not be read so far."""
+        """Losses so far: data that could not be read."""
         ...
 
     def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:

@@ -1,4 +1,4 @@
-"""What grows of a log while it is recorded: the rows of a table, the fields of its messages."""
+"""New rows of a table or fields of messages while a log is recorded."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -53,7 +53,7 @@ class TableTail:
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What could not be read so far."""
+        """Losses so far: data that could not be read."""
         return [*self._losses]
 
     def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
@@ -126,7 +126,7 @@ class MessageTail:
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What could not be read so far."""
+        """Losses so far: data that could not be read."""
         return [*self._tail.losses, *self._losses]
 
     def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:

@@ -53,7 +53,7 @@ class MessageLog(Log):
         return self._container.files
 
     def topics(self) -> pl.DataFrame:
-        """What is in the log; see `Log.topics`."""
+        """Topics of the log; see `Log.topics`."""
         return self._topic_table
 
     def machine_ids(self) -> tuple[str, ...]:
@@ -265,7 +265,7 @@ class MessageLog(Log):
                 )
 
     def losses(self) -> tuple[Loss, ...]:
-        """What could not be read so far."""
+        """Losses so far: data that could not be read."""
         # before the container's losses: counting messages may find some
         counts = {
             name: sum(self._container.message_count(c.id) for c in topic.connections)

@@ -367,7 +367,7 @@ class TableLog(Log):
         )
 
     def losses(self) -> tuple[Loss, ...]:
-        """What could not be read so far."""
+        """Losses so far: data that could not be read."""
         return tuple(self._losses)
 
 

@@ -42,7 +42,7 @@ _US: Final = 1000
 
 @dataclass(frozen=True, slots=True)
 class NotarisedFolder:
-    """What a pass came to.
+    """Result of a pass over a folder.
 
     Attributes:
         path: the list.

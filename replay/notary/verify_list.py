@@ -31,7 +31,7 @@ UNSEEN = (
 
 @dataclass(frozen=True, slots=True)
 class VerifiedList:
-    """What a verification of a list came to.
+    """Result of verifying a list.
 
     Attributes:
         path: the list.

@@ -72,7 +72,7 @@ class NamedTables:
 def named_tables(
     sources: Sequence[str], time: TimeAxis | None = None, columns: Sequence[str] = ()
 ) -> NamedTables:
-    """What is named, as tables; nothing but indices is read.
+    """Open the named files as tables; only indices are read.
 
     Args:
         sources: logs, folders and patterns of logs, recordings, reviews and ledgers, and the

@@ -80,7 +80,7 @@ class Query:
 
     @contextmanager
     def _raise_query_errors(self) -> Generator[None]:
-        """What goes wrong while rows are computed, as ours: polars gives the text of an error."""
+        """Raise faults of computing rows as payscope errors."""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", LossWarning)  # the command says losses itself

@@ -1,4 +1,4 @@
-"""What is proposed for a draft: channels with their reasons, and questions in the order of need."""
+"""Proposals for a draft: channels with reasons, and questions in order of need."""
 
 from dataclasses import dataclass, field
 from functools import cache

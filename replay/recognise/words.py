@@ -95,7 +95,7 @@ def has_side(name: str, names: Collection[str]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ColumnMeaning:
-    """What a column's name says; None where it does not."""
+    """Meaning of a column's name; None where it states none."""
 
     quantity: str | None
     side: str | None

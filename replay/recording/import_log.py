@@ -98,7 +98,7 @@ def _element_paths(
 
 
 def _describe_log(log: Log, machine_file: Path | None, fault: str | None) -> str:
-    """What the log holds, and what would weigh it, in Markdown."""
+    """Describe the log, and how to weigh it, in Markdown."""
     parts = [f"# {one_line(log.path.name)}", f"{log.format}, read by payscope."]
     if fault is not None:
         parts.append(f"**{machine_file} does not fit, so nothing was replayed:** {fault}")

@@ -51,7 +51,7 @@ class RecordedStage:
 
     @property
     def time_column(self) -> str | None:
-        """What places its rows in time, if anything."""
+        """Column that places its rows in time, if any."""
         if self.name.startswith("raw/"):
             return "log_time_ns"
         declared: Frame = FRAMES[self.name.partition("/")[0]]

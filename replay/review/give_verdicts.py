@@ -41,7 +41,7 @@ _MODEL_KEYS: Final = {"id", "author", "time"}
 
 @dataclass(frozen=True)
 class GivenVerdicts:
-    """What a reviewer says on the command line.
+    """Verdict of a reviewer given on the command line.
 
     Attributes:
         reject: cycles that are not to count; see `find_cycle` for how they are named.

@@ -48,7 +48,7 @@ def parse_label_channel(text: str) -> LabelChannel:
 def read_label_spans(
     paths: Sequence[Path], channels: Sequence[LabelChannel], machine: Machine
 ) -> list[ShiftVerdict]:
-    """What the logs say of the loads, from each message to the next that says otherwise.
+    """Labels of loads in the logs, each valid until the next different message.
 
     Args:
         paths: the logs, as of a review; only such as have a date, or one time line.

@@ -75,7 +75,7 @@ _TORN: Final = ("breaks off", "bytes at the end are lost", "row is torn", "last 
 
 @dataclass(frozen=True)
 class ReviewOptions:
-    """What a review is told besides logs and machine.
+    """Options of a review.
 
     Attributes:
         overrides: `key=value`, of the machine file.
@@ -166,7 +166,7 @@ def review_shift(
 
 @dataclass(frozen=True)
 class ReplayedShift:
-    """What a replay gave, or what was kept of it."""
+    """A replay of a shift, or the part that was kept."""
 
     cycles: pl.DataFrame
     shift: pl.DataFrame
@@ -219,7 +219,7 @@ def _shift_energy(made: Run, machine: Machine) -> ShiftEnergy:
 
 
 def read_earlier_replay(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift | None:
-    """What an earlier review of the same logs and settings found; None where there is none."""
+    """Read the replay of an earlier review of the same logs and settings; None if there is none."""
     recording = folder / RECORDING
     if before is None or before.key != key or not recording.is_file():
         return None
@@ -262,7 +262,7 @@ def sort_by_first_message(logs: list[Log]) -> list[Log]:
 
 
 def frames_for_calibration(made: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
-    """What calibrating needs of the replay, or of its recording."""
+    """Frames that calibrating needs, of the replay or its recording."""
     if made.run is not None:
         return made.run.frames
     there = stage_columns(folder / RECORDING)

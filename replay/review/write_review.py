@@ -74,7 +74,7 @@ class ShiftReview:
 
     @classmethod
     def from_replay(cls, folder: Path, page: ReviewPage, *, replayed: bool) -> "ShiftReview":
-        """What a page shows."""
+        """Contents of a page."""
         shown = (page.state, page.calibration, page.target)
         return cls(folder, page.ledger, dict(page.shift), *shown, replayed)
 

@@ -45,7 +45,7 @@ POINTS: Final = _POINT_TYPES
 
 @dataclass(frozen=True, slots=True)
 class CampaignFit:
-    """What a campaign comes to.
+    """Result of fitting a campaign.
 
     Attributes:
         calibration: the line; None where the readings determine none.

@@ -272,7 +272,7 @@ class CalibrationCampaign(BaseModel):
 
     @property
     def untraceable_references(self) -> tuple[str, ...]:
-        """What of the references is not traceable, a sentence each."""
+        """References that are not traceable, a sentence each."""
         found: list[str] = []
         for mass in self.masses:
             if mass.u_kg == 0.0:

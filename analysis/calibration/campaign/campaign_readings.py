@@ -1,4 +1,4 @@
-"""What each manoeuvre of a replay says, and each method, for the runs of a campaign in its log."""
+"""Readings of the runs of a campaign: by each manoeuvre of a replay, and by each method."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -111,7 +111,7 @@ def run_responses(
 
 
 def joint_fit_readings(replayed: Run) -> list[dict[str, Any]]:
-    """What the joint fit says, manoeuvre by manoeuvre."""
+    """Readings of the joint fit, one per manoeuvre."""
     loads = {row["load_id"]: row for row in replayed.frames["loads"].to_dicts()}
     own = replayed.frames["budget"].filter(pl.col("cause").is_in(causes_not_in_common(replayed)))
     own_kg = dict(own.group_by("load_id").agg((pl.col("u_kg") ** 2).sum().sqrt()).iter_rows())
@@ -127,7 +127,7 @@ def joint_fit_readings(replayed: Run) -> list[dict[str, Any]]:
 
 
 def causes_not_in_common(replayed: Run) -> list[str]:
-    """What a log's budget has as common that is not common to the campaign's masses.
+    """Parts common to one log's masses but not to all masses of the campaign.
 
     What the means of learnt priors have wrong the line takes with it. Their widths are what differs
     from log to log: anew in every log, so that it scatters the runs about the line.
@@ -147,7 +147,7 @@ def subtract_part_u(u_kg: float | None, part_kg: float | None) -> float | None:
 
 
 def method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
-    """What a method of the paper says of each manoeuvre; its ± is statistical alone."""
+    """Reading of each manoeuvre by a method of the paper; its ± is statistical only."""
     about = replayed.provenance
     segments = replayed.frames["segments"]
     if f"estimates/{method}" not in replayed.frames or segments.is_empty():

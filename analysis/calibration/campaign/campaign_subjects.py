@@ -127,7 +127,7 @@ class ReferenceMass(BaseModel):
 
 
 class Conditions(BaseModel):
-    """What the runs were made under."""
+    """Conditions under which the runs were driven."""
 
     model_config = STRICT
 

@@ -1,4 +1,4 @@
-"""What calibrated masses of the methods err by: load by load, and start by start."""
+"""Errors of the methods' calibrated masses, by load and by start."""
 
 import numpy as np
 import polars as pl

@@ -36,7 +36,7 @@ class StatedPart:
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class CalibrationOptions:
-    """What a calibration is told besides its points.
+    """Options of a calibration.
 
     Attributes:
         method: name of the estimator that gives m̂.
@@ -105,7 +105,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class Reference:
-    """What is known to be on board: a load, with the machine where its mass is a reference."""
+    """Known mass on board: a load, plus the machine if its mass is a reference."""
 
     load_id: str
     reference_kg: float
@@ -253,7 +253,7 @@ class Calibration:
 
     @property
     def inversion(self) -> Inversion:
-        """What turns a later m̂ into its mass."""
+        """Make the inverse of the line, which turns a later m̂ into a mass."""
         parts = self.components
         return Inversion(
             centre_kg=self.centre_kg,

@@ -19,7 +19,7 @@ _FLOOR: Final = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class WithinRunVariance:
-    """What single readings say of their own variance: a sum of squares about their means.
+    """Within-run variance of single readings: sum of squares about the run means.
 
     Attributes:
         squares: the sum, in kg².

@@ -26,7 +26,7 @@ _RARE: Final = 0.0027
 
 @dataclass(frozen=True)
 class LaterLog:
-    """What is known of a log besides its loads.
+    """Facts about a later log besides its loads.
 
     Attributes:
         refused: why no mass of it is calibrated; "" where nothing speaks against it.
@@ -127,7 +127,7 @@ def _calibrate_load_columns(
 def _unlike_driving_shift(
     row: Mapping[str, Any], calibration: Calibration, unlike: Unlike | None
 ) -> tuple[float, float]:
-    """What m̂ is off by since its log is driven unlike the campaign, and the uncertainty of that."""
+    """Offset of m̂ because its log is driven unlike the campaign, with its uncertainty."""
     key = ("mass" if calibration.method == "joint_mass" else "payload", row["load_id"])
     if unlike is None or not calibration.responses or key not in unlike.moved_kg:
         return 0.0, 0.0

@@ -15,7 +15,7 @@ _CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class CheckPoint:
-    """What a run with the known mass on board said.
+    """Reading of a run with the known mass on board.
 
     Attributes:
         mass_kg: m̂, by the calibration's method; None where there is none.

@@ -34,7 +34,7 @@ WITHIN, UNDECIDED, OUTSIDE = "within", "undecided", "outside"
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class DecisionRule:
-    """What is asked, and how sure the answer has to be.
+    """Question to decide, and the probability that the answer must reach.
 
     Attributes:
         accuracy_class: one of `CLASSES`.

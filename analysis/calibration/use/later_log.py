@@ -1,4 +1,4 @@
-"""What speaks for and against weighing a later log by a calibration."""
+"""Reasons for and against weighing a later log by a calibration."""
 
 from collections.abc import Mapping
 from typing import Final

@@ -1,4 +1,4 @@
-"""What the logs of a campaign say together of the joint fit's nuisances: narrower priors.
+"""Narrower priors of the joint fit's nuisances, learnt from the logs of a campaign.
 
 Each log finds its own nuisances under wide priors, and its mass with them, so that masses of
 separate logs scatter by what the log's noise does to those. What lasts as long as the machine does
@@ -40,7 +40,7 @@ _NAMES: Final = get_args(LearnableTerm)
 
 
 class TermOfLog(BaseModel):
-    """What one log says of one term, in the term's unit."""
+    """Estimate of one term by one log, in the term's unit."""
 
     model_config = STRICT
 
@@ -53,7 +53,7 @@ class TermOfLog(BaseModel):
 
 
 class LearntPriors(BaseModel):
-    """What a campaign learnt, and from what.
+    """Priors that a campaign learnt, and the logs they come from.
 
     Attributes:
         terms: the priors, by term.
@@ -123,7 +123,7 @@ def _pool_term(said: Sequence[TermOfLog]) -> LearntTerm:
 
 
 def estimate_without_prior(said: TermOfLog) -> tuple[float, float] | None:
-    """What the log says of a term without its prior, and the deviation of that."""
+    """Estimate of a term by the log without its prior, and its standard deviation."""
     prior = (said.prior_mean, said.prior_std)
     return machine_without_prior((said.posterior, said.posterior_std), prior)
 
@@ -171,7 +171,7 @@ def machine_for_later_log(machine: Machine) -> Machine:
 
 
 def contradicted_priors(nuisances: pl.DataFrame) -> str:
-    """What a later log says against the priors that its calibration learnt; "" where nothing.
+    """How a later log contradicts the priors that its calibration learnt; "" if it does not.
 
     Args:
         nuisances: the frame; without learnt priors there is nothing to contradict.
@@ -203,7 +203,7 @@ def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], 
 
 
 def undetectable_changes(nuisances: pl.DataFrame, unlike: Unlike | None) -> dict[int, str]:
-    """What could have changed since a calibration without this log contradicting it, by load.
+    """Largest change since a calibration that this log would not contradict, by load.
 
     Args:
         nuisances: the frame.

@@ -195,7 +195,7 @@ class TrialDriver(MachineDriver):
         return None if self._swings or slow_s <= self._step_s else math.ceil(duration_s / slow_s)
 
     def end(self) -> None:
-        """What the log ends with: a rest, or, in motion, the moment after its last sample."""
+        """End of the log: a rest, or, in motion, the moment after its last sample."""
         rest_s = self.scenario.campaign.rest_s
         if self.state[plant.WHEEL] == 0.0:
             self.rest(rest_s + STEP_S, self.mass_kg)

@@ -33,7 +33,7 @@ _LEAST_CRUISE_S: Final = 0.2
 
 @dataclass(frozen=True)
 class StartOrder:
-    """What the operator does in one start.
+    """Order to the operator for one start.
 
     `sign` is 1 ahead, -1 back; `digging_N` grows during `digging_s` until the throttle is shut;
     of `load_kg` a part `spill_1_s` falls off a second; `distance_m` is when to stand again, instead

@@ -40,7 +40,7 @@ class LogSpan(NamedTuple):
 
 
 class ShiftTruth(NamedTuple):
-    """What is true of a shift; times are unix ns.
+    """True values of a shift; times are unix ns.
 
     `cycles`: a row a cycle, as `shift_drive.Cycle` has it, with the numbers of the logs in which it
     begins and ends (counted from 0; null where nothing is recorded); `stands`: idle stretches,
@@ -90,7 +90,7 @@ class ShiftSimulation:
             yield self._simulate_log(index, self._spans[-1], heading_rad, start_ns)
 
     def collect_truth(self) -> ShiftTruth:
-        """What is true, once all logs have been taken."""
+        """Collect the true values, once all logs have been taken."""
         start_ns = to_whole_ns(self.scenario.log.start_unix_s)
         cycles = pl.DataFrame([each._asdict() for each in self._driver.cycles])
         starts = [span.start_s for span in self._spans]

@@ -72,7 +72,7 @@ class RigidBody:
 
     @property
     def standstill_grip(self) -> tuple[float, float]:
-        """What grips at standstill, along x and about z: Coulomb friction, rolling resistance."""
+        """Grip at standstill, along x and about z: Coulomb friction and rolling resistance."""
         return self.coulomb_x_N + self.rolling_x_N, self.coulomb_z_N_m
 
     @property

@@ -33,7 +33,7 @@ class DrivenManoeuvre(NamedTuple):
 
 
 class Hints(NamedTuple):
-    """What a shift has besides its motion, each (n,).
+    """Signals of a shift besides its motion, each (n,).
 
     Place along the way, and the angles of boom and bucket, positive up.
     """

@@ -9,7 +9,7 @@ _FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class SimulatedSensors(BaseModel):
-    """What the instruments add; noise is white unless said otherwise, as standard deviations."""
+    """Errors of the sensors; white noise unless said otherwise, as standard deviations."""
 
     model_config = _FORBID
 
@@ -98,7 +98,7 @@ class SimulatedRecorder(BaseModel):
 
 
 class SimulatedDefects(BaseModel):
-    """What is wrong with the instruments; by default nothing."""
+    """Defects of the sensors; none by default."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

@@ -145,7 +145,7 @@ def total_estimates(
 def reasons_for_no_answer(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
 ) -> list[str]:
-    """What stands between this log and an answer, a sentence each."""
+    """Reasons why this log has no answer, a sentence each."""
     found = (
         why_nothing_was_accepted(excitation, gated, settings),
         why_spins_are_not_used(excitation, settings),

@@ -204,7 +204,7 @@ def _is_digging(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
 
 
 def robust_largest(values: Floats) -> float:
-    """What the values reach without their outliers."""
+    """Largest value without outliers."""
     return float(np.quantile(np.abs(values), _REACHES))
 
 

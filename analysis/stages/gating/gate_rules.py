@@ -37,7 +37,7 @@ _IN_PLACE: Final = phase_code_mask("spinning", "standstill")
 
 
 class Decision(NamedTuple):
-    """What the gate says of windows, (windows,) each, NaN where a number is missing.
+    """Decision of the gate on windows, (windows,) each, NaN where a number is missing.
 
     Attributes:
         corr: correlation of acceleration and force.
@@ -61,7 +61,7 @@ class Decision(NamedTuple):
 def row_flags(
     axis: Axis, phase: Codes, force: Floats, brakes: Bools, slips: Bools, settings: GateSettings
 ) -> dict[str, Bools]:
-    """What a window must not hold, row by row, in the order of precedence.
+    """Flags of rows that exclude a window, in the order of precedence.
 
     Args:
         axis: straight motion or spins.

@@ -66,7 +66,7 @@ def yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:
 
 
 def regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
-    """What multiplies the mass in (7), (rows,) in m/s².
+    """Acceleration that multiplies the mass in (7), (rows,) in m/s².
 
     Gravity moves to the left of (4): the accelerometer's specific force has it already, an
     acceleration from the wheels needs + g·sin(pitch), pitch nose-up (flat ground where no pitch

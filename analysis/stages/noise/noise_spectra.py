@@ -239,7 +239,7 @@ def reading_step(x: Floats, of: Bools) -> float | None:
 
 
 def quantisation_step(taken: Floats, of: int) -> float | None:
-    """What readings are multiples of that occur again and again among so many."""
+    """Step that frequently repeated readings are multiples of."""
     every = max(taken.size // _LOOKED_AT, 1)
     taken, of = taken[::every], of // every
     reading, times = np.unique(taken, return_counts=True)

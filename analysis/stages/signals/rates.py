@@ -143,7 +143,7 @@ class ReducedRegressor:
     span_ns: int
 
     def __str__(self) -> str:
-        """What a reader of the answer should know of it."""
+        """Note for the reader of the answer."""
         return (
             f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_join_names(self.names)} "
             f"are taken at its stamps, averaged over {self.span_ns / 1e9:.3g} s, since a slow "

@@ -28,7 +28,7 @@ _COUNT: Final = np.dtype([("connection", "<u4"), ("messages", "<u4")])
 
 @dataclass(frozen=True, slots=True)
 class BagIndex:
-    """What stands behind a bag's chunks."""
+    """Index behind a bag's chunks."""
 
     #: the records of connections: header and data
     connections: tuple[tuple[BagRecord, bytes], ...]

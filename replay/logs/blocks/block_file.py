@@ -62,7 +62,7 @@ class BlockFile(ABC):
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         return self._store.damage.losses(self._topics)
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:

@@ -58,7 +58,7 @@ class BlockTail(ABC):
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         return [*self._losses]
 
     def poll(self) -> list[RawBatch]:

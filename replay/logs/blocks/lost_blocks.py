@@ -1,4 +1,4 @@
-"""What a file of blocks lost: blocks, and gaps between them."""
+"""Lost blocks of a file, and gaps between them."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
@@ -82,7 +82,7 @@ def describe_end_of_reading(last_ns: int | None) -> str:
 
 
 def torn_end(size: int, messages: int) -> str:
-    """What stands behind the last whole record, as a part of a sentence.
+    """Describe the bytes behind the last whole record, as part of a sentence.
 
     Args:
         size: its bytes.
@@ -96,7 +96,7 @@ def torn_end(size: int, messages: int) -> str:
 
 
 def content_text(blocks: list[Block], topics: Mapping[int, str]) -> str:
-    """What damaged blocks held, as far as an index tells."""
+    """Contents of damaged blocks, as far as an index tells."""
     counts: dict[str, int] = {}
     for block in blocks:
         for key, count in block.counts.items():

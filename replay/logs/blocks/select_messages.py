@@ -102,7 +102,7 @@ def _search(found: Ints, keys: Ints, places: Ints) -> None:
 
 
 class ChunkStats(NamedTuple):
-    """What a block holds."""
+    """Statistics of a block."""
 
     #: by connection, in the order of the keys that were asked for; then those of all others
     counts: list[int]

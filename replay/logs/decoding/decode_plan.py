@@ -105,7 +105,7 @@ class BatchPass:
             self._gathered.long_bytes[:] = 0
 
     def finish_batch(self) -> WalkedBatch:
-        """What it found, once it is done."""
+        """Finish the batch and return what was found."""
         table, marks, filled, *_ = self._noted
         noted = tuple(marks[base : base + filled[node]] for node, base, _ in table)
         root, rows = self._program.root, int(filled[0])
@@ -135,7 +135,7 @@ def _room_for_marks(program: Program, room: Ints) -> WalkNotes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """What came of the messages of one encapsulation, by their places among them."""
+    """Decoded messages of one encapsulation, with their places in the batch."""
 
     frame: pl.DataFrame
     whole: NDArray[np.int64]

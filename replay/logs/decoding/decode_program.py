@@ -38,7 +38,7 @@ Wanted: TypeAlias = dict[str, "Wanted"]
 
 
 class Op(IntEnum):
-    """What a step does."""
+    """Operation of a step."""
 
     SPAN = 0
     TEXT = 1

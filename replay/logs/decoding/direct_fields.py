@@ -23,7 +23,7 @@ Steps: TypeAlias = tuple[PathStep, ...]
 
 
 class Gathering(NamedTuple):
-    """What a compiled pass gathers beside the marks, as numbers.
+    """Plan of the values that a compiled pass gathers beside the marks.
 
     `value_*`: single values, by the mark of their span, their distance from it, and how they are
     loaded (`gather.LOADS`). `array_*`: arrays of numbers, with their bytes. `text_marks`: strings.

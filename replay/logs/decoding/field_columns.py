@@ -58,7 +58,7 @@ class _Elements:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Positions:
-    """What is `offset` bytes behind some positions."""
+    """Values `offset` bytes behind some positions."""
 
     value: InlineValue
     at: Ints

@@ -27,7 +27,7 @@ _ROWS_AT_ONCE: Final = 1024
 
 
 class GatheredRows(NamedTuple):
-    """What a pass gathers; of `n` rows those of whole messages are filled, the first ones."""
+    """Rows gathered by a pass; the first of `n` are filled, one for each whole message."""
 
     #: (values, n) 64 bits each
     values: Ints

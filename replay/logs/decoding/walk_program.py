@@ -66,7 +66,7 @@ class Messages(NamedTuple):
 
 
 class Encoding(NamedTuple):
-    """What of an encoding the walk needs."""
+    """Properties of an encoding that the walk needs."""
 
     #: strings end in a NUL, and up to 3 bytes may pad a message
     cdr: bool
@@ -77,7 +77,7 @@ class Encoding(NamedTuple):
 
 
 class WalkNotes(NamedTuple):
-    """What a walk notes."""
+    """Notes of a walk."""
 
     #: (marks, 3) of each mark: its node, where its values begin in `marks`, and for how many
     #: elements there is room; more are only counted
@@ -109,7 +109,7 @@ class Template(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What became of messages."""
+    """Outcome of messages."""
 
     #: (n,) what is wrong with each, see `FAULTS`
     faults: NDArray[np.int8]

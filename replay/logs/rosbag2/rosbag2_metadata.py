@@ -33,7 +33,7 @@ class AnnouncedTopic:
 
 @dataclass(frozen=True, slots=True)
 class Metadata:
-    """What metadata.yaml says."""
+    """Content of metadata.yaml."""
 
     names: tuple[str, ...]
     #: each message is compressed by itself
@@ -81,7 +81,7 @@ def custom_data(data: bytes) -> Mapping[str, str]:
 
 
 def _load_yaml(path: Path) -> Any:
-    """What the file holds.
+    """Load the file's content.
 
     Raises:
         BrokenBytesError: it is no YAML, or cannot be read.
@@ -96,7 +96,7 @@ def _load_yaml(path: Path) -> Any:
 
 
 def parse_yaml(text: str) -> Any:
-    """What a text of YAML holds.
+    """Parse a text of YAML.
 
     Raises:
         BrokenBytesError: it is none.

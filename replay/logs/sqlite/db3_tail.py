@@ -35,7 +35,7 @@ class Db3Tail:
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         return [*self._losses]
 
     def poll(self) -> list[RawBatch]:

@@ -39,7 +39,7 @@ AT_LEAF, AT_CELL, LAST_ID, GAPS, IN_GAP, ODD, FIRST_ODD = range(7)
 
 
 class Tables(NamedTuple):
-    """What a scan finds."""
+    """Result of a scan."""
 
     #: (5, n) rows of messages as in `storage.rows`, and their ids
     rows: NDArray[np.int64]

@@ -83,7 +83,7 @@ class Db3File:
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         return self._damage.losses({})
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:

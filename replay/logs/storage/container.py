@@ -47,7 +47,7 @@ class Container(Protocol):
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         ...
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:

@@ -277,7 +277,7 @@ class CsvColumns:
 
 
 def _guess_type_of_cells(cells: Sequence[str]) -> pl.DataType:
-    """What the first cells of a column are."""
+    """Guess the type of a column by its first cells."""
     if not cells:
         return pl.String()
     if all(map(is_of_digits, cells)):

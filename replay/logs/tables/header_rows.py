@@ -157,7 +157,7 @@ def _find_wide_rows(
 
 
 def _parse_attribute_row(row: TextRow) -> tuple[str, TextRow] | None:
-    """What a row says of each column, and its cells without that word; None for another row."""
+    """Attribute that a row states for each column, and its cells; None for another row."""
     said = [_ATTRIBUTE.fullmatch(cell) for cell in row.cells if cell]
     keys = {match["key"].lower() if match else None for match in said}
     if len(said) < len(row.cells) // 2 or len(keys) != 1 or None in keys or len(row.cells) < 3:

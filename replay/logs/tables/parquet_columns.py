@@ -193,7 +193,7 @@ def _iter_units_of_map(units: Any, known: frozenset[str]) -> Iterator[tuple[str,
 
 
 def _parse_json(text: str | None) -> Any:
-    """What a text holds; None where it is no JSON, or nested beyond what Python reads."""
+    """Parse JSON; None if the text is no JSON, or nested too deeply."""
     try:
         return json.loads(text) if text else None
     except (ValueError, RecursionError):

@@ -63,7 +63,7 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
 
 
 def make_envelope(channel: int, times: Ints) -> Envelope:
-    """What stands before the messages of a channel, recorded at times (n,)."""
+    """Bytes before the messages of a channel, recorded at times (n,)."""
 
     def before(size: int) -> list[bytes | tuple[str, Ints]]:
         head = bytes([Opcode.MESSAGE]) + (size + _MESSAGE_HEAD).to_bytes(8, "little")
