@@ -70,7 +70,7 @@ class Comparison:
     estimates: tuple[EstimateChange, ...]
     """Estimates of the whole log, those that moved most first."""
     manoeuvres: tuple[EstimateChange, ...]
-    """Estimates of manoeuvres, likewise."""
+    """Changes of the estimates of manoeuvres."""
     checks: tuple[ValueChange, ...]
     """Checks of the verdict whose outcome differs."""
 

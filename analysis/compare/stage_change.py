@@ -66,7 +66,7 @@ class ColumnChange:
     largest: float | None
     """Largest difference of numbers, B less A."""
     largest_relative: float | None
-    """The same over the larger of both values."""
+    """Change divided by the larger of both values."""
     at_s: float | None
     """Seconds from the start of A where it is."""
     fault: str = ""

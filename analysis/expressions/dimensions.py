@@ -110,7 +110,9 @@ def si_gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:
     except (pint.PintError, AttributeError, TypeError, ValueError) as error:
         raise ExpressionError(f"{of}: no unit '{unit}'") from error
     if zero:
-        raise ExpressionError(f"{of}: '{unit}' does not begin at 0; it is of no product")
+        raise ExpressionError(
+            f"{of}: '{unit}' does not begin at 0; it cannot be a factor of a product"
+        )
     return float(base.magnitude), base.dimensionality
 
 

@@ -30,7 +30,7 @@ OF_RESULT: Final = (
 )
 RESULTS: Final = Frame(
     "results",
-    "a row a recording: what it gave, and what it was made of",
+    "a row for each recording: its results and inputs",
     (
         Column("source", pl.String, "1", "where the log was"),
         Column("log_sha256", pl.String, "1", "digests of its files, by commas"),
@@ -53,13 +53,20 @@ RESULTS: Final = Frame(
         _declare_float_column("accepted_1", "1", "share of the time that the gate accepted"),
         Column("cycles", pl.Int64, "1", "cycles that were seen"),
         Column("cycles_counted", pl.Int64, "1", "cycles in the sum"),
-        Column("cycles_without_mass", pl.Int64, "1", "cycles of which no start tells it"),
+        Column(
+            "cycles_without_mass", pl.Int64, "1", "cycles without a start that determines the mass"
+        ),
         _declare_float_column("payload_kg", "kg", "sum of payloads"),
         _declare_float_column("payload_u_random_kg", "kg", "its random standard uncertainty"),
         _declare_float_column("payload_u_common_kg", "kg", "its common standard uncertainty"),
         _declare_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
         Column("scale_from", pl.String, "1", "what tells the scale of payloads"),
-        Column("scale_unknown", pl.String, "1", "whose u nothing tells, of the payloads"),
+        Column(
+            "scale_unknown",
+            pl.String,
+            "1",
+            "scale sources of the payloads without a stated uncertainty",
+        ),
         _declare_float_column(
             "gain_1", "1", "empty machine in the log over that of the machine file"
         ),

@@ -40,7 +40,7 @@ class LogSummary(Enum):
     """How a method's estimates become one for the log."""
 
     MEAN = "the mean of its windows, weighted by 1/std²"
-    LAST = "its last state, which stands for all before it"
+    LAST = "its last state, which holds all samples before it"
     POOL = "one fit over every accepted sample"
 
 

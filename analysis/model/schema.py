@@ -228,7 +228,7 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "gate",
-            "what the gate saw in the window that ends here, and what it decided",
+            "statistics of the window that ends here, and the gate's decision",
             (
                 _T,
                 _float("corr_x_1", "1", "correlation of acceleration and force over the window"),
@@ -263,7 +263,7 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "estimates",
-            "accepted windows only, a row a window of one axis",
+            "accepted windows only, a row for each window of one axis",
             (
                 _T,
                 Column("axis", pl.Enum(AXES), "1", "x: straight motion (7); z: spins (8)"),
@@ -314,7 +314,9 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("r_squared_z_1", "1", "share of the yaw torque's variance explained"),
                 Column("rank", pl.Int64, "1", "how many numbers the motion determines"),
                 Column("identifiable", pl.String, "1", "the parameters it determines"),
-                Column("combinations", pl.String, "1", "what it determines of the others"),
+                Column(
+                    "combinations", pl.String, "1", "other parameters that the motion determines"
+                ),
                 Column(
                     "scale_unknown",
                     pl.String,
@@ -356,7 +358,7 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "loads",
-            "the answer: a row a load, with what it is worth",
+            "the answer: a row for each load, with its uncertainty",
             (
                 Column("load_id", pl.Int64, "1", "number of the load"),
                 Column("start_t_ns", pl.Int64, "ns", "its first fitted sample"),
@@ -377,7 +379,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("payload_to", pl.Int64, "1", "first empty load (null: the empty mass)"),
                 Column("empty", pl.Boolean, "1", "true when it is taken for empty"),
                 _float("scatter_kg", "kg", "deviation between manoeuvres of one load"),
-                Column("scatter_known", pl.Boolean, "1", "true where enough manoeuvres tell it"),
+                Column("scatter_known", pl.Boolean, "1", "true if enough manoeuvres determine it"),
                 _float("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
                 _float("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
                 _float("mass_halved_priors_kg", "kg", "the mass with priors half as wide"),
@@ -395,7 +397,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column(
                     "withheld_for", pl.String, "1", "why there is no mass (empty when there is)"
                 ),
-                Column("said", pl.String, "1", "what a reader must know of the loads"),
+                Column("said", pl.String, "1", "notes on the loads"),
                 _float("calibrated_kg", "kg", "mass under the calibration, where one was given"),
                 _float("calibrated_u_kg", "kg", "its standard uncertainty"),
                 _float("calibrated_low_kg", "kg", "lower end of its interval"),
@@ -408,7 +410,7 @@ FRAMES: Final[dict[str, Frame]] = {
                     "kg",
                     "of its u, by driving unlike the campaign",
                 ),
-                Column("calibrated_said", pl.String, "1", "what a reader must know of it"),
+                Column("calibrated_said", pl.String, "1", "notes for the reader"),
                 _float("calibrated_payload_kg", "kg", "payload under the calibration"),
                 _float("calibrated_payload_u_kg", "kg", "its standard uncertainty"),
                 _float("calibrated_payload_low_kg", "kg", "lower end of its interval"),
@@ -458,14 +460,14 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("payload_u_random_kg", "kg", "the part that differs from cycle to cycle"),
                 _float("payload_u_common_kg", "kg", "the part by what the whole log has in common"),
                 _float(
-                    "payload_u_shared_kg", "kg", "of that, what all payloads have alike: it adds up"
+                    "payload_u_shared_kg", "kg", "part of it that all payloads share: it adds up"
                 ),
                 _float("payload_u_kg", "kg", "standard uncertainty, both"),
                 _float("scale_1", "1", "payload over loaded less empty, by the empty machine"),
                 _float(
                     "arriving_1",
                     "1",
-                    "of what is weighed, the share that is not spilled (null: all)",
+                    "share of the weighed load that is not spilled (null: all)",
                 ),
                 _float("arriving_u_1", "1", "its standard uncertainty"),
                 Column(
@@ -475,7 +477,7 @@ FRAMES: Final[dict[str, Frame]] = {
                     "what tells the whole scale: machine file, empty machine, calibration; or ''",
                 ),
                 _float("own_u_common_kg", "kg", "u_common by the log alone, of loaded less empty"),
-                _float("own_u_shared_kg", "kg", "u_shared by the log alone, likewise"),
+                _float("own_u_shared_kg", "kg", "u_shared by the log alone"),
                 _float("carry_back_kg", "kg", "empty pass after less the cleanest empty ones"),
                 _float("carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest"),
                 Column("quality", QUALITY, "1", "what the payload is worth"),
@@ -494,7 +496,12 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("cycles", pl.Int64, "1", "cycles that were seen"),
                 Column("cycles_counted", pl.Int64, "1", "cycles in the sum"),
                 Column("cycles_rejected", pl.Int64, "1", "cycles that a reviewer rejected"),
-                Column("cycles_without_mass", pl.Int64, "1", "cycles of which no start tells it"),
+                Column(
+                    "cycles_without_mass",
+                    pl.Int64,
+                    "1",
+                    "cycles without a start that determines the mass",
+                ),
                 _float("payload_kg", "kg", "sum of payloads"),
                 _float("payload_u_random_kg", "kg", "its random part: averages out over cycles"),
                 _float("payload_u_common_kg", "kg", "its common part: does not average out"),
@@ -503,7 +510,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("payload_std_kg", "kg", "standard deviation of payloads"),
                 _float("arriving_1", "1", "mean share of the weighed load that is not spilled"),
                 _float("arriving_u_1", "1", "its standard uncertainty"),
-                _float("carry_back_mean_kg", "kg", "mean of what was carried back"),
+                _float("carry_back_mean_kg", "kg", "mean carry-back"),
                 _float("carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest"),
                 _float("lost_cycles", "1", "cycles expected where nothing was recorded"),
                 _float("lost_cycles_u", "1", "standard uncertainty of that"),
@@ -520,7 +527,12 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("total_kg", "kg", "dumped in the shift: counted, uncounted and lost"),
                 _float("total_u_kg", "kg", "standard uncertainty of that"),
                 Column("scale_from", pl.String, "1", "what tells the scale, as in cycles"),
-                Column("scale_unknown", pl.String, "1", "whose u nothing tells, of the payloads"),
+                Column(
+                    "scale_unknown",
+                    pl.String,
+                    "1",
+                    "scale sources of the payloads without a stated uncertainty",
+                ),
                 _float("gain_1", "1", "empty machine in the log over that of the machine file"),
                 _float("gain_u_1", "1", "its standard uncertainty"),
                 _float("duration_s", "s", "from the first sample to the last"),
@@ -544,7 +556,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float(
                     "prior_mean_u", "1", "standard uncertainty of a prior's mean that was learnt"
                 ),
-                _float("alone", "1", "what this log says without what a calibration learnt"),
+                _float("alone", "1", "estimate by this log without learnt priors"),
                 _float("alone_std", "1", "standard deviation of that (in its unit)"),
                 _float("alone_prior_mean", "1", "mean of its prior without (in its unit)"),
                 _float(
@@ -591,7 +603,7 @@ FRAMES: Final[dict[str, Frame]] = {
             "a row a check of the ungated log: can this log weigh the machine",
             (
                 Column("check", pl.String, "1", "name of the check"),
-                Column("about", pl.String, "1", "what it may forbid: mass or inertia"),
+                Column("about", pl.String, "1", "result that it may withhold: mass or inertia"),
                 _float("value", "1", "its number (null when it does not apply)"),
                 _float("minimum", "1", "smallest number that passes"),
                 _float("maximum", "1", "largest number that passes"),
@@ -603,12 +615,13 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "findings",
-            "a row a cause that this log shows, the likeliest first: what it does, what mends it",
+            "a row for each cause that this log shows, the likeliest first: its effect and "
+            "its remedy",
             (
                 Column("rank", pl.Int64, "1", "1 is the first"),
                 Column("cause", pl.String, "1", "its key in the table of causes"),
-                Column("severity", pl.String, "1", "what it leads to: withhold, widen, tell"),
-                Column("channel", pl.String, "1", "the channel it is in (null: none by itself)"),
+                Column("severity", pl.String, "1", "consequence: withhold, widen, tell"),
+                Column("channel", pl.String, "1", "its channel (null: no single one)"),
                 Column("start_t_ns", pl.Int64, "ns", "from where on (null: the whole log)"),
                 Column("end_t_ns", pl.Int64, "ns", "up to where (null: the whole log)"),
                 _float("strength_1", "1", "its evidence over what chance gives; ranks by it"),

@@ -104,7 +104,7 @@ class AxisStep(NamedTuple):
     """Result of one row on an axis.
 
     Attributes:
-        gate: what the gate saw in the window that ends here, and what it decided.
+        gate: statistics of the window that ends here, and the gate's decision.
         estimates: by method; the windowed ones at every accepted row, the recursive ones when
             that row has settled, `pooled` when a manoeuvre is over.
     """

@@ -93,7 +93,8 @@ _PARTS: Final = {
     ),
     "learnt": _FitPart(
         "common",
-        "means of the priors that a calibration learnt: wrong in all its logs alike, so that its "
+        "means of the priors that a calibration learnt: wrong in the same way in all its "
+        "logs, so that its "
         "line takes it with it",
         "the calibration, which has taken it off the calibrated mass",
     ),

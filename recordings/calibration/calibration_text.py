@@ -37,7 +37,8 @@ _UNSEEN: Final = (
     "are genuine.",
     "Whether the machine has changed since: tyres, sensors, bucket, firmware. A check against one "
     "known mass (payscope calibrate --check) shows some of that.",
-    "With the signing key, everything can be made anew: a signature is worth what the keeping of "
+    "Whoever has the signing key can make everything again: a signature is worth what the "
+    "keeping of "
     "its key is.",
 )
 

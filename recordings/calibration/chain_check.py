@@ -50,7 +50,9 @@ def check_chain(
         return
     checked.notes.append(f"the evidence before, number {last.chain.counter}: {before.signed_by}")
     if last.campaign.machine.id != document.campaign.machine.id:
-        checked.add(BundleOutcome.TAMPERED, item, "the evidence before is of another machine")
+        checked.add(
+            BundleOutcome.TAMPERED, item, "the previous evidence belongs to another machine"
+        )
     if chain.counter <= last.chain.counter:
         checked.add(
             BundleOutcome.TAMPERED,

@@ -90,7 +90,7 @@ def _run_check_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> l
             warnings.simplefilter("ignore")
             return list(step())
     except Exception as fault:  # noqa: BLE001  a stranger chose the numbers
-        what = f"cannot be computed anew ({type(fault).__name__}: {str(fault)[:_LONGEST]})"
+        what = f"cannot be recomputed ({type(fault).__name__}: {str(fault)[:_LONGEST]})"
         return [BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)]
 
 
@@ -208,7 +208,7 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
         yield _irreproducible_finding("learnt", "does not follow from what its logs say")
     said = {each.log for each in learnt.logs}
     if document.kind == "calibration" and not said <= set(campaign.logs):
-        yield _irreproducible_finding("learnt", "is of other logs than the campaign's")
+        yield _irreproducible_finding("learnt", "belongs to other logs than the campaign's")
 
 
 def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
@@ -222,7 +222,7 @@ def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
         item = f"{READINGS}: run '{name}', reading {row['reading']}"
         run = runs.get(name)
         if run is None:
-            yield BundleFinding(BundleOutcome.TAMPERED, item, "is of no run of the campaign")
+            yield BundleFinding(BundleOutcome.TAMPERED, item, "belongs to no run of the campaign")
             continue
         for what in _run_faults(row, run, seen[name], weighs.get(run.log, False)):
             yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)
@@ -236,7 +236,7 @@ def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
 def _run_faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool) -> Iterator[str]:
     about = (row["load_id"], row["day"], row["log"])
     if about != (run.load_id, run.day.isoformat(), run.log):
-        yield "is of another load, day or log than its run"
+        yield "belongs to another load, day or log than its run"
     if row["reading"] != number:
         yield f"should be number {number}: one is missing, or they are out of order"
     if row["used"] is None or row["reason"] is None:

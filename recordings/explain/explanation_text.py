@@ -113,7 +113,7 @@ def determined_parameter_lines(found: DeterminedParameters | None) -> Iterator[s
         return
     alone = ", ".join(_PARAMETERS[name] for name in found.alone)
     if alone:
-        yield f"determined by themselves: {alone}"
+        yield f"determined separately: {alone}"
     for text in found.combinations:
         said = text
         for name, words in _PARAMETERS.items():

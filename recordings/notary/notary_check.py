@@ -135,7 +135,7 @@ def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) 
     for line in checked.lines:
         entry = line.content
         if isinstance(entry, NotaryEntry) and entry.head != head:
-            checked.add_forgery(f"number {entry.counter} is of another list", entry.counter)
+            checked.add_forgery(f"number {entry.counter} belongs to another list", entry.counter)
     for before, line in pairwise(lines):
         entry, last = line.content, before.content
         if not isinstance(entry, NotaryEntry):
@@ -222,7 +222,7 @@ def list_notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
         digests = tuple(sorted(file.sha256 for file in entry.files))
         first = seen.setdefault(digests, entry)
         if first is not entry:
-            yield f"number {entry.counter}: '{entry.log}' is the same log as number {first.counter}"
+            yield f"number {entry.counter}: '{entry.log}' is also number {first.counter}"
     if undated:
         yield f"{_line_numbers_text(undated)}: without an absolute time, or not readable"
     if late:

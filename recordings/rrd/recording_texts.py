@@ -85,7 +85,7 @@ def machine_name(about: Provenance) -> str:
 
 #: What the times on the axes of the viewer are.
 _AXES: Final = "Times on the axes are UTC, unless the viewer's settings say local time."
-_AXES_WITHOUT_DATE: Final = "Times on the axes are of the log's own clock, which has no date."
+_AXES_WITHOUT_DATE: Final = "Times on the axes are those of the log's own clock, which has no date."
 #: Heads of a calibration's errors.
 _ERRORS: Final = ("error kg", "load left out kg")
 #: Findings beside the answer; their own text has all.

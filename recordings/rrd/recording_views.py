@@ -55,7 +55,7 @@ class View:
 class Methods(Enum):
     """How a tab draws the methods of a view: over each other they hide all but the last."""
 
-    ONE = "one of them, which stands for all"
+    ONE = "one of them, as an example for all"
     ROWS = "a row a method, all with the same axis"
 
 

@@ -321,7 +321,7 @@ def key_weakness(raw: bytes) -> str:
     if y >= _P:
         return "is not in its one canonical form"
     if y in _SMALL_ORDER:
-        return "is of small order: anyone can sign for it"
+        return "has small order: anyone can forge its signatures"
     if not _is_on_curve(y):
         return "is no point of the curve"
     if raw in _published_keys():

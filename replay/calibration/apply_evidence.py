@@ -103,14 +103,14 @@ class MachineCalibration:
         """
         mine_id = weighing.machine.id
         if mine_id not in (None, self.machine_id):
-            return f"is of machine '{self.machine_id}', not of '{mine_id}'"
+            return f"belongs to machine '{self.machine_id}', not to '{mine_id}'"
         kept = dict(
             _flatten_settings(mass_definition(self.weighing_machine(self.document.machine)))
         )
         mine = dict(_flatten_settings(mass_definition(weighing)))
         name = "machine.name"
         if mine_id is None and kept[name] != mine[name]:
-            return f"is of machine '{kept[name]}', not of '{mine[name]}'"
+            return f"belongs to machine '{kept[name]}', not to '{mine[name]}'"
         names = {*kept, *mine} - {name}
         differ = [each for each in sorted(names) if kept.get(each) != mine.get(each)]
         named = ", ".join(
@@ -119,7 +119,7 @@ class MachineCalibration:
             for each in differ[:_MOST_NAMED]
         )
         more = f" and {len(differ) - _MOST_NAMED} more" if len(differ) > _MOST_NAMED else ""
-        return f"is of other settings: {named}{more}" if differ else ""
+        return f"was made with other settings: {named}{more}" if differ else ""
 
     def require_machine(self, weighing: Machine, what: object) -> Machine:
         """The machine with its serial number, if it is the one that was calibrated.

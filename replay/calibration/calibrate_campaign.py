@@ -227,7 +227,7 @@ def check_can_request_timestamp(file: Path, key: SigningKey | None, *, force: bo
         OutputError: the file cannot be written.
     """
     if key is None:
-        raise EvidenceError("--timestamp-request: a time stamp is of a signature; give --key")
+        raise EvidenceError("--timestamp-request needs a signature; give --key")
     refuse_without_library()
     check_output(file, force=force)
 

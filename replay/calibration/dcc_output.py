@@ -48,7 +48,7 @@ def check_dcc_output(
     refuse_incomplete(campaign, source)
     check_output(dcc.file, force=force)
     if dcc.key_file is None and dcc.certificate_file is not None:
-        raise EvidenceError("--dcc-certificate is of --dcc-key; give both")
+        raise EvidenceError("--dcc-certificate and --dcc-key belong together; give both")
     return None if dcc.key_file is None else dcc_key(dcc.key_file, dcc.certificate_file)
 
 

@@ -192,7 +192,7 @@ def checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
             f"and each log in the campaign or left out with a reason; {checked.notarised_by}"
         )
     if checked.readings is not None:
-        done.append("fit, budget, limits, points, report and each reason, computed anew")
+        done.append("fit, budget, limits, points, report and each reason, recomputed")
     return done
 
 
@@ -238,7 +238,7 @@ def compare_files(
         done.append("the frames of each run's recording, by their fingerprint")
     if whole and RECORDING in sums:
         _compare_calibration(checked, document, found[RECORDING])
-        done.append(f"the frames of {RECORDING}, made anew")
+        done.append(f"the frames of {RECORDING}, recomputed")
     elif not whole:
         unseen.append(
             f"Whether {RECORDING} and {PDF} show what {REPORT} does: with --logs they are compared."
@@ -306,7 +306,7 @@ def _compare_pdf(
     if document.other_version:
         return f"its page is one by {document.other_version}"
     if checked.readings is None or checked.points is None:
-        return "its page could not be made anew"
+        return "its page could not be recomputed"
     html = report_html(document, checked.readings, checked.points)
     fault, why = pdf_fault(folder, sums[PDF], html)
     if fault:

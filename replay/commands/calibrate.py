@@ -72,15 +72,15 @@ def command(
     from replay.commands.progress_bar import Stages
 
     if check is None and (check_u or certificate or day):
-        raise typer.BadParameter("--check-u, --certificate and --day are of --check")
+        raise typer.BadParameter("--check-u, --certificate and --day need --check")
     if check is not None and previous is None:
         raise typer.BadParameter("--check needs --previous, the evidence that it checks")
     if check is not None and timestamp_request is not None:
-        raise typer.BadParameter("--timestamp-request is of a campaign, not of --check")
+        raise typer.BadParameter("--timestamp-request is for a campaign, not for --check")
     if dcc is None and (dcc_key or dcc_certificate):
-        raise typer.BadParameter("--dcc-key and --dcc-certificate are of --dcc")
+        raise typer.BadParameter("--dcc-key and --dcc-certificate need --dcc")
     if check is not None and dcc is not None:
-        raise typer.BadParameter("--dcc is of a campaign, not of --check")
+        raise typer.BadParameter("--dcc is for a campaign, not for --check")
     with Stages(1) as stages:
         if check is not None and previous is not None:
             known = KnownMassOnBoard(check, check_u, certificate, day)

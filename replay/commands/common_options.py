@@ -70,7 +70,7 @@ def read_calibration(
     """
     if folder is None:
         if key is not None or signed:
-            raise typer.BadParameter("--key and --require-signed are of --calibration")
+            raise typer.BadParameter("--key and --require-signed need --calibration")
         return None
     from replay.calibration.apply_evidence import CalibrationRequest
 

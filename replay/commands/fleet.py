@@ -271,7 +271,7 @@ def _make_engine(
     from replay.fleet.ray_engine import ray_engine
 
     if address is not None and workers is not None:
-        raise typer.BadParameter("--workers is of this machine; a cluster knows its own")
+        raise typer.BadParameter("--workers is for this machine; a cluster has its own number")
     return partial(ray_engine, address, workers)
 
 

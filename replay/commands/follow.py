@@ -33,7 +33,7 @@ def command(
         typer.Option("--noise", metavar="REC", help="Take the noise from an earlier recording."),
     ] = None,
     idle_s: Annotated[
-        float, typer.Option("--idle-s", min=0.0, help="End after so many seconds without growth.")
+        float, typer.Option("--idle-s", min=0.0, help="End after this many seconds without growth.")
     ] = 10.0,
     valid_s: Annotated[
         float, typer.Option("--valid-s", min=0.0, help="A mass older than this is old.")

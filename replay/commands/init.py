@@ -44,7 +44,7 @@ def command(
     else:
         assert log is not None
         if machine is not None:
-            raise typer.BadParameter("--machine is of --campaign; a LOG gives a machine file")
+            raise typer.BadParameter("--machine is for --campaign; a LOG yields a machine file")
         with open_log(log, time=axis) as opened:
             refuse_input_as_output(output, opened.files)
             text, missing = draft_machine_file(opened, axis)

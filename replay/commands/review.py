@@ -50,7 +50,7 @@ def command(
         list[Path],
         typer.Argument(
             help="Logs of one shift, or a folder of them, in any order; or the folder of a review, "
-            "which is counted anew with its verdicts."
+            "which is counted again with its verdicts."
         ),
     ],
     machine: Annotated[
@@ -99,7 +99,7 @@ def command(
         typer.Option(
             "--from",
             metavar="TIME",
-            help="Labels are of loads dumped from this local time on (14:00).",
+            help="Apply the labels to loads dumped from this local time on (14:00).",
             rich_help_panel=_VERDICT,
         ),
     ] = "",
@@ -108,7 +108,7 @@ def command(
         typer.Option(
             "--to",
             metavar="TIME",
-            help="Labels are of loads dumped before this local time.",
+            help="Apply the labels to loads dumped before this local time.",
             rich_help_panel=_VERDICT,
         ),
     ] = "",

@@ -41,9 +41,9 @@ _DRAWN: Final = {
 }
 _TITLES: Final = {
     "error_kg": "Mass less the reference, kg",
-    "rmse_kg": "Root mean square error of the runs' masses as they are, kg",
-    "calibrated_rmse_kg": "The same after calibration by (19), kg",
-    "left_out_rmse_kg": "The same with the run's own load left out of the fit, kg",
+    "rmse_kg": "Root mean square error of the runs' masses before calibration, kg",
+    "calibrated_rmse_kg": "Root mean square error after calibration by (19), kg",
+    "left_out_rmse_kg": "Root mean square error with the run's own load left out of the fit, kg",
 }
 
 

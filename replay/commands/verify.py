@@ -80,7 +80,7 @@ def command(
         _verify_list(first, key, signed=require_signed, as_json=as_json)
         return
     if more and previous is not None:
-        raise typer.BadParameter("--previous is of one folder; name it among the others")
+        raise typer.BadParameter("--previous needs a single folder; name it among the others")
     check = (
         partial(verify_chain, folders) if more else partial(verify_bundle, first, previous=previous)
     )

@@ -76,7 +76,7 @@ def _propose_priors(replayed: Run) -> list[str]:
     if not lines:
         return []
     return [
-        "# If this log may stand for the others of its machine, they may have narrower priors:",
+        "# If this log is typical of its machine, its logs may have narrower priors:",
         "# [settings.priors]",
         *lines,
         "",

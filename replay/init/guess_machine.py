@@ -357,7 +357,7 @@ def _format_mounting_angles(guess: MountingGuess) -> list[str]:
         f"pitch_deg = {guess.pitch_deg:g}",
     ]
     if guess.yaw_deg is None:
-        lines.append("# yaw_deg = 0                  # the log does not tell it: look at the IMU")
+        lines.append("# yaw_deg = 0                  # not determined by the log: look at the IMU")
     else:
         std = f"± {guess.yaw_std_deg:.1g}°, from the direction of its starts"
         lines.append(f"yaw_deg = {guess.yaw_deg:g}{' ' * 15}# {std}")

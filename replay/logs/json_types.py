@@ -96,7 +96,7 @@ class _Schema:
             schema = self._root
             for step in reference.removeprefix("#/").split("/"):
                 if not isinstance(schema, dict) or step not in schema:
-                    raise BrokenBytesError(f"it lacks what it refers to: {reference}")
+                    raise BrokenBytesError(f"it refers to a missing definition: {reference}")
                 schema = schema[step]
         raise BrokenBytesError("its references go in circles")
 

@@ -165,7 +165,7 @@ def _typestore_with_type(name: str) -> Typestore:
         if name in store.fielddefs:
             return store
     if not name:
-        raise DefinitionError("the log does not say of what type its messages are")
+        raise DefinitionError("the log does not state the type of its messages")
     raise DefinitionError(
         f"the log carries no definition of {name}, and no ROS 2 release knows the type; "
         "record it with ROS 2 Iron or newer, which stores definitions"

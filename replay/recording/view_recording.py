@@ -70,7 +70,7 @@ def view_recording(
         PayscopeError: no such recording, nothing in that stretch, no viewer, no such tab.
     """
     if tab is not None and screenshot is None:
-        raise OutputError(f"--tab {tab}: is of pictures; add --screenshot FOLDER")
+        raise OutputError(f"--tab {tab}: selects pictures; add --screenshot FOLDER")
     if at_s is not None and not abs(at_s) <= LATEST_S:
         raise RecordingError(f"--at {at_s}: is not a time; name seconds since the start")
     if screenshot is not None and screenshot.exists() and not screenshot.is_dir():

@@ -91,10 +91,10 @@ class GivenVerdicts:
         if self.named_cycles and not self.author.strip():
             raise ReviewError("a verdict on a cycle has an author: add --author NAME")
         if self.note and not self.named_cycles:
-            raise ReviewError("a note is of a cycle: add --reject, --accept or --cycle WHEN")
+            raise ReviewError("a note needs a cycle: add --reject, --accept or --cycle WHEN")
         if (self.begin or self.end) and (self.named_cycles or not self._labels):
             raise ReviewError(
-                "--from and --to are of labels of the shift: add --product, --operator, --truck, "
+                "--from and --to limit labels of the shift: add --product, --operator, --truck, "
                 "--customer or --stockpile, and no cycle"
             )
         trial = {
@@ -202,7 +202,7 @@ def recount_review(folder: Path, given: GivenVerdicts) -> ShiftReview:
             cycles = cycles_of_ledger(rows, state.t0_unix_ns)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:
             raise ReviewError(
-                f"{folder}: cannot be counted anew ({error}); review its logs once more"
+                f"{folder}: cannot be counted again ({error}); review its logs once more"
             ) from None
         before = read_verdict_text(folder)
         added = given.list_changes_to(parse_verdicts(before, folder), rows, state, folder)

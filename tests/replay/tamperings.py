@@ -202,7 +202,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "the machine's id": Tampering(
         in_evidence("campaign", "machine", "id", to="sledge-8"),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "the machine file is of machine 'sledge-7', and the campaign of 'sledge-8'"),
+        "the machine file belongs to machine 'sledge-7', and the campaign of 'sledge-8'"),
     "a part": Tampering(
         in_evidence("campaign", "machine", "parts", "runners", to="R-2"),
         TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
@@ -244,7 +244,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "the day of a run": Tampering(
         in_evidence("campaign", "runs", 0, "day", to="2026-05-03"),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "run 'run-0', reading 1: is of another load, day or log than its run"),
+        "run 'run-0', reading 1: belongs to another load, day or log than its run"),
     "a load on board": Tampering(
         in_evidence("campaign", "runs", 1, "loads", to=["block-2"]),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
@@ -259,7 +259,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "a dropped run": Tampering(without_run, TAMPERED, INCOMPLETE, "tables",
         "readings.parquet: run 'run-1': is missing"),
     "a run dropped everywhere": Tampering(without_run_anywhere, TAMPERED, IRREPRODUCIBLE, "tables",
-        "evidence.json: learnt: is of other logs than the campaign's"),
+        "evidence.json: learnt: belongs to other logs than the campaign's"),
     "swapped logs": Tampering(swapped_logs, TAMPERED, None, "logs",
         "statement.dsse.json: is not signed by the key"),
     "a log's digest": Tampering(
@@ -288,7 +288,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "what another log said": Tampering(
         in_evidence("learnt", "logs", 0, "log", to="load-9.csv"),
         TAMPERED, IRREPRODUCIBLE, "learnt priors",
-        "evidence.json: learnt: is of other logs than the campaign's"),
+        "evidence.json: learnt: belongs to other logs than the campaign's"),
     "nothing learnt": Tampering(
         in_evidence("learnt", to=None), TAMPERED, IRREPRODUCIBLE, "learnt priors",
         "evidence.json: estimator: is not that of the settings"),
@@ -311,7 +311,7 @@ TAMPERINGS: dict[str, Tampering] = {
         "evidence.json: calibration.alpha_1: does not follow from the readings"),
     "a reading of another log": Tampering(
         reading(0, log="load-9.csv"), TAMPERED, IRREPRODUCIBLE, "tables",
-        "run 'run-0', reading 1: is of another load, day or log than its run"),
+        "run 'run-0', reading 1: belongs to another load, day or log than its run"),
     "the points": Tampering(moved_point, TAMPERED, IRREPRODUCIBLE, "tables",
         "points.parquet: does not follow from the readings"),
     "the line before": Tampering(

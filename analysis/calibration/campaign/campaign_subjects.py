@@ -42,7 +42,7 @@ class EvidenceSubject(BaseModel):
     title: Line = Field("", description="heading of the report")
     intended_use: Text = Field(min_length=1, description="what the calibration is for")
     author: Line = Field(min_length=1, description="who made the campaign")
-    authoriser: Line = Field("", description="who answers for it, if another")
+    authoriser: Line = Field("", description="person responsible, if another")
     author_function: Line = Field("", description="the author's function")
     authoriser_function: Line = Field("", description="the authoriser's function")
     place: Line = Field("", description="where the runs were made")
@@ -80,7 +80,7 @@ class CalibratedMachine(BaseModel):
         None, gt=0, description="its empty mass, where not the machine file's"
     )
     empty_mass_u_kg: float | None = Field(
-        None, ge=0, description="standard uncertainty of that, likewise"
+        None, ge=0, description="standard uncertainty of it, in the same unit"
     )
     empty_certificate: Line = Field("", description="certificate of the machine's empty mass")
     empty_expires: dt.date | None = Field(None, description="its last day")

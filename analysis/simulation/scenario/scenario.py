@@ -143,7 +143,7 @@ class SimulatedMachine(BaseModel):
         "begin cold",
     )
     coulomb_warming: float = Field(
-        default=0.0, ge=0, lt=1, description="likewise of the Coulomb friction"
+        default=0.0, ge=0, lt=1, description="warm-up of the Coulomb friction"
     )
     warming_s: float = Field(
         default=60.0, gt=0, le=1e5, description="time constant of both, cold to warm"

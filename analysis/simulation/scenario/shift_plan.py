@@ -26,7 +26,10 @@ class SimulatedShift(BaseModel):
         default=5.0, ge=0, le=600, description="longest time between two of them, uniform"
     )
     damaged_logs: int = Field(
-        default=0, ge=0, le=100, description="so many of them lose their end: the file is torn off"
+        default=0,
+        ge=0,
+        le=100,
+        description=("number of logs that lose their end: the file is torn off"),
     )
     damage_share: float = Field(
         default=0.02, gt=0, lt=1, description="part that such a log loses at most, uniform"

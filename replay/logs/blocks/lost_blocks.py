@@ -105,9 +105,9 @@ def content_text(blocks: list[Block], topics: Mapping[int, str]) -> str:
     listed = ", ".join(f"{count:,} of {topic}" for topic, count in sorted(counts.items()))
     timed = [block for block in blocks if block.last_ns >= block.first_ns]
     if not timed:
-        return f"lost: {listed}" if listed else "nothing tells how many messages it held"
+        return f"lost: {listed}" if listed else "the number of messages in it is unknown"
     first, last = min(b.first_ns for b in timed), max(b.last_ns for b in timed)
     span = f"from log time {format_log_time(first)}, {(last - first) / 1e9:.3f} s"
     return (
-        f"lost {span}: {listed}" if listed else f"it held messages {span}; nothing tells how many"
+        f"lost {span}: {listed}" if listed else f"it held messages {span}; their number is unknown"
     )

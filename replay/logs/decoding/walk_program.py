@@ -31,10 +31,10 @@ _SPAN, _TEXT, _STRIDED, _LIST, _NEXT = (int(op) for op in Op)
 FAULTS: Final = (
     "",
     "it ends before its fields do",
-    "a string is longer than what is left of it",
+    "a string is longer than the rest of the message",
     "a string lacks its terminator",
     "a string is no UTF-8",
-    "a list is longer than what is left of it",
+    "a list is longer than the rest of the message",
     "it goes on behind its last field",
 )
 _ENDS, _LONG_TEXT, _NO_NUL, _NO_UTF8, _LONG_LIST, _GOES_ON = range(1, len(FAULTS))

@@ -204,7 +204,7 @@ def read_connections(
     if len(whole) < len(topics):
         note(f"{len(topics) - len(whole):,} of its topics are damaged")
     if not whole and fetch_all(database, "SELECT 1 FROM messages LIMIT 1"):
-        note("it holds messages and no topic that they are of")
+        note("it holds messages without their topics")
     return tuple(
         Connection(key, str(topic), str(kind), str(encoding), *definitions.get(kind, ("", "")))
         for key, topic, kind, encoding in whole

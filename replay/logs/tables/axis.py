@@ -339,7 +339,7 @@ def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     steps = np.diff(x)
     steps = steps[steps > 0]
     if not steps.size:
-        raise TimeError("it holds one and the same number: name another column")
+        raise TimeError("all its cells hold the same number: name another column")
     step, span = float(np.median(steps)), float(x[-1] - x[0])
     if epoch := find_epoch(float(x[0]), float(x[-1]), step, _STEPS_S):
         integers = stripped.cast(pl.Int64, strict=False)

@@ -274,5 +274,5 @@ def _parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[s
     if twelve and not has_halves:
         raise TimeError("it goes back by twelve hours: a clock without AM and PM is ambiguous")
     days = frame.select((step < -_HALF_DAY_NS).fill_null(value=False).cum_sum()).to_series()
-    note = "its times are of a day that is not named: they are counted from its midnight"
+    note = "its times have no date: they are counted from midnight"
     return (stamps + days.cast(pl.Int64) * DAY_NS).alias("log_time_ns"), (note,)

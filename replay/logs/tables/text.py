@@ -136,7 +136,9 @@ def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
     beyond = map(chr, range(0x80, 0x10000))
     table = {ord(each): str(int(each)) for each in beyond if each.isdecimal()}
     lines = (line.translate(table | _OTHER_SIGNS) for line in _iter_lines(text.path, "utf-8-sig"))
-    return _copy_lines_to_file(text.path, lines, (*text.notes, "its digits are of another script"))
+    return _copy_lines_to_file(
+        text.path, lines, (*text.notes, "its digits belong to another script")
+    )
 
 
 def drop_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:

@@ -197,7 +197,7 @@ def without_names(bundle: Bundle) -> None:
     ("tamper", "words"),
     [
         (in_log(0, SISTER), f"load-0.parquet: its metadata say that it is of machine '{SISTER}'"),
-        (of_sister, f"the machine file is of machine '{OWN}', and the campaign of '{SISTER}'"),
+        (of_sister, f"the machine file belongs to machine '{OWN}', and the campaign of '{SISTER}'"),
     ],
 )
 def test_evidence_that_names_two_machines_is_irreproducible(

@@ -114,7 +114,7 @@ def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
     assert set(frame["effort[left]"]) == {0.5}
     assert frame["effort[left]"].n_chunks() < 8
     assert (tally.rows, tally.undecodable) == (frame.height, 1)
-    assert tally.first_fault.startswith("a list is longer than what is left of it")
+    assert tally.first_fault.startswith("a list is longer than the rest of the message")
 
 
 def test_describing_a_log_does_not_wait_for_the_compiler(own_data: Path) -> None:
