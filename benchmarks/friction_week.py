@@ -12,7 +12,12 @@ from typing import Final
 
 import typer
 
-from recordings.review.week_shifts import day_text, friction_trends, read_shifts, trend_sentences
+from recordings.review.week_shifts import (
+    day_text,
+    read_shifts,
+    trend_friction_by_machine,
+    trend_sentences,
+)
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.simulation.scenario_file import load_scenario
 from replay.simulation.simulate_logs import simulate_scenario
@@ -62,7 +67,7 @@ def main(hours: float = 0.25, seed: int = 1, keep: Path | None = None) -> None:
         folder = keep or Path(scratch)
         folder.mkdir(exist_ok=True)
         reviews, limit, true_d = review_week(folder, hours, seed)
-        trends = friction_trends(read_shifts(reviews), limit)
+        trends = trend_friction_by_machine(read_shifts(reviews), limit)
     for sentence in trend_sentences(trends):
         print(sentence)
     for trend in trends.values():

@@ -19,14 +19,17 @@ import polars as pl
 import typer
 
 from analysis.calibration.campaign.campaign_plan import CampaignRun
-from analysis.calibration.campaign.campaign_readings import read_campaign_runs, run_responses
+from analysis.calibration.campaign.campaign_readings import (
+    read_campaign_runs,
+    responses_of_runs_to_learnt_means,
+)
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.use.apply_calibration import calibrate_loads
 from analysis.calibration.use.later_log import describe_later_log
 from analysis.calibration.use.learnt_priors import (
+    learn_terms_of_logs,
     learnable_terms,
-    learnt_terms,
     machine_for_later_log,
     machine_with_learnt_priors,
 )
@@ -188,7 +191,7 @@ def calibrated(drawn: Drawn, dice: np.random.Generator) -> tuple[Calibration, Ma
         if not each.frames["loads"]["withheld"].any()
         for term in learnable_terms(str(number), each.frames["nuisances"])
     ]
-    machine = machine_with_learnt_priors(raw[0][1], learnt_terms(said))
+    machine = machine_with_learnt_priors(raw[0][1], learn_terms_of_logs(said))
     logs = [(state, np.random.default_rng(seed)) for state, seed in zip(states, seeds, strict=True)]
     again = [replayed(drawn, state, own, machine)[0] for state, own in logs]
     runs = [
@@ -202,7 +205,7 @@ def calibrated(drawn: Drawn, dice: np.random.Generator) -> tuple[Calibration, Ma
     responses = [
         one
         for each, about in zip(again, runs, strict=True)
-        for one in run_responses(each, [about], "joint_mass")
+        for one in responses_of_runs_to_learnt_means(each, [about], "joint_mass")
     ]
     reference_kg = mass_kg * (1.0 + np.array(LOADS_1))
     known = pl.DataFrame({"load_id": [r.log for r in runs], "reference_kg": reference_kg})

@@ -28,7 +28,7 @@ from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured
+from analysis.stages.signals.derive import derive, read_measured_channels
 from benchmarks.independent.turning_logs import FAULTS, TurnLog, turn_log
 from benchmarks.page import markdown
 
@@ -70,7 +70,7 @@ def planar_of(log: TurnLog) -> pl.DataFrame:
     """Every stage from the topics to `planar`."""
     machine = Machine.model_validate(log.machine)
     settings = machine.settings
-    channels, _ = derive(read_measured(log.topics, machine)[0], machine)
+    channels, _ = derive(read_measured_channels(log.topics, machine)[0], machine)
     aligned, _ = align(channels, machine)
     excitation = compute_excitation(smooth(aligned, settings.smooth), machine)
     noise = channel_noise(aligned, excitation, machine)

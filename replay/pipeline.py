@@ -28,7 +28,11 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import fit_planar
-from analysis.stages.estimation.masses import reasons_for_no_answer, summarise_masses, withhold
+from analysis.stages.estimation.masses import (
+    reasons_for_no_answer,
+    summarise_masses,
+    withhold_masses,
+)
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.digging import (
     add_digs_column,
@@ -43,14 +47,18 @@ from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.noise.channel_noise import note_noise_sources as noise_notes
 from analysis.stages.signals.align import align
 from analysis.stages.signals.align import alignment_notes as grid_notes
-from analysis.stages.signals.derive import derive, read_measured
+from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.grid_rate import machine_at_rate_of_log
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.timestamps import assign_timestamps
-from analysis.weighing.empty_mass_datum import ticket_notes
-from analysis.weighing.learnt_means import learnt_mean_responses
-from analysis.weighing.load_frames import load_change_rows, make_load_frame, manoeuvre_frame
-from analysis.weighing.nuisance_frames import budget_frame, make_nuisance_frame
+from analysis.weighing.empty_mass_datum import note_weighbridge_tickets
+from analysis.weighing.learnt_means import make_learnt_mean_responses
+from analysis.weighing.load_frames import (
+    make_load_change_rows,
+    make_load_frame,
+    make_manoeuvre_frame,
+)
+from analysis.weighing.nuisance_frames import make_budget_frame, make_nuisance_frame
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import one_blas_thread
@@ -91,7 +99,7 @@ class _TopicChannels:
     def from_topics(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_TopicChannels":
         """Place every sample by its stamp, and take what the channels name."""
         placed, stamps, doubts = assign_timestamps(raw)
-        read, missing = read_measured(placed, machine)
+        read, missing = read_measured_channels(placed, machine)
         return cls(read, stamps, [*doubts, *missing])
 
 
@@ -155,7 +163,7 @@ def run(
     on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
     answer = {
         "loads": make_load_frame(weighing, excitation, machine, opinion),
-        "manoeuvres": manoeuvre_frame(weighing, excitation, machine),
+        "manoeuvres": make_manoeuvre_frame(weighing, excitation, machine),
     }
     hauled = weigh_cycles(weighing, {**seen.frames, **answer}, machine, opinion)
 
@@ -170,9 +178,9 @@ def run(
             "cycles": hauled.cycles,
             "shift": sum_shift(hauled.cycles, excitation, seen.frames["aligned"], hauled.scale),
             "nuisances": make_nuisance_frame(weighing),
-            **learnt_mean_responses(weighing, machine, answer["loads"], hauled.sums),
-            "budget": budget_frame(weighing, machine),
-            "masses": withhold(seen.totals, opinion, seen.contradicted),
+            **make_learnt_mean_responses(weighing, machine, answer["loads"], hauled.sums),
+            "budget": make_budget_frame(weighing, machine),
+            "masses": withhold_masses(seen.totals, opinion, seen.contradicted),
             "verdict": judged,
             "findings": drop_findings_of_work(causes, hauled.cycles),
         },
@@ -189,7 +197,7 @@ def run(
                 *order_note(offsets_ns(logs, channel_fields(machine))),
                 *chosen,
                 *seen.notes,
-                *ticket_notes(machine.machine, seen.case.check_inputs.t0_unix_ns),
+                *note_weighbridge_tickets(machine.machine, seen.case.check_inputs.t0_unix_ns),
                 *why,
             ],
         ),
@@ -236,7 +244,7 @@ def _run_stages(
     on_stage("segments")  # pooled over each manoeuvre
     table = pool_by_manoeuvre(excitation, gated, settings, noise)
     on_stage("trace")  # the estimators over the accepted windows; recursions load by load
-    estimates = trace(excitation, gated, settings, noise, load_change_rows(weighing))
+    estimates = trace(excitation, gated, settings, noise, make_load_change_rows(weighing))
     on_stage("verdict")  # what the ungated log, and that fit, say of all this
     everything = summarise_masses(excitation, gated, estimates, machine, noise)
     evidence = CheckInputs(

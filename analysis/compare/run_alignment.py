@@ -19,7 +19,7 @@ _LEFT_OUT: Final = 0.25
 _ROW: Final = "_row"
 
 
-def manoeuvre_pairs(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
+def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     """Match the manoeuvres of two logs in order, alike in phase and duration.
 
     The alignment of least cost (Needleman and Wunsch 1970), where a pair costs |ln| of the ratio of
@@ -35,7 +35,7 @@ def manoeuvre_pairs(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     cost = np.full((a.height + 1, b.height + 1), np.inf)
     steps = _LEFT_OUT * np.arange(b.height + 1)
     cost[0] = steps
-    pair = _pairing_costs(a, b)
+    pair = _cost_of_each_pair(a, b)
     for row in range(a.height):
         best = cost[row] + _LEFT_OUT
         best[1:] = np.minimum(best[1:], cost[row, :-1] + pair[row])
@@ -54,7 +54,7 @@ def manoeuvre_pairs(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     return found[::-1]
 
 
-def _pairing_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
+def _cost_of_each_pair(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
     lengths = [
         np.log(np.maximum((each["end_t_ns"] - each["start_t_ns"]).to_numpy(), 1)) for each in (a, b)
     ]
@@ -76,19 +76,19 @@ def align_times(a: Run, b: Run, *, one_log: bool) -> Run:
         B, with A's start of time.
     """
     about = b.provenance.model_copy(update={"t0_unix_ns": a.provenance.t0_unix_ns})
-    zones = None if one_log else shifted_spans(a, b)
+    zones = None if one_log else shift_spans_to_time_of_a(a, b)
     offset_ns = b.provenance.t0_unix_ns - a.provenance.t0_unix_ns if one_log else 0
     return Run(
         {name: _shift_frame_times(each, zones, offset_ns) for name, each in b.frames.items()}, about
     )
 
 
-def shifted_spans(a: Run, b: Run) -> pl.DataFrame | None:
+def shift_spans_to_time_of_a(a: Run, b: Run) -> pl.DataFrame | None:
     """Stretches of B's time: from, to and by how much each moves; None where nothing pairs."""
     tables = [run.frames.get("segments", pl.DataFrame()) for run in (a, b)]
     if any(table.is_empty() for table in tables):
         return None
-    pairs = manoeuvre_pairs(*tables)
+    pairs = pair_manoeuvres(*tables)
     reach = [manoeuvre_reach(table) for table in tables]
     rows: list[dict[str, int]] = []
     for i, j in pairs:

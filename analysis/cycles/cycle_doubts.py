@@ -9,7 +9,7 @@ from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.uncertainty_sources import STD_OF_MAD
 
 
-def cycle_doubts(cycles: pl.DataFrame) -> list[str]:
+def doubt_counted_cycles(cycles: pl.DataFrame) -> list[str]:
     """Doubts of each cycle, joined by semicolons; empty where there is none or no payload.
 
     Args:

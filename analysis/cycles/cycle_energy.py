@@ -23,10 +23,15 @@ from analysis.cycles.energy_integrals import (
     Floats,
     PhaseIntegrals,
     PhaseSpan,
-    burnt_litres,
     shift_drive_in_time,
+    sum_fuel_litres,
 )
-from analysis.cycles.energy_terms import ForceModel, change_each_term, gain_u, mass_u
+from analysis.cycles.energy_terms import (
+    ForceModel,
+    change_each_term,
+    force_gain_uncertainty,
+    relative_mass_uncertainty,
+)
 from analysis.cycles.fitted_drive import FittedDrive, fit_drive
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
@@ -118,12 +123,12 @@ def compute_shift_energy(
     value = _split_energy_by_phase(found, drive.model)
     if value[:, PARTS.index("work")].sum() <= 0.0:
         return NO_ENERGY
-    gain_u_1, unknown = gain_u(machine)
-    common_1, random_1 = mass_u(frames)
+    gain_u_1, unknown = force_gain_uncertainty(machine)
+    common_1, random_1 = relative_mass_uncertainty(frames)
     common = [*_common_phase_changes(drive, spans, found, value), gain_u_1 * value]
-    common.append(common_1 * _mass_response(found))
+    common.append(common_1 * _work_change_by_mass(found))
     random = _random_work(found, value, drive.model, random_1, spans)
-    fuel_L = burnt_litres(drive.samples, spans)
+    fuel_L = sum_fuel_litres(drive.samples, spans)
     rows = _make_energy_rows(spans, value, np.array(common), random, fuel_L)
     return ShiftEnergy(rows, unknown, machine.machine.fuel_gain_u)
 
@@ -147,9 +152,9 @@ def _common_phase_changes(
         *(_split_energy_by_phase(each.integrate(spans), model) - value for each in moved),
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
-        _slope_transfer(found, model),
+        _work_moved_by_slope(found, model),
         _misfit_work(found, value, model),
-        drive.speed_u_1 * _speed_response(value),
+        drive.speed_u_1 * _work_change_by_speed(value),
     ]
 
 
@@ -187,16 +192,16 @@ def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
 def _split_energy_by_phase(found: PhaseIntegrals, model: ForceModel) -> Floats:
     """(phases, parts) in J."""
     drive, dig, slow = found.drive, found.dig, found.slow
-    straight = _drive_work(drive, model)
+    straight = _integrate_drive_work(drive, model)
     work = straight + found.turning_J
     slope = drive["mass"] - found.kinetic_J + model.acting * drive["offset"]
-    digging = _drive_work(dig, model) - _resisted_work(dig, model)
+    digging = _integrate_drive_work(dig, model) - _work_against_friction(dig, model)
     friction = work - found.kinetic_J - slope - digging
     braking = -_mass_and_friction_work(slow, model)
     return np.stack([work, found.kinetic_J, slope, friction, digging, braking], axis=1)
 
 
-def _drive_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
+def _integrate_drive_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the measured force without its errors, (phases,) in J."""
     return (
         of["force"]
@@ -218,12 +223,12 @@ def _mass_and_friction_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
     )
 
 
-def _resisted_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
+def _work_against_friction(of: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work that a drive without a pile has to do, slip of its wheels included, in J."""
     return _mass_and_friction_work(of, model) + of["slip"]
 
 
-def _slope_transfer(found: PhaseIntegrals, model: ForceModel) -> Floats:
+def _work_moved_by_slope(found: PhaseIntegrals, model: ForceModel) -> Floats:
     """(phases, parts) in J, whether a slope shifts weight between the axles as acceleration does.
 
     It is taken to do so in full, and may do so in part: the width of that interval over √3.
@@ -234,7 +239,7 @@ def _slope_transfer(found: PhaseIntegrals, model: ForceModel) -> Floats:
     return np.stack([work, nothing, nothing, work - dig, dig, nothing], axis=1)
 
 
-def _speed_response(value: Floats) -> Floats:
+def _work_change_by_speed(value: Floats) -> Floats:
     """(phases, parts) in J, what a speed that is larger by its own share of 1 changes.
 
     Torque times the speed of its wheels stays; so does what lifts the masses, which are lighter by
@@ -265,11 +270,11 @@ def _misfit_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Flo
 
 def _unexplained_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """(phases,) work that neither masses, fitted friction nor digging explain, in J."""
-    explained = _resisted_work(found.drive, model) + value[:, PARTS.index("digging")]
-    return _drive_work(found.drive, model) - explained
+    explained = _work_against_friction(found.drive, model) + value[:, PARTS.index("digging")]
+    return _integrate_drive_work(found.drive, model) - explained
 
 
-def _mass_response(found: PhaseIntegrals) -> Floats:
+def _work_change_by_mass(found: PhaseIntegrals) -> Floats:
     """(phases, parts) what masses that are all heavier by their own share of 1 change."""
     lifted = found.drive["mass"] - found.kinetic_J
     dug = -found.dig["mass"]
@@ -292,7 +297,7 @@ def _random_work(
     number = np.unique([span.cycle for span in spans], return_inverse=True)[1]
     left_N = np.bincount(number, left) / np.maximum(np.bincount(number, way_m), 1.0)
     scatter_N = float(left_N.std(ddof=1)) if left_N.size >= LIMITS.energy_min_cycles else 0.0
-    mass = abs(mass_u_1 * _mass_response(found))
+    mass = abs(mass_u_1 * _work_change_by_mass(found))
     ways = np.zeros_like(value)
     ways[:, PARTS.index("work")] = ways[:, PARTS.index("friction")] = way_m
     ways[:, PARTS.index("digging")] = dig["direction"]

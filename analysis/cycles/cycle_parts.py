@@ -201,7 +201,7 @@ def add_dump_times(
     stands, stops = find_standing_samples(excitation), is_creeping(excitation)
     boom = values(aligned, "boom_rad")
     for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
-        ready = _last_loaded_ns(cycle, found)
+        ready = _when_last_loaded_ns(cycle, found)
         over = [int(ns) for ns in found.start_ns[np.searchsorted(found.start_ns, ready) :][:1]]
         if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
             over.append(later.dig_ns[0])
@@ -210,7 +210,7 @@ def add_dump_times(
         if not dumped and cycle.loaded is None and over and not found.dumps.tells:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)
-            cycle.dump_ns = _longest_stop(stops[inside], t_ns[inside])
+            cycle.dump_ns = _find_longest_stop(stops[inside], t_ns[inside])
             cycle.dumped_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
         if not dumped and (cycle.loaded is None or not over):
             continue
@@ -222,7 +222,7 @@ def add_dump_times(
             continue
         stand = _boom_stand(stands[part], boom[part], t_ns[part])
         by_boom = stand is not None and stand[2]
-        hole = None if by_boom else _longest_hole(t_ns[part])
+        hole = None if by_boom else _find_longest_hole(t_ns[part])
         cycle.unseen = hole is not None
         found_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
         cycle.dump_ns, cycle.dumped_ns = found_ns, sum(found_ns) // 2
@@ -230,7 +230,7 @@ def add_dump_times(
             cycle.dumped_ns = _boom_out_ns(boom[part], t_ns[part], *stand[:2])
 
 
-def _last_loaded_ns(cycle: CycleParts, found: Passes) -> int:
+def _when_last_loaded_ns(cycle: CycleParts, found: Passes) -> int:
     """When a load is last seen on the machine: at the end of its pass, or of its digging."""
     if cycle.loaded is not None:
         return int(found.end_ns[cycle.loaded])
@@ -249,7 +249,7 @@ def _extend_to_stands(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple
     return int(t_ns[first]), int(t_ns[last])
 
 
-def _longest_hole(t_ns: Ints) -> tuple[int, int] | None:
+def _find_longest_hole(t_ns: Ints) -> tuple[int, int] | None:
     """The longest time without a sample, where that is long."""
     steps = np.diff(t_ns)
     if not steps.size or steps.max() < LIMITS.dump_hole_s * NS_PER_S:
@@ -258,7 +258,7 @@ def _longest_hole(t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[widest]), int(t_ns[widest + 1])
 
 
-def _longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
+def _find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     """The longest time that a machine stands or creeps, no idling; None where it does not."""
     begins, ends = runs_of_flagged_samples(stops)
     length = t_ns[ends] - t_ns[begins]
@@ -339,7 +339,7 @@ def summarise_shift_motion(
     )
 
 
-def idle_stands(excitation: pl.DataFrame) -> list[tuple[int, int]]:
+def find_idle_stands(excitation: pl.DataFrame) -> list[tuple[int, int]]:
     """The stands of more than `IDLE_S`, first and last sample in ns, in time."""
     if excitation.is_empty():
         return []

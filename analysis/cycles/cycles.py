@@ -21,7 +21,7 @@ from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
     ShiftScale,
-    carried_variance,
+    carry_back_variance,
     clean_bucket_mass_kg,
     empty_machine,
     pass_weights_by_state,
@@ -284,7 +284,7 @@ def _tare_share(found: Passes) -> Floats:
     """(passes,) the weight of the empty pass before each loaded one: the smallest variance."""
     share = np.full(found.mass_kg.size, 0.5)
     empties = np.flatnonzero(~found.loaded)
-    spread = 2.0 * carried_variance(found)
+    spread = 2.0 * carry_back_variance(found)
     for loaded in np.flatnonzero(found.loaded):
         place = int(np.searchsorted(empties, loaded))
         if 0 < place < empties.size:
@@ -295,7 +295,7 @@ def _tare_share(found: Passes) -> Floats:
 
 def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
     """Variance of a payload because of a different load carried back before it."""
-    variance = 2.0 * carried_variance(found)
+    variance = 2.0 * carry_back_variance(found)
     if part.loaded is None:
         return 0.0
     before = 0.0 if part.before is None else 1.0 if part.after is None else share[part.loaded]

@@ -76,7 +76,7 @@ def pass_weights_by_state(fit: JointFit, found: Passes) -> Floats:
     return weights
 
 
-def carried_variance(found: Passes) -> float:
+def carry_back_variance(found: Passes) -> float:
     """Variance of what is carried back, in kg²: what empty passes differ by beyond their noise."""
     mass, u = found.mass_kg[~found.loaded], found.u_kg[~found.loaded]
     if mass.size < LIMITS.carried_min_passes:
@@ -95,7 +95,7 @@ def clean_bucket_mass_kg(found: Passes) -> tuple[float, float]:
     if not mass.size:
         return float("nan"), float("nan")
     noise = float(np.mean(u**2))
-    true = carried_variance(found)
+    true = carry_back_variance(found)
     kept = float(np.sqrt(true / (true + noise))) if true + noise > 0 else 0.0
     middle = float(np.mean(mass))
     least = middle + kept * (float(np.quantile(mass, LIMITS.clean_bucket_quantile)) - middle)

@@ -136,20 +136,20 @@ def energy_samples(
     )
 
 
-def phase_rows(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
+def rows_of_each_phase(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
     """(phases, 2) first row of each phase, and the first after it."""
     ends = [(span.start_ns, span.end_ns) for span in spans]
     return np.searchsorted(samples.t_ns, ends).reshape(-1, 2)
 
 
-def burnt_litres(samples: EnergySamples, spans: list[PhaseSpan]) -> Floats:
+def sum_fuel_litres(samples: EnergySamples, spans: list[PhaseSpan]) -> Floats:
     """(phases,) fuel of each phase in L, standing included; NaN where the rate is not known."""
     if samples.fuel_L_h is None:
         return np.full(len(spans), np.nan)
     litres = np.nan_to_num(samples.fuel_L_h) * samples.step_s / SECONDS_PER_HOUR
     unknown_s = np.where(np.isnan(samples.fuel_L_h), samples.step_s, 0.0)
     fuel_L, lost_s = (
-        np.array([each[first:last].sum() for first, last in phase_rows(samples, spans)])
+        np.array([each[first:last].sum() for first, last in rows_of_each_phase(samples, spans)])
         for each in (litres, unknown_s)
     )
     return np.where(lost_s > LIMITS.longest_sample_s, np.nan, fuel_L)
@@ -323,7 +323,7 @@ def integrate_phases(
         "quadratic": fast**3 * step_s,
         "slip": force * (wheels - speed) * step_s,
     }
-    edges = phase_rows(samples, spans)
+    edges = rows_of_each_phase(samples, spans)
 
     def over(x: Floats, samples_of_set: Bools) -> Floats:
         total = np.append(0.0, np.cumsum(np.where(samples_of_set, x, 0.0)))

@@ -74,7 +74,7 @@ def fitted_force(
     offset, offset_u = of("offset")
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
-    wrong_N = priors.const_share * _largest_force(excitation)
+    wrong_N = priors.const_share * _find_largest_force(excitation)
     wrong_1 = min((wrong_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
@@ -112,10 +112,10 @@ def undetermined_coulomb(
         return 0.0
     weight_N = float(np.quantile(mass_kg, 0.1)) * machine.machine.gravity_m_s2
     priors = machine.settings.priors
-    return coulomb_std(_largest_force(frames["excitation"]), weight_N, priors)
+    return coulomb_std(_find_largest_force(frames["excitation"]), weight_N, priors)
 
 
-def _largest_force(excitation: pl.DataFrame) -> float:
+def _find_largest_force(excitation: pl.DataFrame) -> float:
     """The force that the log drives with, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
     pushed_N = np.abs(values(driving, "force_x_N"))
@@ -198,7 +198,7 @@ def change_each_term(values: Terms, stds: Terms) -> list[Terms]:
     ]
 
 
-def gain_u(machine: Machine) -> tuple[float, str]:
+def force_gain_uncertainty(machine: Machine) -> tuple[float, str]:
     """Relative standard uncertainty of the measured work, and the settings that it lacks.
 
     Torque times the speed of the same wheels needs no radius.
@@ -217,7 +217,7 @@ def gain_u(machine: Machine) -> tuple[float, str]:
     return float(np.linalg.norm([u or 0.0 for u in parts.values()])), ", ".join(unknown)
 
 
-def mass_u(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
+def relative_mass_uncertainty(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
     """Relative standard uncertainty of masses on the force's own scale: common, and of each."""
     loads = frames["loads"].filter(pl.col("mass_kg").is_not_null())
     budget = frames["budget"].filter(pl.col("kind") == "common").group_by("load_id")

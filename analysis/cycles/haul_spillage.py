@@ -44,7 +44,7 @@ def subtract_spillage(
     if body.haul_spillage_share is None or cycles.is_empty():
         return cycles
     progress = _weighing_progress(parts, found, frames["manoeuvres"], frames["excitation"])
-    arriving, u = arriving_share(progress, body)
+    arriving, u = estimate_arriving_share(progress, body)
     known = cycles["payload_kg"].is_not_null().to_numpy()
     return subtract_spillage_from_payloads(
         cycles.with_columns(
@@ -54,7 +54,7 @@ def subtract_spillage(
     )
 
 
-def arriving_share(progress: Floats, body: Body) -> tuple[Floats, Floats]:
+def estimate_arriving_share(progress: Floats, body: Body) -> tuple[Floats, Floats]:
     """The weighed load's share that arrives, and its standard uncertainty.
 
     Of a load L the share s is spilled evenly over the haul, so that L (1 - s p) is weighed where

@@ -209,7 +209,7 @@ def _idle_s(excitation: pl.DataFrame) -> float:
     return float(lengths[lengths > IDLE_S].sum())
 
 
-def label_totals(
+def sum_by_label(
     cycles: pl.DataFrame, labels: Sequence[str], rejected: Collection[int] = ()
 ) -> list[LabelTotal]:
     """The sum of each label, by label; none where no cycle has one.

@@ -21,7 +21,7 @@ from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combine
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import yaw_speeding_sign
-from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, unknown_factors
+from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, factors_without_uncertainty
 from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Bools, Floats
@@ -256,7 +256,7 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
     lightest = int(np.argmin(fit.masses_kg))
     sources = budget_of_mass(weighing, machine, fit.weights_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
-    unknown = bool(unknown_factors(sources))
+    unknown = bool(factors_without_uncertainty(sources))
     scale_kg = UNKNOWN_SCALE * abs(mass_kg) if unknown else 0.0
     u_kg = float(np.linalg.norm([combine(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:

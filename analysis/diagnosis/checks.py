@@ -79,12 +79,12 @@ def _correlation_while_driving(inputs: CheckInputs, motion: AxisMotion) -> float
     return np.nan if few else _partial_correlation(inputs, motion)
 
 
-def _relative_std(_: CheckInputs, motion: AxisMotion) -> float:
+def _relative_std_of_ungated_mass(_: CheckInputs, motion: AxisMotion) -> float:
     fit = motion.fit
     return fit.std / abs(fit.value) if fit.value else np.inf
 
 
-def _r_squared(_: CheckInputs, motion: AxisMotion) -> float:
+def _explained_force_variance(_: CheckInputs, motion: AxisMotion) -> float:
     return motion.fit.r_squared
 
 
@@ -140,7 +140,7 @@ def _empty_mass_difference_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if withheld else abs(found.difference_in_u)
 
 
-def _empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
+def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
     found = inputs.empty_mass
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
     far = found is not None and found.is_informative and abs(found.difference_in_u) > limit_u
@@ -180,14 +180,14 @@ def model_checks(about: EvidenceSubject, words: AxisWords) -> tuple[CheckRow, ..
         CheckRow(
             f"{words.prefix}relative_std",
             about,
-            _relative_std,
+            _relative_std_of_ungated_mass,
             f"standard deviation of the ungated {words.parameter} over that {words.parameter}",
             maximum="relative_std_max",
         ),
         CheckRow(
             f"{words.prefix}r_squared",
             about,
-            _r_squared,
+            _explained_force_variance,
             f"share of the {force}'s variance that {words.parameter} and friction explain",
             minimum="r_squared_min",
         ),
@@ -257,7 +257,7 @@ CHECKS: Final = (
         "the scale's",
         maximum="negative_payload_max_u",
         optional=True,
-        names=_empty_mass_factor,
+        names=_describe_empty_mass_factor,
         remedy=_SCALE_REMEDY,
     ),
     CheckRow(
@@ -268,7 +268,7 @@ CHECKS: Final = (
         "only the part beyond one",
         maximum="empty_mass_max_u",
         optional=True,
-        names=_empty_mass_factor,
+        names=_describe_empty_mass_factor,
         consequence="tell",
         remedy=_SCALE_REMEDY,
     ),

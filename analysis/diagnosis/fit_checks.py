@@ -59,8 +59,8 @@ def _reason_for_no_answer(inputs: CheckInputs, _: AxisMotion) -> str:
     return "" if inputs.weighing is not None else NOTHING_FITTED
 
 
-def _farthest_term(inputs: CheckInputs, _: AxisMotion) -> str:
-    widths = {} if inputs.weighing is None else inputs.weighing.own_fit.prior_distances
+def _name_farthest_term(inputs: CheckInputs, _: AxisMotion) -> str:
+    widths = {} if inputs.weighing is None else inputs.weighing.own_fit.distances_from_priors
     return max(widths, key=widths.__getitem__, default="")
 
 
@@ -140,12 +140,12 @@ FIT_CHECKS: Final = (
     CheckRow(
         "beyond_prior",
         "mass",
-        _make_weighing_value(lambda weighing: max(weighing.own_fit.prior_distances.values())),
+        _make_weighing_value(lambda weighing: max(weighing.own_fit.distances_from_priors.values())),
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",
         maximum="beyond_prior_max",
         applies=_is_fitted,
-        names=_farthest_term,
+        names=_name_farthest_term,
         remedy="the cause that findings name, or settings.priors: what the machine may have",
     ),
     CheckRow(

@@ -154,11 +154,11 @@ def _torque_difference(
     if driving.sum() < _FEWEST:
         return None
     both_ways = np.ptp(ahead[driving]) > 0.0
-    found = difference_slope(
+    found = slope_of_difference(
         "torque", apart, mean, [*turning, *([ahead] if both_ways else [])], driving
     )
     if found is None or found.std_1 > _SURE_1:  # one throttle tells a resistance from no share
-        rough = difference_slope("torque", apart, mean, turning, driving | stands)
+        rough = slope_of_difference("torque", apart, mean, turning, driving | stands)
         found = found if rough is None else replace(rough, resistance_1=_ONE_SIDED_RESISTANCE_1)
     return found
 
@@ -167,13 +167,15 @@ def _speed_difference(
     apart: Floats, mean: Floats, push: Floats | None, driving: Bools
 ) -> dict[str, SideDifference | None]:
     """By how much faster one side turns, and by how much more in hard starts."""
-    everywhere = difference_slope("speed", apart, mean, [], driving)
+    everywhere = slope_of_difference("speed", apart, mean, [], driving)
     if push is None or driving.sum() < _FEWEST:
         return {"speed": everywhere}
     largest = float(np.quantile(push[driving], 0.95))
     soft = driving & (push < _SOFT * largest)
     hard = driving & (push > _HARD * largest)
-    in_soft, in_hard = (difference_slope("speed", apart, mean, [], rows) for rows in (soft, hard))
+    in_soft, in_hard = (
+        slope_of_difference("speed", apart, mean, [], rows) for rows in (soft, hard)
+    )
     if in_soft is None or in_hard is None:
         return {"speed": everywhere}
     more = in_hard.value_1 - in_soft.value_1
@@ -181,7 +183,7 @@ def _speed_difference(
     return {"speed": in_soft, "slip": SideDifference("slip", more, std)}
 
 
-def difference_slope(
+def slope_of_difference(
     kind: str, apart: Floats, mean: Floats, others: list[Floats], rows: Bools
 ) -> SideDifference | None:
     """The slope of the difference on the mean, with a constant and the other columns."""

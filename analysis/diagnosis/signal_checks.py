@@ -51,7 +51,7 @@ def _mass_shift_u(check: str) -> Callable[[CheckInputs, AxisMotion], float | Non
     return of
 
 
-def _refit_outcome(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
+def _make_refit_outcome(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
     """Outcome of refitting without the stretches of this check."""
 
     def of(inputs: CheckInputs, _: AxisMotion) -> str:
@@ -97,7 +97,7 @@ SIGNAL_CHECKS: Final = (
         "time that a channel repeats its value while another changes, s",
         maximum="frozen_max_s",
         applies=_has_signals,
-        names=_refit_outcome("frozen"),
+        names=_make_refit_outcome("frozen"),
         moved_u=_mass_shift_u("frozen"),
         remedy="leave the stretch out, or mend the sensor",
     ),
@@ -108,7 +108,7 @@ SIGNAL_CHECKS: Final = (
         "fraction of a force channel's readings at a limit of the sensor or the engine",
         maximum="clipped_max",
         applies=_has_signals,
-        names=_refit_outcome("clipped"),
+        names=_make_refit_outcome("clipped"),
         moved_u=_mass_shift_u("clipped"),
         remedy="settings.gate.saturation_force_N: the force where the sensor clips",
     ),

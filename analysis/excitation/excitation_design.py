@@ -163,7 +163,7 @@ def scenario_with_manoeuvres(base: Scenario, *manoeuvres: Rest | Excite) -> Scen
     return base.model_copy(update={"campaign": campaign})
 
 
-def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
+def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
     """T: how long the speed (yaw rate) takes to within 2 % of its last value after a step.
 
     Half of full throttle, valve and Coulomb friction included; about four time constants.
@@ -186,7 +186,7 @@ def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
         )
     motion = solve_motion(scenario_with_manoeuvres(scenario, step), load_kg)
     time_s = np.linspace(0.0, step.duration_s, 20_001)[:-1]
-    driven = motion.sample(time_s)
+    driven = motion.sample_channels(time_s)
     speed = driven.speed_x_m_s if axis == "force" else driven.yaw_rate_rad_s
     if speed[-1] == 0.0:
         raise DataError(f"half of full throttle does not overcome Coulomb friction ({axis})")
@@ -224,7 +224,7 @@ def design_excitation(
         raise DataError(
             "sensors.force_noise_N: without noise there is no signal-to-noise ratio; give it"
         )
-    response_s = {axis: response_time_s(scenario, load_kg, axis) for axis in _AXES[drive]}
+    response_s = {axis: driveline_response_time_s(scenario, load_kg, axis) for axis in _AXES[drive]}
     slowest_s = max(response_s.values())
     window_s = 2.0 * slowest_s if window_s is None else window_s
     if not slowest_s <= window_s <= _PERIOD_OVER_RESPONSE * slowest_s:
@@ -294,7 +294,7 @@ def _score_shape(
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
     motion = solve_motion(scenario_with_manoeuvres(scenario, longer), load_kg)
-    driven = motion.sample(np.arange(round(last_s * rate_hz)) / rate_hz)
+    driven = motion.sample_channels(np.arange(round(last_s * rate_hz)) / rate_hz)
     truth = MeasuredSignals.measure_motion(driven)
     asked = _ASKED[drive]
 

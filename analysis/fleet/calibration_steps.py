@@ -73,7 +73,7 @@ class LineChange(NamedTuple):
         return abs(self.zero_kg) > self.zero_limit_kg or abs(self.scale_1) > self.scale_limit_1
 
 
-def fleet_calibration(
+def fit_fleet_calibration(
     machine: str, evidence: str, days: tuple[dt.date, dt.date], line: "Calibration"
 ) -> FleetCalibration:
     """A machine's calibration by the id of its evidence, and its first and last day."""

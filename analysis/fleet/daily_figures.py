@@ -8,7 +8,7 @@ import polars as pl
 UNDATED: Final = "undated"
 
 
-def daily_figures(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
+def make_daily_figures(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
     """A row a machine and day, in time.
 
     Args:

@@ -158,11 +158,11 @@ def _chart_quantity(part: pl.DataFrame, signal: ChartedQuantity, limit: float) -
         str(part["calibration"].first()),
         tuple(part["day"].to_list()),
         tuple(float(value) for value in raw),
-        control_chart(values, limit),
+        make_control_chart(values, limit),
     )
 
 
-def control_chart(values: Floats, limit: float) -> ControlChart:
+def make_control_chart(values: Floats, limit: float) -> ControlChart:
     """Chart values.
 
     Args:

@@ -19,7 +19,7 @@ from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.phases import speed_rate_span_rows
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import Origin, align_on_grid, find_origin
-from analysis.stages.signals.derive import derive, read_measured
+from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.grid_rate import machine_at_rate_of_log
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
@@ -172,7 +172,7 @@ class GrowingLog:
                 return False
             head = self._raw
         placed, labels, _ = assign_timestamps(head)
-        read, _ = read_measured(placed, self.machine)
+        read, _ = read_measured_channels(placed, self.machine)
         machine, notes = machine_at_rate_of_log(read, self.machine)
         channels, _ = derive(read, machine)
         self.basis = LogBasis(
@@ -191,7 +191,7 @@ class GrowingLog:
         assert self.basis is not None
         machine = self.basis.machine
         settings = machine.settings
-        read, _ = read_measured(self._raw, machine)
+        read, _ = read_measured_channels(self._raw, machine)
         channels, _ = derive(read, machine)
         # the mean, the speed rate over it, and an acceleration averaged over the span of that
         looks_back = settings.smooth.samples + 2 * speed_rate_span_rows(settings) + 2

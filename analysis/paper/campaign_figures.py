@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.method_errors import run_errors
+from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
 from analysis.paper import printed_numbers
 from analysis.paper.confidence_intervals import mean_intervals
 from analysis.paper.replayed_campaign import ReplayedCampaign
@@ -59,7 +59,7 @@ def masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFrame:
         the fit) and `rms_left_out_kg`.
     """
     estimates = campaign.estimate_by_method_and_trial()
-    errors = run_errors(estimates).group_by("method", "load_kg").agg(
+    errors = calibrated_errors_of_runs(estimates).group_by("method", "load_kg").agg(
         rms_kg=(pl.col("error_kg") ** 2).mean().sqrt(),
         rms_left_out_kg=(pl.col("error_left_out_kg") ** 2).mean().sqrt(),
     )  # fmt: skip

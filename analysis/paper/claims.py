@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.method_errors import run_errors
+from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
@@ -89,7 +89,7 @@ def campaign_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
         how: accept_windows(campaign, how, rls).estimate_by_method_and_trial() for how in without
     }
     return pl.concat(
-        run_errors(masses)
+        calibrated_errors_of_runs(masses)
         .group_by("method", maintain_order=True)
         .agg(
             pl.lit(how).alias("fed"),

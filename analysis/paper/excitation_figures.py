@@ -107,7 +107,7 @@ def make_figure_3(campaign: ReplayedCampaign) -> Figure3:
         frame=series,
         true_mass_kg=truth["mass_kg"],
         rms_kg=_rms_error_by_method(series, "mass_kg", "true_mass_kg"),
-        converging=convergence_rms(series),
+        converging=rms_error_after_convergence(series),
         memory_samples=(1.0 + settings.trace.forgetting) / (1.0 - settings.trace.forgetting),
         window_samples=settings.gate.window_samples,
     )
@@ -217,7 +217,7 @@ def _rms_error_by_method(series: pl.DataFrame, value: str, true: str) -> dict[st
     return dict(errors.iter_rows())
 
 
-def convergence_rms(series: pl.DataFrame) -> dict[str, Rms]:
+def rms_error_after_convergence(series: pl.DataFrame) -> dict[str, Rms]:
     """R.m.s. error of LS and RLS at first, and later."""
     squares = series.with_columns(
         square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,

@@ -113,7 +113,7 @@ def steady_drive(scenario: Scenario, force: ForceWave | None = None) -> SteadyDr
     motion = solve_motion(scenario_with_waveforms(scenario, force=force, torque=None), 0.0)
     steps = round(force.period_s * scenario.sensors.rate_hz * PHASES)
     time_s = force.period_s * (_SETTLED_PERIODS + np.arange(steps) / steps)
-    true = motion.sample(time_s)
+    true = motion.sample_channels(time_s)
     return SteadyDrive(
         motion.body.mass_kg,
         motion.body.friction_x_N_s_m,

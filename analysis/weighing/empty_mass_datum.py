@@ -46,7 +46,7 @@ _CARRIED: Final = UncertaintySource(
 )
 
 
-def ticket_notes(body: Body, begin_ns: int) -> list[str]:
+def note_weighbridge_tickets(body: Body, begin_ns: int) -> list[str]:
     """That the empty machine was weighed on another day than that of the log.
 
     Args:
@@ -67,7 +67,7 @@ def ticket_notes(body: Body, begin_ns: int) -> list[str]:
     ]
 
 
-def unknown_factors(sources: Sequence[UncertaintySource]) -> list[str]:
+def factors_without_uncertainty(sources: Sequence[UncertaintySource]) -> list[str]:
     """The unknown factors that an empty machine determines."""
     return [s.name for s in sources if s.u is None and s.name not in _BY_LOAD]
 
@@ -115,7 +115,9 @@ class EmptyMachine:
         stated_kg = self._stated_kg
         if stated_kg is None:
             return ""
-        scale_kg = UNKNOWN_SCALE * self.rotating_kg if unknown_factors(self.sources) else 0.0
+        scale_kg = (
+            UNKNOWN_SCALE * self.rotating_kg if factors_without_uncertainty(self.sources) else 0.0
+        )
         u_kg = float(np.hypot(combine(self.sources), scale_kg))
         allowed_kg = LIMITS.empty_mass_agreement_u * float(
             np.hypot(u_kg, self._body.empty_mass_u_kg or 0.0)
@@ -159,7 +161,7 @@ class EmptyMachine:
                 by_kg * stated_u_kg,
             )
 
-        if unknown_factors(self.sources):
+        if factors_without_uncertainty(self.sources):
             found = datum_of_share(in_ratio)
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
@@ -216,7 +218,7 @@ class Datum:
         empty = self.empty
         payload_kg = abs(float(payload @ empty.weighing.fit.masses_kg))
         found = budget_of_mass(empty.weighing, empty.machine, self.weights_of_masses(payload))
-        known = unknown_factors(found)
+        known = factors_without_uncertainty(found)
         kept = [
             replace(each, u=None if each.u is None else each.u * abs(self.scale_1))
             for each in found

@@ -15,7 +15,7 @@ from analysis.weighing.joint_result import (
     resistance_slope,
     term_index,
 )
-from analysis.weighing.load_states import LoadStates, stretch_units
+from analysis.weighing.load_states import LoadStates, unit_of_each_stretch
 from analysis.weighing.log_effects import NARROW
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import (
@@ -220,7 +220,7 @@ class FitTask:
             rows.noise,
             np.append(0.0, mean),
             np.append(np.inf, std),
-            np.unique(stretch_units(self.motion), return_inverse=True)[1],
+            np.unique(unit_of_each_stretch(self.motion), return_inverse=True)[1],
         )
 
     def _speed_late_s(self) -> float:

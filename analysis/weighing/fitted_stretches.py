@@ -153,13 +153,13 @@ def _mean_of_three(speed: Floats) -> Floats:
     return np.convolve(speed, np.ones(3) / 3.0, "same")
 
 
-def missing_rows(aligned: pl.DataFrame) -> Bools:
+def mark_missing_rows(aligned: pl.DataFrame) -> Bools:
     """Rows of the grid without information, (n,)."""
     if "left_out" not in aligned.columns:
         return np.zeros(aligned.height, np.bool_)
     return aligned["left_out"].to_numpy()
 
 
-def centred_progress(samples: int) -> Floats:
+def make_centred_progress(samples: int) -> Floats:
     """From -1/2 to 1/2 over so many samples."""
     return np.arange(samples) / max(samples, 1) - 0.5

@@ -22,7 +22,7 @@ from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.weighing.fit_columns import FitRows, average_columns, mean_stride
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit, term_index
-from analysis.weighing.load_states import sample_units, stretch_units
+from analysis.weighing.load_states import unit_of_each_sample, unit_of_each_stretch
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import FILLING
 from analysis.weighing.weighing_limits import LIMITS
@@ -128,10 +128,10 @@ def find_growing_loads(
         return ()
     motion = fit.motion if motion is None else motion
     rows = average_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)
-    unit = np.where(rows.group >= 0, stretch_units(motion)[np.maximum(rows.group, 0)], -1)
+    unit = np.where(rows.group >= 0, unit_of_each_stretch(motion)[np.maximum(rows.group, 0)], -1)
     by_unit = dict(zip(group_ids(unit).tolist(), group_rows(unit), strict=True))
     none = np.empty(0, np.int64)
-    numbers = np.unique(stretch_units(motion))
+    numbers = np.unique(unit_of_each_stretch(motion))
     parts = [by_unit.get(each, none) for each in numbers.tolist()]
     told = [part.size >= LIMITS.growth_min_rows for part in parts]
     if sum(told) < LIMITS.growth_min_manoeuvres:
@@ -171,7 +171,7 @@ def find_growing_loads(
     # what no machine carries is no load, however surely the manoeuvre misses the model
     carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
     carried &= kg > -_max_plausible_loss_kg(fit)
-    used, of_sample = np.flatnonzero(motion.used), sample_units(motion)
+    used, of_sample = np.flatnonzero(motion.used), unit_of_each_sample(motion)
     return tuple(
         LoadGrowth(
             int(number[k]),
@@ -199,7 +199,7 @@ def find_creeps(fit: JointFit) -> Ints:
     states, none = fit.states, np.empty(0, np.int64)
     if states is None or not states.load_returns:
         return none
-    place = np.searchsorted(states.unit, sample_units(fit.motion))
+    place = np.searchsorted(states.unit, unit_of_each_sample(fit.motion))
     top_m_s = np.zeros(states.unit.size)
     np.maximum.at(top_m_s, place, np.abs(fit.motion.speed[fit.motion.used]))
     creeps = top_m_s < LIMITS.creep_speed_ratio * np.median(top_m_s)

@@ -197,7 +197,7 @@ class JointFit:
         return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
 
     @property
-    def prior_distances(self) -> dict[str, float]:
+    def distances_from_priors(self) -> dict[str, float]:
         """By term, how far it is from the mean of its prior, in widths.
 
         The lag is found anew, and one place of the ground may be anything.

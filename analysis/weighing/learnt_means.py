@@ -80,7 +80,7 @@ class LearntErrors:
         return np.array([by_fit.get(term, own.get(term, none)) for term in self.terms])
 
 
-def learnt_mean_responses(
+def make_learnt_mean_responses(
     weighing: Weighing | None, machine: Machine, loads: pl.DataFrame, payloads: Mapping[int, Floats]
 ) -> dict[str, pl.DataFrame]:
     """Make `responses` and `learnt_errors`; none where no calibration learnt anything.

@@ -11,10 +11,10 @@ from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.load_states import LoadStates, sample_units
+from analysis.weighing.load_states import LoadStates, unit_of_each_sample
 from analysis.weighing.mass_budget import budget_of_mass, relative_u
 from analysis.weighing.motion_samples import Floats, Ints
-from analysis.weighing.nuisance_frames import empty_frame
+from analysis.weighing.nuisance_frames import make_empty_frame
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.weighing_limits import LIMITS
 
@@ -39,14 +39,17 @@ def make_load_frame(
         return _unknown_load()
     fit = weighing.fit
     times = _span_of_each_state(fit, excitation)
-    empty = empty_states(weighing, times, machine)
+    empty = find_empty_states(weighing, times, machine)
     datum, against = _empty_datum(weighing, empty, machine)
     rows = [
         _make_load_row(weighing, state, empty, times[state], machine, verdict, datum)
         for state in range(fit.count)
     ]
     said = "; ".join(
-        filter(None, (_state_notes(fit, machine), against, _growing_notes(weighing, excitation)))
+        filter(
+            None,
+            (_note_on_states(fit, machine), against, _note_growing_loads(weighing, excitation)),
+        )
     )
     if machine.settings.loads.empty_from_s is not None and not empty:
         said = "; ".join(filter(None, (_NOT_EMPTY, said)))
@@ -67,10 +70,10 @@ def _span_of_each_state(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[i
 
 def _manoeuvre_of_samples(fit: JointFit, states: LoadStates) -> Ints:
     """Index of each fitted sample's manoeuvre among those with a load state."""
-    return np.searchsorted(states.unit, sample_units(fit.motion))
+    return np.searchsorted(states.unit, unit_of_each_sample(fit.motion))
 
 
-def load_change_rows(weighing: Weighing | None) -> list[int]:
+def make_load_change_rows(weighing: Weighing | None) -> list[int]:
     """The rows of the grid where another load begins to move."""
     if weighing is None or weighing.fit.states is None:
         return []
@@ -80,7 +83,9 @@ def load_change_rows(weighing: Weighing | None) -> list[int]:
     return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
 
 
-def empty_states(weighing: Weighing, times: list[tuple[int, int]], machine: Machine) -> list[int]:
+def find_empty_states(
+    weighing: Weighing, times: list[tuple[int, int]], machine: Machine
+) -> list[int]:
     """The states of this log that carry nothing; none where there are none, or no telling.
 
     Where `settings.loads` says when the machine was empty, the states that lie mostly in that time,
@@ -236,7 +241,7 @@ def _payload_with_uncertainty(
     return found, unknown_scale(sources)
 
 
-def _state_notes(fit: JointFit, machine: Machine) -> str:
+def _note_on_states(fit: JointFit, machine: Machine) -> str:
     """Notes on the load states for the reader."""
     states = fit.states
     assert states is not None
@@ -261,7 +266,7 @@ def _state_notes(fit: JointFit, machine: Machine) -> str:
     return "; ".join(said)
 
 
-def _growing_notes(weighing: Weighing, excitation: pl.DataFrame) -> str:
+def _note_growing_loads(weighing: Weighing, excitation: pl.DataFrame) -> str:
     """The manoeuvres in which the load changes."""
     t_ns = excitation["t_ns"].to_numpy()
     told = [
@@ -277,7 +282,7 @@ def _growing_notes(weighing: Weighing, excitation: pl.DataFrame) -> str:
     return "; ".join(told[: LIMITS.max_named_manoeuvres] + more)
 
 
-def manoeuvre_frame(
+def make_manoeuvre_frame(
     weighing: Weighing | None, excitation: pl.DataFrame, machine: Machine
 ) -> pl.DataFrame:
     """Make `manoeuvres`: a row a manoeuvre that was fitted, with the mass it says by itself.
@@ -285,7 +290,7 @@ def manoeuvre_frame(
     As those of loads, masses are without what only turns.
     """
     if weighing is None or weighing.fit.states is None:
-        return empty_frame("manoeuvres")
+        return make_empty_frame("manoeuvres")
     fit, states = weighing.fit, weighing.fit.states
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)

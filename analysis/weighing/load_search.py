@@ -22,7 +22,7 @@ from analysis.weighing.load_states import (
     places,
     single_unknown_state,
     states_of,
-    stretch_units,
+    unit_of_each_stretch,
 )
 from analysis.weighing.motion_samples import Ints
 from analysis.weighing.record_places import rows_to_search
@@ -98,7 +98,7 @@ class _SameMeans:
         """Take the means of an earlier fit."""
         motion, terms = found.motion, applicable_terms(found.motion, several=True)
         task = FitTask(motion, of.noise, of.priors, terms, of.wheels, None, of.uneven_1_s)
-        number = np.unique(stretch_units(motion))
+        number = np.unique(unit_of_each_stretch(motion))
         return cls(task, _units_of(found, of, places(motion)), number, found.mean_samples)
 
     def states(self, membership: Ints) -> LoadStates:
@@ -159,7 +159,7 @@ def _settle_states(
 
     A search that does not settle has the states about which manoeuvres scatter least, for as many.
     """
-    number = np.unique(stretch_units(found.motion))
+    number = np.unique(unit_of_each_stretch(found.motion))
     if not np.isfinite(found.theta).all():
         return _withhold_masses(found)
     first, tried = found, list[JointFit]()
@@ -199,7 +199,7 @@ def _withhold_masses(found: JointFit) -> JointFit:
     """The same fit, none of whose masses is known."""
     states = found.states
     if found.count == 1 or states is None:
-        states = single_unknown_state(np.unique(stretch_units(found.motion)))
+        states = single_unknown_state(np.unique(unit_of_each_stretch(found.motion)))
     return replace(found, theta=np.full(found.theta.size, np.nan), states=states)
 
 

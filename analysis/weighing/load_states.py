@@ -111,7 +111,7 @@ class LoadStates:
 
     def among(self, motion: MotionSamples) -> "LoadStates":
         """The same of a motion that may have fewer manoeuvres, or others: states are renumbered."""
-        unit = np.unique(stretch_units(motion))
+        unit = np.unique(unit_of_each_stretch(motion))
         place = np.searchsorted(self.unit, unit, "right") - 1
         place = place.clip(0, self.unit.size - 1)
         return replace(
@@ -148,12 +148,12 @@ class LoadStates:
 
     def levels(self, motion: MotionSamples) -> RandomIntercepts:
         """The states of the stretches of the motion whose manoeuvres these are."""
-        number = np.searchsorted(self.unit, stretch_units(motion))
+        number = np.searchsorted(self.unit, unit_of_each_stretch(motion))
         scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
         return RandomIntercepts(self.membership[number], number, scatter_kg, self.freedom)
 
 
-def stretch_units(motion: MotionSamples) -> Ints:
+def unit_of_each_stretch(motion: MotionSamples) -> Ints:
     """The manoeuvre of each stretch, (stretches,).
 
     One that is too short to tell a mass, or that hardly changes its speed, goes with the one before
@@ -202,9 +202,9 @@ def _gained_speeds_m_s(motion: MotionSamples, unit: Ints, units: int) -> Floats:
     return most - least
 
 
-def sample_units(motion: MotionSamples) -> Ints:
+def unit_of_each_sample(motion: MotionSamples) -> Ints:
     """The manoeuvre of each fitted sample, (used samples,)."""
-    return stretch_units(motion)[motion.group[motion.used]]
+    return unit_of_each_stretch(motion)[motion.group[motion.used]]
 
 
 def places(motion: MotionSamples) -> Ints:
@@ -217,7 +217,7 @@ def places(motion: MotionSamples) -> Ints:
         `NAMED` where the time begins or ends in which it is named as empty.
     """
     used = np.flatnonzero(motion.used)
-    first = np.flatnonzero(np.append(True, np.diff(sample_units(motion)) > 0))
+    first = np.flatnonzero(np.append(True, np.diff(unit_of_each_sample(motion)) > 0))
     last = np.append(first[1:], used.size) - 1
     # a boom may go up before the machine stands, and come down when it moves again
     middle = used[(first + last) // 2]

@@ -19,7 +19,6 @@ from analysis.model.windows import flagged_windows
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.fitted_stretches import (
-    centred_progress,
     count_silences,
     cut_drives,
     cut_stretches,
@@ -28,7 +27,8 @@ from analysis.weighing.fitted_stretches import (
     first_of_stretch,
     fitted_manoeuvres,
     last_of_stretch,
-    missing_rows,
+    make_centred_progress,
+    mark_missing_rows,
     number_runs,
     path_positions,
     running_standstill_count,
@@ -132,7 +132,7 @@ class MotionSamples:
         if not self.used.any() or int(self.group.max()) < stretches:
             return self
         end = int(np.argmax(self.group >= stretches))
-        return replace(self._select_samples(slice(0, end)), progress=centred_progress(end))
+        return replace(self._select_samples(slice(0, end)), progress=make_centred_progress(end))
 
     def near_fitted(self, reach_s: float) -> "MotionSamples":
         """Drop samples farther than a distance from any that may be fitted.
@@ -329,7 +329,7 @@ def motion_samples(
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
     clear = rows_in_duration(LIMITS.gap_margin_s, settings.align.rate_hz)
-    silent = ~known | missing_rows(aligned)
+    silent = ~known | mark_missing_rows(aligned)
     near_gap = flagged_windows(silent, clear) | flagged_windows(silent[::-1], clear)[::-1]
     group = number_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     group = drop_standing_runs(group, np.where(known, speed, 0.0), noise_m_s)
@@ -354,7 +354,7 @@ def motion_samples(
         measured,
         level,
         _read_grid_column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
-        centred_progress(speed.size),
+        make_centred_progress(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
         *path_positions(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",

@@ -23,7 +23,7 @@ _OF_WHEELS: Final = (
 def make_nuisance_frame(weighing: Weighing | None) -> pl.DataFrame:
     """Make `nuisances`: a row a term, prior and posterior."""
     if weighing is None:
-        return empty_frame("nuisances")
+        return make_empty_frame("nuisances")
     rows = pl.concat([_make_term_rows(weighing), _make_wheel_rows(weighing)], how="diagonal")
     return build("nuisances", rows.to_dict())
 
@@ -91,10 +91,10 @@ def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
     return pl.DataFrame(rows)
 
 
-def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
+def make_budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
     """Make `budget`: a row a load and source."""
     if weighing is None:
-        return empty_frame("budget")
+        return make_empty_frame("budget")
     fit = weighing.fit
     rows = [_make_source_rows(weighing, machine, state) for state in range(fit.count)]
     return build("budget", pl.concat(rows).to_dict())
@@ -117,6 +117,6 @@ def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.Da
     )
 
 
-def empty_frame(name: str) -> pl.DataFrame:
+def make_empty_frame(name: str) -> pl.DataFrame:
     """A frame without rows."""
     return pl.DataFrame(schema={column.name: column.dtype for column in FRAMES[name].columns})

@@ -44,7 +44,7 @@ def wheel_imu_disagreement(fit: JointFit) -> float:
     return wheels.disagreement_m_s / fit.motion.largest_speed
 
 
-def refit_with_other_motion(
+def refit_with_wheel_or_imu_motion(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> AlternativeMotion | None:
     """Fit once more with the other motion; None where there is none.

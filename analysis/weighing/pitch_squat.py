@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from analysis.weighing.stretch_means import EVERY, MEAN, overlapping_means
+from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.fit_loss import group_rows
 
@@ -49,9 +49,9 @@ def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> Stretc
         if near.size < MEAN + EVERY * (LIMITS.pitch_min_rows + 2 * LIMITS.pitch_rate_means):
             continue
         channels = (motion.without_gravity, motion.force / scale_N, gravity)
-        a, force, pitch = (overlapping_means(channel[near]) for channel in channels)
+        a, force, pitch = (average_overlapping(channel[near]) for channel in channels)
         grade = np.vander(
-            trim_to_means_with_rate(overlapping_means(travelled_m[: near.size]))
+            trim_to_means_with_rate(average_overlapping(travelled_m[: near.size]))
             / LIMITS.grade_reach_m,
             LIMITS.grade_degree + 1,
         )

@@ -35,7 +35,7 @@ def align_records(motion: MotionSamples) -> MotionSamples:
         )
     )
     force, place_1 = motion.force[used], motion.place_1[used]
-    off_1 = record_offsets(straight, force, place_1, of_record)
+    off_1 = find_record_offsets(straight, force, place_1, of_record)
     number = np.searchsorted(np.unique(motion.silences[used]), motion.silences).clip(0, records - 1)
     place_1 = motion.place_1 + off_1[number]
     first, last = float(place_1[used].min()), float(place_1[used].max())
@@ -47,7 +47,9 @@ def align_records(motion: MotionSamples) -> MotionSamples:
     )
 
 
-def record_offsets(straight: Floats, force: Floats, place_1: Floats, of_record: Floats) -> Floats:
+def find_record_offsets(
+    straight: Floats, force: Floats, place_1: Floats, of_record: Floats
+) -> Floats:
     """How far each record is from the first, over the path, by the force at each place.
 
     Args:

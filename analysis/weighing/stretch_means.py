@@ -15,7 +15,7 @@ EVERY: Final = 3
 
 
 @compiled_ahead
-def overlapping_means(x: Floats) -> Floats:
+def average_overlapping(x: Floats) -> Floats:
     """Means of `MEAN` samples, one every `EVERY`."""
     out = np.empty((x.size - MEAN) // EVERY + 1)
     for i in range(out.size):

@@ -40,7 +40,7 @@ from analysis.weighing.motion_samples import (
 from analysis.weighing.nuisances import CURVATURE, FILLING
 from analysis.weighing.other_motion import (
     AlternativeMotion,
-    refit_with_other_motion,
+    refit_with_wheel_or_imu_motion,
     wheel_imu_disagreement,
 )
 from analysis.weighing.record_places import align_records
@@ -218,7 +218,7 @@ def _weigh_with_priors(
             fitted = JointFitInputs.prepare(driving, columns, priors, fit)
             alone = joint_fit(fitted, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking
-            beyond = max(alone.prior_distances.values()) > settings.verdict.beyond_prior_max
+            beyond = max(alone.distances_from_priors.values()) > settings.verdict.beyond_prior_max
             # nor driving that finds another delay of the same force
             lags_apart = abs(alone.lag_s - fit.lag_s) > LIMITS.same_lag_s
             if (
@@ -256,7 +256,7 @@ def _weigh_with_priors(
         fit_curvature(fit, columns, priors, rows),
         fit_filling(own, columns, own_priors, rows if own is fit else None),
         grown,
-        refit_with_other_motion(fit, columns, priors)
+        refit_with_wheel_or_imu_motion(fit, columns, priors)
         if wheel_imu_disagreement(fit) > settings.verdict.wheels_max
         else None,
         alone,

@@ -24,7 +24,7 @@ from analysis.weighing.motion_samples import (
 )
 from analysis.weighing.nuisances import const_prior_std
 from analysis.weighing.pitch_squat import estimate_pitch_squat
-from analysis.weighing.stretch_means import EVERY, MEAN, overlapping_means, subtract_line
+from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping, subtract_line
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_ahead
 from estimators.joint import prior_fit
@@ -370,11 +370,11 @@ def centred_means(
         slipping = v * rolling_fraction(v, f, slip_1_N) - gained
         ground = np.abs(gained + slipping - subtract_line(slipping))
         rows = slice(row, row + counts[number])
-        y[rows] = subtract_line(overlapping_means(v - gained))
-        X[rows, 0] = subtract_line(overlapping_means(gained))
-        X[rows, 1] = subtract_line(overlapping_means(ground * f))
-        X[rows, 2] = subtract_line(overlapping_means(-a))
-        of_ground = overlapping_means(ground)
+        y[rows] = subtract_line(average_overlapping(v - gained))
+        X[rows, 0] = subtract_line(average_overlapping(gained))
+        X[rows, 1] = subtract_line(average_overlapping(ground * f))
+        X[rows, 2] = subtract_line(average_overlapping(-a))
+        of_ground = average_overlapping(ground)
         X[rows, 3] = subtract_line(-of_ground)
         group[rows] = number
         squares[number] = sum_in_order(of_ground * of_ground)

@@ -43,7 +43,7 @@ from recordings.calibration.evidence_document import (
 from recordings.calibration.notary_stretch import check_notary
 from recordings.calibration.recomputation import compare_recomputed
 from recordings.calibration.timestamp import check_timestamp
-from recordings.calibration.write_bundle import statement_predicate
+from recordings.calibration.write_bundle import make_statement_predicate
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import (
@@ -356,5 +356,5 @@ def _check_statement(
             )
         elif found[name] != {"sha256": wanted[name]}:
             checked.add(BundleOutcome.TAMPERED, name, "is not the file that was signed")
-    if document is not None and said.get("predicate") != statement_predicate(document):
+    if document is not None and said.get("predicate") != make_statement_predicate(document):
         checked.add(BundleOutcome.TAMPERED, STATEMENT, "is about other evidence than evidence.json")

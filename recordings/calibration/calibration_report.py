@@ -31,7 +31,7 @@ from recordings.calibration.certificate_text import (
     weighings_by_load,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.calibration.learnt_terms_text import learnt_rows
+from recordings.calibration.learnt_terms_text import make_learnt_term_rows
 from recordings.report.svg_shapes import WIDTH
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
         points=_make_point_rows(points),
         rejected=_list_rejected(readings),
         budget=_make_budget_rows(document.calibration),
-        learnt=learnt_rows(document.learnt),
+        learnt=make_learnt_term_rows(document.learnt),
         references=_make_reference_rows(document),
         runs=_make_run_rows(document, readings),
         estimator=ESTIMATORS.get(document.estimator.name, document.estimator.name),

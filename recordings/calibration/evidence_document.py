@@ -23,11 +23,11 @@ from analysis.model.machine import Machine
 from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
 from recordings.calibration.released_defaults import (
-    absent_settings,
     changed_defaults,
-    insert_values,
+    find_absent_settings,
+    insert_dotted_values,
     released_defaults,
-    remove_values,
+    remove_dotted_values,
 )
 from recordings.signatures.canonical_json import canonical_bytes, parse
 
@@ -221,14 +221,14 @@ class EvidenceDocument(BaseModel):
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
         values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
-        return canonical_bytes(remove_values(values, self._put_in))
+        return canonical_bytes(remove_dotted_values(values, self._put_in))
 
     @property
     def settings_at_default(self) -> dict[str, Any]:
         """Settings that came after it was made, and the default that each is taken at: dotted."""
         return {
-            **absent_settings(self.machine, "machine."),
-            **absent_settings(self.campaign, "campaign."),
+            **find_absent_settings(self.machine, "machine."),
+            **find_absent_settings(self.campaign, "campaign."),
             **self._put_in,
         }
 
@@ -242,7 +242,7 @@ class EvidenceDocument(BaseModel):
         if not changed:
             return self
         document = EvidenceDocument.model_validate_json(
-            canonical_bytes(insert_values(values, changed))
+            canonical_bytes(insert_dotted_values(values, changed))
         )
         document._put_in = changed  # noqa: SLF001  its own
         return document

@@ -12,12 +12,12 @@ from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
     check_known_mass,
     fit_campaign,
-    fit_options,
+    make_calibration_options,
 )
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import learnt_terms
+from analysis.calibration.use.learnt_priors import learn_terms_of_logs
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.calibration.calibration_report import report_html
@@ -183,7 +183,7 @@ def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
         yield _irreproducible_finding("reference_covariance_kg2", "does not follow from the masses")
     own = {each.component for each in campaign.method.stated}
     others = tuple(each for each in document.options.stated if each.component not in own)
-    if document.options != fit_options(campaign, others):
+    if document.options != make_calibration_options(campaign, others):
         yield _irreproducible_finding("options", "are not those of the campaign's method")
     for overdue in campaign.overdue_certificates():
         yield BundleFinding(BundleOutcome.INCOMPLETE, f"{EVIDENCE}: campaign.masses", overdue)
@@ -202,7 +202,7 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
         yield _irreproducible_finding("learnt", "is there, and the campaign learns nothing")
     stored, computed = (
         {name: term.model_dump() for name, term in terms.items()}
-        for terms in (learnt.terms, learnt_terms(learnt.logs))
+        for terms in (learnt.terms, learn_terms_of_logs(learnt.logs))
     )
     if not all(near for _, near in find_differences(stored, computed)):
         yield _irreproducible_finding("learnt", "does not follow from what its logs say")
@@ -290,7 +290,7 @@ def compare_fit(
         yield BundleFinding(
             BundleOutcome.IRREPRODUCIBLE, POINTS, "does not follow from the readings"
         )
-    yield from compare_as_found(document, fitted.frame)
+    yield from compare_earlier_line(document, fitted.frame)
 
 
 def _refit_line_to_readings(
@@ -323,7 +323,7 @@ def compare_verdicts(document: EvidenceDocument) -> Findings:
         yield BundleFinding(BundleOutcome.OUTSIDE, f"{EVIDENCE}: drift", what)
 
 
-def compare_as_found(document: EvidenceDocument, points: pl.DataFrame) -> Findings:
+def compare_earlier_line(document: EvidenceDocument, points: pl.DataFrame) -> Findings:
     """Errors of the line before on these points, which its own α and β give."""
     found = document.as_found
     if found is not None and found.rms_error_kg is not None:

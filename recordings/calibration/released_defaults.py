@@ -92,7 +92,7 @@ def _matches_pattern(pattern: str, name: str) -> bool:
     )
 
 
-def absent_settings(kept: BaseModel, at: str = "") -> dict[str, Any]:
+def find_absent_settings(kept: BaseModel, at: str = "") -> dict[str, Any]:
     """What came after evidence was made: dotted names, and the value that each has here.
 
     Args:
@@ -149,7 +149,7 @@ def _first_released_default(name: str, default: Any, kept: Mapping[str, Mapping[
     return default
 
 
-def insert_values(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
+def insert_dotted_values(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
     """Plain values with some of them put in, by dotted names."""
     whole: dict[str, Any] = json.loads(json.dumps(values))
     for name, value in changed.items():
@@ -158,7 +158,7 @@ def insert_values(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict
     return whole
 
 
-def remove_values(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
+def remove_dotted_values(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
     """The values without some of them, which are there, by dotted names."""
     for name in names:
         inside, last = locate_value(values, name)

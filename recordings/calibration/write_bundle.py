@@ -76,12 +76,12 @@ def write_bundle(
     (folder / SUMS).write_bytes(sums)
     if key is not None:
         digests[SUMS] = hashlib.sha256(sums).hexdigest()
-        payload = make_statement(digests, statement_predicate(document))
+        payload = make_statement(digests, make_statement_predicate(document))
         (folder / STATEMENT).write_bytes(make_envelope(payload, key))
     return [remark] if remark else []
 
 
-def statement_predicate(document: EvidenceDocument) -> dict[str, object]:
+def make_statement_predicate(document: EvidenceDocument) -> dict[str, object]:
     """What the statement says of the files: which evidence, of which machine, after which."""
     previous = document.chain.previous
     return {

@@ -14,7 +14,7 @@ from analysis.compare.run_alignment import align_times, subtract_run
 from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.report.number_text import markdown_table, number_text, plus_minus
+from recordings.report.number_text import format_number, format_plus_minus, markdown_table
 from recordings.rrd.blueprint import Page, Panel, lay_out_tabs, unix_span_ns
 from recordings.rrd.display_frames import (
     ROOT,
@@ -273,7 +273,7 @@ def _values_table(changes: Iterable[ValueChange]) -> str:
 
 
 def _format_value(value: object) -> str:
-    return number_text(
+    return format_number(
         value if value is None or isinstance(value, bool | int | float) else str(value)
     )
 
@@ -283,10 +283,10 @@ def _estimates_table(changes: tuple[EstimateChange, ...]) -> str:
         (
             each.about,
             each.quantity,
-            plus_minus(each.a, each.a_std),
-            plus_minus(each.b, each.b_std),
-            number_text(each.change),
-            number_text(each.change_in_stds),
+            format_plus_minus(each.a, each.a_std),
+            format_plus_minus(each.b, each.b_std),
+            format_number(each.change),
+            format_number(each.change_in_stds),
         )
         for each in changes[:_MOST]
     ]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import DCC, SI, leaf_text
-from recordings.dcc.dcc_quantity import list_texts, value_and_u_kg, value_count
+from recordings.dcc.dcc_quantity import list_texts, read_value_and_u_kg, value_count
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
@@ -47,7 +47,7 @@ class CertifiedMass:
     issuer: str
 
 
-def certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMass]:
+def read_certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMass]:
     """Read the masses of a certificate.
 
     Args:
@@ -113,7 +113,7 @@ class _CertificateMasses:
             if len(chosen) > 1:
                 raise EvidenceError(f"{what}: has {len(chosen)} quantities of the kind '{kind}'")
             if chosen:
-                return value_and_u_kg(*chosen[0], what)
+                return read_value_and_u_kg(*chosen[0], what)
         kinds = sorted(
             {
                 kind

@@ -92,7 +92,7 @@ def value_count(quantity: "_Element", what: str) -> int | None:
     return count
 
 
-def value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> tuple[float, float]:
+def read_value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> tuple[float, float]:
     """Value and standard uncertainty of a mass.
 
     Args:

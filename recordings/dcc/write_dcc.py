@@ -271,7 +271,9 @@ def _add_results(parent: "_Element", document: EvidenceDocument) -> None:
     quantity = _add_element(data, "quantity", refType="basic_measuredValue")
     _add_language_text(quantity, "name", f"Later mass, mean of {readings} readings")
     add_mass(quantity, document, at_kg)
-    _add_errors(_add_element(found, "result", refType="basic_measurementError"), document)
+    _add_errors_of_indication(
+        _add_element(found, "result", refType="basic_measurementError"), document
+    )
 
 
 def add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> None:
@@ -286,7 +288,7 @@ def add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -
     add_real(quantity, mass_kg, r"\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
 
 
-def _add_errors(result: "_Element", document: EvidenceDocument) -> None:
+def _add_errors_of_indication(result: "_Element", document: EvidenceDocument) -> None:
     """Reference, calibrated mass and error of each run."""
     fitted = document.calibration
     assert fitted is not None

@@ -16,7 +16,7 @@ from recordings.report.finding_text import (
     order_by_effect,
     proposal_text,
 )
-from recordings.report.number_text import number_text, plus_minus
+from recordings.report.number_text import format_number, format_plus_minus
 from recordings.rrd.recording_texts import answer_headline
 
 _DECIDES: Final = {
@@ -75,11 +75,11 @@ def _describe_decision(stretch: GateStretch) -> str:
     if stretch.column is None or stretch.value is None:
         return ""
     name, unit = _DECIDES[stretch.column]
-    value = number_text(round(stretch.value, 3))
+    value = format_number(round(stretch.value, 3))
     return f" ({name} {value}, {stretch.limit}{f' {unit}' if unit else ''})"
 
 
-def finding_lines(explained: Explanation) -> Iterator[str]:
+def describe_findings(explained: Explanation) -> Iterator[str]:
     """Every finding with what follows from it, in the order of `order_by_effect`."""
     for number, each in enumerate(order_by_effect(explained.findings or ()), 1):
         where = ", ".join(filter(None, (each.channel, finding_span_text(each))))
@@ -95,7 +95,7 @@ def finding_lines(explained: Explanation) -> Iterator[str]:
                 yield f"   {line}"
 
 
-def gate_lines(explained: Explanation) -> Iterator[str]:
+def describe_gate(explained: Explanation) -> Iterator[str]:
     """The gate's reasons: around the moment in order, else by share."""
     if explained.at_s is not None:
         for each in explained.gate:
@@ -134,9 +134,9 @@ def manoeuvre_line(seen: ManoeuvreReport) -> str:
     span = f"{seen.start_s:,.1f} to {seen.end_s:,.1f} s"
     if seen.mass_kg is None:
         return f"{span}: no mass ({seen.reason.replace('_', ' ')})"
-    mass = f"{span}: {plus_minus(seen.mass_kg, seen.mass_std_kg)} kg by itself"
+    mass = f"{span}: {format_plus_minus(seen.mass_kg, seen.mass_std_kg)} kg by itself"
     if seen.load_kg is None or seen.deviations is None:
         return mass
     apart = f"{seen.deviations:+.1f} standard deviations from load {seen.load_id}"
     note = ", worth a look" if abs(seen.deviations) > _APART else ""
-    return f"{mass}, {apart} ({number_text(seen.load_kg)} kg){note}"
+    return f"{mass}, {apart} ({format_number(seen.load_kg)} kg){note}"

@@ -77,7 +77,7 @@ def fleet_html(page: FleetPage) -> str:
     flagged = sorted(
         (chart for chart in page.charts if chart.chart.flagged is not None), key=_significance_order
     )
-    by_week = _fleet_weeks(page.weeks)
+    by_week = _weekly_tonnes_of_fleet(page.weeks)
     drawn = [tonnes_picture(by_week)] if by_week.height else []
     return page_html(
         "recordings.fleet",
@@ -190,23 +190,23 @@ def _make_machine_row(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, A
     ends = max((c.expires for c in page.calibrations if c.machine == name), default=None)
     looks = page.looks.filter(pl.col("machine") == name).height
     cells = [
-        cell_text(row["recordings"], ",.0f"),
-        cell_text(row["loads"], ",.0f"),
-        cell_text(row["payload_kg"] / 1e3, ",.1f"),
-        cell_text(K * row["payload_u_kg"] / 1e3, ",.1f"),
+        format_cell(row["recordings"], ",.0f"),
+        format_cell(row["loads"], ",.0f"),
+        format_cell(row["payload_kg"] / 1e3, ",.1f"),
+        format_cell(K * row["payload_u_kg"] / 1e3, ",.1f"),
         ("not known", "1") if row["without_scale"] else ("known", "0"),
-        cell_text(float(mine["hours"].sum()), ",.0f"),
+        format_cell(float(mine["hours"].sum()), ",.0f"),
     ]
     for signal in SIGNALS:
         chart = latest.get(signal.name)
         flagged = chart is not None and chart.chart.flagged is not None
-        cells.append(cell_text(chart.change if chart is not None and flagged else None, "+,.1f"))
+        cells.append(format_cell(chart.change if chart is not None and flagged else None, "+,.1f"))
     cells.append(("–", "") if ends is None else (str(ends), str(ends)))
-    cells.append(cell_text(looks, ",.0f"))
+    cells.append(format_cell(looks, ",.0f"))
     return {"name": name, "cells": cells}
 
 
-def cell_text(value: float | None, form: str) -> tuple[str, str]:
+def format_cell(value: float | None, form: str) -> tuple[str, str]:
     """Text of a cell to show, and to sort by."""
     if value is None or not math.isfinite(value):
         return "–", ""
@@ -260,7 +260,7 @@ def _format_line_change(each: LineChange) -> tuple[str, ...]:
     )
 
 
-def _fleet_weeks(weeks: pl.DataFrame) -> pl.DataFrame:
+def _weekly_tonnes_of_fleet(weeks: pl.DataFrame) -> pl.DataFrame:
     return (
         weeks.group_by("week")
         .agg(pl.col("payload_kg").sum(), (pl.col("payload_u_kg") ** 2).sum().sqrt())
@@ -277,7 +277,7 @@ def _week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
     rows = [
         (
             row["machine"],
-            [cell_text(None if row[n] is None else row[n] / 1e3, ",.1f") for n in names],
+            [format_cell(None if row[n] is None else row[n] / 1e3, ",.1f") for n in names],
         )
         for row in table.sort("machine").iter_rows(named=True)
     ]

@@ -146,7 +146,7 @@ def parse_line(data: bytes, what: str) -> NotaryLine:
         signature = base64.b64decode(text, validate=True)
         content = model.model_validate_json(canonical_bytes(values))
     except (binascii.Error, ValueError) as fault:
-        raise EvidenceError(f"{what}: {_validation_fault_text(fault)}") from None
+        raise EvidenceError(f"{what}: {_format_validation_fault(fault)}") from None
     if canonical_bytes({**content.model_dump(mode="json"), "signature": text}) != data:
         raise EvidenceError(f"{what}: holds a value in a form that a notary does not write")
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
@@ -154,7 +154,7 @@ def parse_line(data: bytes, what: str) -> NotaryLine:
     return NotaryLine(data, content, signature)
 
 
-def _validation_fault_text(fault: Exception) -> str:
+def _format_validation_fault(fault: Exception) -> str:
     if isinstance(fault, ValidationError):
         first = fault.errors(include_url=False)[0]
         return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recordings.report import colours
-from recordings.report.picture import legend_beside, write_picture
+from recordings.report.picture import draw_legend_beside, write_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,14 +84,14 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     if reference_kg is not None:
         mass.axhline(reference_kg, color="black", lw=0.8, ls=":", label="reference")
     mass.set_ylabel("mass (kg)")
-    legend_beside(mass)
+    draw_legend_beside(mass)
     if loads:
         _draw_payloads(panels.pop(0), rows, at)
     for title in titles:
         axes = panels.pop(0)
         _draw_by_method(axes, at, [row.errors.get(title, {}) for row in rows])
         axes.set_ylabel(title)
-        legend_beside(axes)
+        draw_legend_beside(axes)
     _draw_used_setting(panels[0], rows, at)
     return figure
 
@@ -194,4 +194,4 @@ def _draw_used_setting(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.fl
         )
     axes.set_ylim(-5.0, 105.0)
     axes.set_ylabel("samples used (%)")
-    legend_beside(axes)
+    draw_legend_beside(axes)

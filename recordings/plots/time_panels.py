@@ -15,12 +15,12 @@ from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from estimators.arrays import Floats
 from recordings.report import colours
-from recordings.report.picture import legend_above
+from recordings.report.picture import draw_legend_above
 from recordings.rrd.display_frames import (
     LANES,
     DisplayColumn,
     axis_range,
-    bin_rows,
+    bin_frame_rows,
     drawn_columns_of_view,
     draws_as_points,
     span_ns,
@@ -102,7 +102,7 @@ def _draw_series_lines(
     unit = view.title.removeprefix(view.name).strip()
     words = [*wrap(view.name, _LABEL), *([unit] if unit else [])]
     axes.set_ylabel("\n".join(words), fontsize=_SMALL)
-    legend_above(axes)
+    draw_legend_above(axes)
 
 
 def _draw_panel(
@@ -114,12 +114,12 @@ def _draw_panel(
         width_ns = max((span[1] - span[0]) // _BINS, 1)
         if drawn.variance:
             # of an estimate the median: a few may be wild
-            frame = bin_rows(
+            frame = bin_frame_rows(
                 frame, [value.median(), pl.col(drawn.variance).median()], span, width_ns
             )
         else:
             ends = [value.min().alias("low"), value.max().alias("high")]
-            frame = bin_rows(frame, [value.mean(), *ends], span, width_ns)
+            frame = bin_frame_rows(frame, [value.mean(), *ends], span, width_ns)
             low, high = (series_numbers(frame[end]) for end in ("low", "high"))
             t_s = frame["t_ns"].to_numpy() / NS_PER_S
             axes.fill_between(t_s, low, high, color=drawn.colour, alpha=0.3, lw=0)
@@ -165,7 +165,7 @@ def _draw_lanes(
     axes.set_yticks([len(drawn) - 0.5 - n for n in range(len(drawn))], labels, fontsize=_SMALL)
     for state in sorted(seconds, key=lambda state: -seconds[state])[:_NAMED]:
         axes.plot([], [], "s", color=_state_colour(state), ms=5, label=state.replace("_", " "))
-    legend_above(axes)
+    draw_legend_above(axes)
 
 
 def _state_colour(state: str) -> str:

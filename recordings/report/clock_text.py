@@ -101,9 +101,9 @@ class ShiftClock:
         begin = int(-(-(low_s + shift_s) // step_s))
         end = int((high_s + shift_s) // step_s)
         places = [k * step_s - shift_s for k in range(begin, end + 1)]
-        return [(place, self._tick_label(place)) for place in places]
+        return [(place, self._format_tick(place)) for place in places]
 
-    def _tick_label(self, s: float) -> str:
+    def _format_tick(self, s: float) -> str:
         if not self.is_dated:
             return _format_elapsed(s).removesuffix(":00")
         # a tick that float rounding puts a hair before its minute is that minute

@@ -6,7 +6,7 @@ from typing import Any, Final
 from analysis.explain import Finding
 from analysis.model.run_record import Run
 from recordings.report.clock_text import ShiftClock
-from recordings.report.number_text import number_text, plus_minus
+from recordings.report.number_text import format_number, format_plus_minus
 
 _LEADS_TO: Final = {
     "withhold": "invalidates the mass",
@@ -62,7 +62,7 @@ def mass_change_text(finding: Finding) -> str:
     change, u = finding.mass_change_kg, finding.mass_change_u_kg
     if change is None:
         return ""
-    text = plus_minus(change, u)
+    text = format_plus_minus(change, u)
     signed = f"+{text}" if change > 0 else text.replace("-", "−", 1)
     return f"fixing it changes the mass by {signed} kg"
 
@@ -124,6 +124,6 @@ def findings_text(run: Run) -> str:
         ]
         where = ", ".join(filter(None, (each.channel, finding_span_text(each))))
         parts.append(f"## {number}. {cause_name(each.cause)}{f' ({where})' if where else ''}")
-        strength = f"{number_text(each.strength_1)} × the detection threshold"
+        strength = f"{format_number(each.strength_1)} × the detection threshold"
         parts.append(f"{each.says}; {strength}\n\n" + "\n".join(f"- {line}" for line in lines))
     return "\n\n".join(parts)

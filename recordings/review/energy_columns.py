@@ -7,7 +7,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.cycle_energy import PARTS, PHASES, WHOLE, EnergyAmount, EnergyRow
-from recordings.report.number_text import plus_minus
+from recordings.report.number_text import format_plus_minus
 from recordings.report.shift_text import K
 from recordings.review.review_state import ReviewState
 
@@ -102,7 +102,7 @@ def energy_of_tonnes(
 
 def format_energy_amount(amount: EnergyAmount) -> str:
     """An energy with its 95 % interval, in kWh."""
-    return plus_minus(amount.kWh, K * amount.u_kWh)
+    return format_plus_minus(amount.kWh, K * amount.u_kWh)
 
 
 def energy_facts(
@@ -144,8 +144,8 @@ def _format_fuel(
     each = ""
     if per_t is not None:
         u_per_t = per_t * hypot(u_1, shift["payload_u_kg"] / shift["payload_kg"])
-        each = f", {plus_minus(per_t, K * u_per_t)} L/t"
-    return f"{plus_minus(fuel_L, K * u_1 * fuel_L)} L in the cycles{each}"
+        each = f", {format_plus_minus(per_t, K * u_per_t)} L/t"
+    return f"{format_plus_minus(fuel_L, K * u_1 * fuel_L)} L in the cycles{each}"
 
 
 def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
@@ -156,22 +156,24 @@ def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
     # all cells to the place that the whole work is worth
     digits = min(max(1 - floor(log10(max(K * rows[0].work.u_kWh, 1e-9))), 0), _MOST_DIGITS)
     found: list[tuple[str, Sequence[str]]]
-    found = [(part, [energy_cell(getattr(row, part), digits) for row in rows]) for part in PARTS]
+    found = [
+        (part, [make_energy_cell(getattr(row, part), digits) for row in rows]) for part in PARTS
+    ]
     if any(row.fuel_L is not None for row in rows):
         u_1 = state.energy.fuel_u_1
         head = "fuel in L" if u_1 is not None else "fuel in L, ± not known"
-        found.append((head, [litres_cell(row.fuel_L, u_1) for row in rows]))
+        found.append((head, [format_litres_cell(row.fuel_L, u_1) for row in rows]))
     return found
 
 
-def litres_cell(fuel_L: float | None, u_1: float | None) -> str:
+def format_litres_cell(fuel_L: float | None, u_1: float | None) -> str:
     """The fuel of a phase in the table, with its interval where that is known."""
     if fuel_L is None:
         return "–"
     return f"{fuel_L:.2f}" if u_1 is None else f"{fuel_L:.2f} ± {K * u_1 * fuel_L:.2f}"
 
 
-def energy_cell(amount: EnergyAmount, digits: int) -> str:
+def make_energy_cell(amount: EnergyAmount, digits: int) -> str:
     """An energy in the table; a dash where it is nothing."""
     least = 0.5 * 10.0**-digits
     if abs(amount.kWh) < least and K * amount.u_kWh < least:

@@ -68,7 +68,7 @@ def _wall_clock_cell(row: Row, clock: ShiftClock) -> Cell:
     return None if local is None else local.replace(tzinfo=None)
 
 
-def _offset_h(row: Row, clock: ShiftClock) -> Cell:
+def _utc_offset_h(row: Row, clock: ShiftClock) -> Cell:
     local = _local_time_cell(row, clock)
     offset = None if local is None else local.utcoffset()
     return None if offset is None else offset / dt.timedelta(hours=1)
@@ -97,7 +97,7 @@ def _make_energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
 COLUMNS: Final = (
     TableColumn("cycle", "1", _make_plain_getter("cycle"), 0),
     TableColumn("local time", "date", _wall_clock_cell),
-    TableColumn("offset from UTC", "h", _offset_h, 2),
+    TableColumn("offset from UTC", "h", _utc_offset_h, 2),
     TableColumn("UTC", "date", _utc_cell),
     TableColumn("payload", "kg", _make_scaled_getter("payload_kg"), 0),
     TableColumn("± (95 %, k = 2)", "kg", _make_scaled_getter("payload_u_kg", K), 0),
@@ -118,7 +118,7 @@ COLUMNS: Final = (
 )
 
 
-def table_rows(ledger: pl.DataFrame, clock: ShiftClock) -> list[list[Cell]]:
+def make_table_rows(ledger: pl.DataFrame, clock: ShiftClock) -> list[list[Cell]]:
     """The cells, a row a cycle.
 
     Args:
@@ -139,7 +139,7 @@ def write_xlsx(ledger: pl.DataFrame, clock: ShiftClock, path: Path) -> None:
         sheet = book.add_worksheet("ledger")
         bold, quiet = book.add_format({"bold": True}), book.add_format({"italic": True})
         sheet.freeze_panes(2, 1)
-        rows = table_rows(ledger, clock)
+        rows = make_table_rows(ledger, clock)
         for place, column in enumerate(COLUMNS):
             form = "0" if not column.digits else f"0.{'0' * column.digits}"
             shown = book.add_format({"num_format": _DATE if column.unit == "date" else form})
@@ -166,7 +166,7 @@ def write_table_csv(
         writer = csv.writer(file, delimiter=";" if decimal_comma else ",")
         writer.writerow([column.head for column in COLUMNS])
         writer.writerow([column.unit for column in COLUMNS])
-        for row in table_rows(ledger, clock):
+        for row in make_table_rows(ledger, clock):
             cells = zip(row, COLUMNS, strict=True)
             writer.writerow(
                 [_format_cell(cell, c.digits, comma=decimal_comma) for cell, c in cells]

@@ -12,7 +12,7 @@ from analysis.cycles.shift_totals import LabelTotal, sum_cycles
 from analysis.model.physical_units import NS, NS_PER_S
 from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock, duration_text
-from recordings.report.number_text import REMARKED, plus_minus
+from recordings.report.number_text import REMARKED, format_plus_minus
 from recordings.report.render_page import page_html
 from recordings.report.shift_text import K, format_tonnes
 from recordings.review.energy_columns import energy_table
@@ -304,4 +304,4 @@ def _list_warnings(page: ReviewPage) -> list[str]:
 
 def _describe_friction(state: ReviewState) -> str:
     value, std = state.friction
-    return "–" if value is None else f"{plus_minus(value, std)} N·s/m (standard uncertainty)"
+    return "–" if value is None else f"{format_plus_minus(value, std)} N·s/m (standard uncertainty)"

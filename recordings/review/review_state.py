@@ -11,7 +11,7 @@ from analysis.cycles.cycle_energy import NO_ENERGY, ShiftEnergy
 from analysis.cycles.cycle_parts import (
     CycleMotion,
     DriveSummary,
-    idle_stands,
+    find_idle_stands,
     summarise_cycle_motion,
     summarise_shift_motion,
 )
@@ -198,7 +198,7 @@ def take_review_state(
         duration_s=duration_s,
         motions=tuple(summarise_cycle_motion(frames["cycles"], frames["excitation"], gaps)),
         motion=summarise_shift_motion(frames["excitation"], gaps),
-        idle_s=tuple((s / NS, e / NS) for s, e in idle_stands(frames["excitation"])),
+        idle_s=tuple((s / NS, e / NS) for s, e in find_idle_stands(frames["excitation"])),
         torn=torn,
         energy=energy,
     )

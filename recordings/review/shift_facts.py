@@ -9,7 +9,7 @@ import polars as pl
 from analysis.cycles.payload_target import TargetCheck
 from estimators.errors import counted
 from recordings.report.clock_text import duration_text
-from recordings.report.number_text import plus_minus
+from recordings.report.number_text import format_plus_minus
 from recordings.report.shift_text import K, format_tonnes, shift_payload_sentence
 from recordings.review.energy_columns import energy_facts
 from recordings.review.review_state import ReviewState
@@ -256,7 +256,7 @@ def scale_text(shift: Mapping[str, Any]) -> str:
     """How the scale of the tonnes is fixed, or which sources are unknown."""
     gain = ""
     if shift["gain_1"] is not None:
-        found = plus_minus(shift["gain_1"], shift["gain_u_1"])
+        found = format_plus_minus(shift["gain_1"], shift["gain_u_1"])
         gain = f"; the empty machine weighs {found} times its stated mass here"
     if not shift["scale_unknown"]:
         return f"by the {shift['scale_from']}{gain}"

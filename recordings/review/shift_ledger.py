@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.cycle_doubts import cycle_doubts
+from analysis.cycles.cycle_doubts import doubt_counted_cycles
 from analysis.model.physical_units import NS
 from analysis.model.schema import FRAMES, QUALITY, conform
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -29,7 +29,7 @@ _QUALITY: Final = ("quality", "withheld_for", "counted")
 FORMULA: Final = r"^[=+\-@\t\r]"
 
 
-def cycle_ids(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
+def make_cycle_ids(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
     """An id a cycle: when it ends, in UTC, or by the log's own clock where that has no date."""
     return pl.Series(
         "id", [_make_cycle_id(t0_unix_ns + t_ns) for t_ns in cycles["end_t_ns"]], dtype=pl.String
@@ -63,7 +63,7 @@ def make_ledger(
     rejected = pl.Series(
         "rejected", [each is not None and each.reject for each in rows], dtype=pl.Boolean
     )
-    doubts = pl.Series("doubt", cycle_doubts(cycles), dtype=pl.String)
+    doubts = pl.Series("doubt", doubt_counted_cycles(cycles), dtype=pl.String)
     times = [
         (pl.col(f"{name}_t_ns") + t0_unix_ns).alias(f"{name}_unix_ns")
         for name in ("start", "end", "dig", "dump")
@@ -71,7 +71,7 @@ def make_ledger(
     when = ["" if each is None else _format_iso_time(each.time) for each in rows]
     return cycles.select(
         "cycle",
-        cycle_ids(cycles, t0_unix_ns),
+        make_cycle_ids(cycles, t0_unix_ns),
         *times,
         (pl.col("start_t_ns") / NS).alias("at_s"),
         pl.exclude("cycle", "start_t_ns", "end_t_ns", "dig_t_ns", "dump_t_ns", *_QUALITY),

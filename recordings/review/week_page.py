@@ -8,7 +8,7 @@ from typing import Final
 from analysis.cycles.friction_trend import FrictionDay, FrictionTrend
 from estimators.errors import OutputError, counted
 from recordings.report.atomic_output import atomic_file
-from recordings.report.number_text import SCALE_NOT_KNOWN, plus_minus
+from recordings.report.number_text import SCALE_NOT_KNOWN, format_plus_minus
 from recordings.report.render_page import page_html
 from recordings.report.shift_text import K, format_tonnes
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing
@@ -17,7 +17,7 @@ from recordings.review.week_shifts import (
     WeekShift,
     day_text,
     friction_by_machine,
-    friction_trends,
+    trend_friction_by_machine,
     trend_sentences,
 )
 from recordings.review.week_totals import (
@@ -78,7 +78,7 @@ def week_html(
     """Render it; arguments as of `write_week_page`, links are relative to `folder`."""
     whole = sum_week(parts)
     days = sorted({part.day for part in parts})
-    trends = {} if limit_N_s_m is None else friction_trends(shifts, limit_N_s_m)
+    trends = {} if limit_N_s_m is None else trend_friction_by_machine(shifts, limit_N_s_m)
     by_review = {each.name: each for each in sum_by_group(parts, BY_REVIEW)}
     return page_html(
         _PACKAGE,
@@ -111,7 +111,7 @@ def _make_total_cells(total: WeekTotal) -> tuple[str, ...]:
     """A row of a table of totals."""
     per_t = "–"
     if total.kWh_per_t is not None and total.kWh_per_t_u is not None:
-        per_t = plus_minus(total.kWh_per_t, K * total.kWh_per_t_u)
+        per_t = format_plus_minus(total.kWh_per_t, K * total.kWh_per_t_u)
     return (
         total.name or "not named",
         f"{total.loads:,}",

@@ -82,7 +82,9 @@ def friction_by_machine(shifts: Sequence[WeekShift]) -> dict[str, list[FrictionD
     return dict(found)
 
 
-def friction_trends(shifts: Sequence[WeekShift], limit_N_s_m: float) -> dict[str, FrictionTrend]:
+def trend_friction_by_machine(
+    shifts: Sequence[WeekShift], limit_N_s_m: float
+) -> dict[str, FrictionTrend]:
     """The trend of each machine, and when it reaches the limit."""
     by_machine = {shift.machine: list[FrictionDay]() for shift in shifts} | friction_by_machine(
         shifts

@@ -139,7 +139,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
                 frames[_lane_entity(series)] = state_changes(series, frame, _period_ns(run))
             elif series.frame in _HELD:
                 frames[_name_display_column(name)] = _hold_rows_to_their_end(
-                    drawn_numbers(name, frame), frame["end_t_ns"]
+                    numbers_to_draw(name, frame), frame["end_t_ns"]
                 )
             else:
                 asked.setdefault(name, {}).update(bin_expressions(view.kind, series))
@@ -150,7 +150,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
         if decimate and is_long(run):
             frames[_name_display_column(name)] = _decimate_frame(run, name, list(wanted.values()))
         else:
-            numbers = drawn_numbers(name, run.frames[name])
+            numbers = numbers_to_draw(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
             frames[_name_display_column(name)] = (
                 break_at_gaps(numbers, _period_ns(run)) if sparse else numbers
@@ -222,7 +222,7 @@ def _period_ns(run: Run) -> int:
     return round(NS / run.provenance.settings.align.rate_hz)
 
 
-def drawn_numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
+def numbers_to_draw(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     """The numbers of a frame that some view draws, by time or start time, with variances."""
     family = entity_parts(name)[0]
     shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]
@@ -309,7 +309,7 @@ def _decimate_frame(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * NS)), 1), 10) * NS
     # narrower than the grid's step most bins were empty, and no line would be drawn
     width_ns = max(width_ns, _period_ns(run))
-    return bin_rows(run.frames[name], wanted, span, width_ns)
+    return bin_frame_rows(run.frames[name], wanted, span, width_ns)
 
 
 def bin_expressions(kind: Kind, series: Series) -> dict[str, pl.Expr]:
@@ -328,7 +328,7 @@ def bin_expressions(kind: Kind, series: Series) -> dict[str, pl.Expr]:
     return {series.column: numbers.mean()} | named
 
 
-def bin_rows(
+def bin_frame_rows(
     frame: pl.DataFrame, wanted: list[pl.Expr], span: tuple[int, int], width_ns: int
 ) -> pl.DataFrame:
     """A row a bin, at its middle; a bin without rows stays empty, so that no line crosses it."""

@@ -81,7 +81,7 @@ class PipedFile:
 
 
 @contextmanager
-def piped_file(path: Path) -> Generator[PipedFile]:
+def open_piped_file(path: Path) -> Generator[PipedFile]:
     """Write `path` through a pipe; on leaving, all of it is there.
 
     Raises:

@@ -7,7 +7,7 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
-from recordings.report.number_text import markdown_table, number_text
+from recordings.report.number_text import format_number, markdown_table
 
 
 def local_time(about: Provenance, t_ns: int = 0) -> str:
@@ -40,7 +40,7 @@ def provenance_markdown(run: Run) -> str:
     """Inputs with their SHA-256, versions, stamps, what was lost, and what to know."""
     about = run.provenance
     inputs = [
-        (each.name, number_text(each.size_bytes), f"`{each.sha256}`") for each in about.inputs
+        (each.name, format_number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs
     ]
     frames = [f"- **{n}**, {f.height} rows: {', '.join(f.columns)}" for n, f in run.frames.items()]
     return "\n\n".join(

@@ -19,10 +19,10 @@ from recordings.report.finding_text import (
 )
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
+    format_check_outcome,
+    format_number,
+    format_plus_minus,
     markdown_table,
-    number_text,
-    outcome_text,
-    plus_minus,
 )
 from recordings.report.planar_text import planar_fit_lines, planar_markdown
 from recordings.report.shift_text import shift_payload_sentence
@@ -30,9 +30,9 @@ from recordings.report.worth_text import (
     answer_lines,
     best_known_load,
     budget_rows,
-    load_heads,
-    load_rows,
     load_sentences,
+    table_heads_of_loads,
+    table_rows_of_loads,
 )
 from recordings.rrd.display_frames import span_ns
 from recordings.rrd.provenance_texts import (
@@ -62,7 +62,7 @@ _MASS_COLUMNS: Final = (
 def recording_markdown(run: Run) -> dict[str, str]:
     """Every text that this run has something to say in, by name."""
     written: dict[str, Callable[[Run], str]] = {
-        "answer": answer_text,
+        "answer": format_answer,
         "findings": findings_text,
         "planar": planar_markdown,
         "calibration": calibration_markdown,
@@ -104,7 +104,8 @@ def answer_headline(said: Answer) -> str:
     for load in said.loads:
         if load["mass_kg"] is not None:
             scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""
-            return f"{plus_minus(load['mass_kg'], load['u_kg'])} kg (standard uncertainty{scale})"
+            mass = format_plus_minus(load["mass_kg"], load["u_kg"])
+            return f"{mass} kg (standard uncertainty{scale})"
     # a recording of an earlier version has no loads
     for row in said.rows if not said.loads else ():
         known = [method for method in row.methods if row.value("mass_kg", method) is not None]
@@ -129,10 +130,12 @@ def _several_loads_text(said: Answer) -> str:
     if not known:
         return f"{count}: no one mass of the log"
     most = max(known, key=lambda load: load["payload_kg"])
-    return f"{count}, payloads up to {plus_minus(most['payload_kg'], most['payload_u_kg'])} kg"
+    return (
+        f"{count}, payloads up to {format_plus_minus(most['payload_kg'], most['payload_u_kg'])} kg"
+    )
 
 
-def summary_text(run: Run) -> str:
+def format_summary(run: Run) -> str:
     """The answer in plain lines, the headline first."""
     about, said = run.provenance, answer(run)
     lines = [answer_headline(said), f"{recording_name(about)} · {local_time(about)}"]
@@ -157,17 +160,19 @@ def summary_text(run: Run) -> str:
         lines.append(f"finding  {each.rank}. {finding_line(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:
-        came_out = outcome_text(check, passed="passed", failed="FAILED", absent="n/a")
+        came_out = format_check_outcome(check, passed="passed", failed="FAILED", absent="n/a")
         if came_out in quiet:
-            value = "" if check.value is None else f" {number_text(check.value)}"
+            value = "" if check.value is None else f" {format_number(check.value)}"
             quiet[came_out].append(f"{check.check}{value}")
         else:
-            lines.append(f"{came_out:<8} {check.check} {number_text(check.value)} ({check.limit})")
+            lines.append(
+                f"{came_out:<8} {check.check} {format_number(check.value)} ({check.limit})"
+            )
     lines += [f"{name:<8} {', '.join(checks)}" for name, checks in quiet.items() if checks]
     return "\n".join(lines)
 
 
-def answer_text(run: Run) -> str:
+def format_answer(run: Run) -> str:
     """The masses, the verdict with every check, and what a reader should know."""
     if "points" in run.frames:
         return ""  # of evidence, which is about many logs
@@ -184,7 +189,7 @@ def answer_text(run: Run) -> str:
         parts.append("**The mass is withheld**, because:")
         parts.append(
             "\n".join(
-                f"- **{check.check}** is {number_text(check.value)}, must be {check.limit}: "
+                f"- **{check.check}** is {format_number(check.value)}, must be {check.limit}: "
                 f"{check.meaning}"
                 for check in failed
             )
@@ -217,17 +222,17 @@ def calibration_markdown(run: Run) -> str:
         fit = group.row(0, named=True)
         if fit.get("alpha_1") is not None and fit.get("beta_kg") is not None:
             parts.append(
-                f"**{method}**: reference = {number_text(fit['alpha_1'])} · estimate "
+                f"**{method}**: reference = {format_number(fit['alpha_1'])} · estimate "
                 f"{fit['beta_kg']:+.4g} kg"
             )
     rows = [
         (
             row["method"],
-            number_text(row["load_kg"]),
-            number_text(row["reference_kg"]),
-            f"{plus_minus(row['estimate_kg'], row['estimate_std_kg'])} ({row['runs']})",
-            number_text(row["error_kg"]),
-            number_text(row["error_left_out_kg"]),
+            format_number(row["load_kg"]),
+            format_number(row["reference_kg"]),
+            f"{format_plus_minus(row['estimate_kg'], row['estimate_std_kg'])} ({row['runs']})",
+            format_number(row["error_kg"]),
+            format_number(row["error_left_out_kg"]),
         )
         for row in points.iter_rows(named=True)
     ]
@@ -244,19 +249,19 @@ def _describe_evidence(run: Run) -> list[str]:
         (
             row["run_id"],
             row["load"],
-            number_text(row["reference_kg"]),
-            f"{plus_minus(row['mean_kg'], row['std_kg'])} ({row['readings']})",
-            number_text(row["error_kg"]),
-            number_text(row["error_left_out_kg"]),
+            format_number(row["reference_kg"]),
+            f"{format_plus_minus(row['mean_kg'], row['std_kg'])} ({row['readings']})",
+            format_number(row["error_kg"]),
+            format_number(row["error_left_out_kg"]),
         )
         for row in points.iter_rows(named=True)
     ]
     heads = ("run", "load", "reference kg", "estimate kg (readings)", *_ERRORS)
     fitted = [
-        f"reference = {number_text(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, from "
-        f"{number_text(row['valid_from_kg'])} to {number_text(row['valid_to_kg'])} kg; a later "
-        f"mass ± {number_text(row['line_u_kg'])} kg (k = 1), interval with "
-        f"k = {number_text(row['coverage_k_1'])}"
+        f"reference = {format_number(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, from "
+        f"{format_number(row['valid_from_kg'])} to {format_number(row['valid_to_kg'])} kg; a later "
+        f"mass ± {format_number(row['line_u_kg'])} kg (k = 1), interval with "
+        f"k = {format_number(row['coverage_k_1'])}"
         for row in line.iter_rows(named=True)
     ]
     # a digest does not fit into a column
@@ -274,7 +279,7 @@ def _describe_evidence(run: Run) -> list[str]:
 
 
 def _format_value_of_method(row: AnswerRow, method: str, value: str, std: str | None) -> str:
-    return plus_minus(row.value(value, method), row.value(std, method) if std else None)
+    return format_plus_minus(row.value(value, method), row.value(std, method) if std else None)
 
 
 def _make_mass_cells(row: AnswerRow) -> list[str]:
@@ -311,7 +316,10 @@ def _describe_worth(said: Answer, cycles: list[str]) -> list[str]:
     parts = ["\n".join(f"- {line}" for line in answer_lines(said))]
     which = ""
     if len(said.loads) > 1:
-        parts += cycles or ["## Loads", markdown_table(load_heads(said), load_rows(said))]
+        parts += cycles or [
+            "## Loads",
+            markdown_table(table_heads_of_loads(said), table_rows_of_loads(said)),
+        ]
         which = f" (mass of load {best_known_load(said)})"
     parts += [
         f"## Where the uncertainty comes from{which}",
@@ -322,9 +330,9 @@ def _describe_worth(said: Answer, cycles: list[str]) -> list[str]:
         "## What the fit allows besides mass and friction",
         "\n".join(
             f"- **{row['term']}**, {row['meaning']}: "
-            f"{plus_minus(row['posterior'], row['posterior_std'])} {row['unit']}, prior ± "
-            f"{number_text(row['prior_std'])} {row['unit']}; u of the mass "
-            f"{number_text(row['u_kg'])} kg"
+            f"{format_plus_minus(row['posterior'], row['posterior_std'])} {row['unit']}, prior ± "
+            f"{format_number(row['prior_std'])} {row['unit']}; u of the mass "
+            f"{format_number(row['u_kg'])} kg"
             for row in said.nuisances
         ),
     ]
@@ -340,7 +348,7 @@ def _make_cycle_lines(run: Run) -> list[str]:
         (
             str(row["cycle"]),
             clock.format_time(row["end_t_ns"] / NS),
-            plus_minus(row["payload_kg"], row["payload_u_kg"]),
+            format_plus_minus(row["payload_kg"], row["payload_u_kg"]),
             row["quality"],
         )
         for row in run.frames["cycles"].iter_rows(named=True)
@@ -353,7 +361,7 @@ def _make_verdict_lines(verdict: Verdict) -> list[str]:
         return []
     words = {"passed": "passed", "failed": "**failed**", "absent": "does not apply"}
     checks = [
-        f"- {outcome_text(check, **words)}: **{check.check}** {number_text(check.value)} "
+        f"- {format_check_outcome(check, **words)}: **{check.check}** {format_number(check.value)} "
         f"({check.limit}), {check.meaning}"
         for check in verdict.checks
     ]

@@ -80,7 +80,7 @@ def start_viewer() -> str:
     return _viewer_address(port)
 
 
-def recordings_shown(address: str) -> tuple[str, ...]:
+def list_shown_recordings(address: str) -> tuple[str, ...]:
     """The recordings that a viewer holds, by their ids; none where no viewer answers."""
     from rerun.experimental import ViewerClient
 
@@ -158,7 +158,7 @@ def photograph_tabs(
     Raises:
         RecordingError: the viewer opens no such file, it has no such tab, or no viewer starts.
     """
-    with headless_viewer(Path(path)) as (client, _):
+    with run_headless_viewer(Path(path)) as (client, _):
         if at_unix_ns is not None:
             _set_time(client, at_unix_ns)
         whole = client.get_blueprint("recording").blueprint
@@ -240,7 +240,7 @@ def _iter_view_ids(whole: dict[str, Any], entity: str) -> Iterator[str]:
 
 
 @contextmanager
-def headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
+def run_headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
     """A viewer without a screen, with a recording or waiting for one: its client and address."""
     # "CI" keeps Rerun's usage statistics at home: nobody sees this viewer to be asked
     with tempfile.TemporaryFile() as log:

@@ -15,7 +15,7 @@ import polars as pl
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.rrd.blueprint import Page, Panel, lay_out_tabs
-from recordings.rrd.display_frames import DisplayColumn, bin_rows, draws_as_points
+from recordings.rrd.display_frames import DisplayColumn, bin_frame_rows, draws_as_points
 from recordings.rrd.drawn_rows import iter_drawn_batches
 from recordings.rrd.recording_views import Kind
 from recordings.rrd.stored_names import SINCE_START, TIME
@@ -111,7 +111,7 @@ def _decimate_fields(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> 
             pl.col(field).max().alias(f"{field} max"),
         )
     ]
-    return bin_rows(placed, wanted, ends, max((ends[1] - ends[0]) // _BINS, 1))
+    return bin_frame_rows(placed, wanted, ends, max((ends[1] - ends[0]) // _BINS, 1))
 
 
 def _make_panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> list[Panel]:

@@ -18,7 +18,7 @@ from recordings.report.finding_text import finding_line, findings_of_run
 from recordings.rrd.blueprint import events_entity, lay_out_run, picture_entity, text_entity
 from recordings.rrd.display_frames import display_frames, span_ns
 from recordings.rrd.drawn_rows import iter_drawn_batches
-from recordings.rrd.piped_file import PipedFile, piped_file
+from recordings.rrd.piped_file import PipedFile, open_piped_file
 from recordings.rrd.plane_pictures import PlanePicture, make_plane_pictures, send_picture
 from recordings.rrd.reader import FORMAT, PROPERTY, open_recording
 from recordings.rrd.recording_properties import ANSWER, recording_properties
@@ -144,7 +144,7 @@ def write_scene(
     viewer = LiveView(viewer) if isinstance(viewer, str) else viewer
     check_recording(path, force=force)
     with atomic_file(path, force=force) as partial:
-        with piped_file(partial) as piped:
+        with open_piped_file(partial) as piped:
             _write_to_pipe(run, scene_of, piped, path, viewer)
         verify_written(run, partial, path)
     return path
@@ -238,13 +238,13 @@ def send_events(
         indexes=[
             rr.TimeColumn(TIME, timestamp=(since_start + t0_unix_ns).view("datetime64[ns]")),
             rr.TimeColumn(SINCE_START, duration=since_start.view("timedelta64[ns]")),
-            *(constant_timeline(name, time, len(t_ns)) for name, time in (at or {}).items()),
+            *(make_constant_timeline(name, time, len(t_ns)) for name, time in (at or {}).items()),
         ],
         columns=rr.TextLog.columns(text=list(lines), level=levels),
     )
 
 
-def constant_timeline(name: str, time: "pa.Scalar", rows: int) -> "TimeColumn":
+def make_constant_timeline(name: str, time: "pa.Scalar", rows: int) -> "TimeColumn":
     """A timeline on which all rows lie at one time."""
     import numpy as np
     import pyarrow as pa

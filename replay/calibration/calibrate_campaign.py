@@ -11,7 +11,7 @@ import polars as pl
 from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
     fit_campaign,
-    fit_options,
+    make_calibration_options,
     stated_force_scale_parts,
 )
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
@@ -203,7 +203,9 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
-        options = fit_options(campaign, stated_force_scale_parts(campaign, replayed.budgets))
+        options = make_calibration_options(
+            campaign, stated_force_scale_parts(campaign, replayed.budgets)
+        )
         fitted = fit_campaign(
             campaign, machine.machine, replayed.readings, options, replayed.responses
         )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from analysis.calibration.campaign.campaign_fit import decision_rule, load_references
+from analysis.calibration.campaign.campaign_fit import load_references, make_decision_rule
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
@@ -53,7 +53,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     )
     try:
         known, _ = load_references(campaign, machine.machine)
-        decision_rule(campaign, known)
+        make_decision_rule(campaign, known)
     except (CampaignError, DataError) as fault:
         raise CampaignError(f"{path}: {fault}") from None
     overdue = campaign.overdue_certificates()
@@ -160,7 +160,7 @@ def _weight_keys(source: Path, content: dict[str, Any]) -> list[str]:
 
 def _read_mass_tables(source: Path, block: dict[str, Any], keys: list[str]) -> list[dict[str, Any]]:
     from recordings.dcc.dcc_document import MOST_BYTES, parse_dcc
-    from recordings.dcc.dcc_masses import certified_masses
+    from recordings.dcc.dcc_masses import read_certified_masses
     from recordings.dcc.dcc_signature import check_signature
 
     stated = [name for name in _READ if name in block]
@@ -175,7 +175,7 @@ def _read_mass_tables(source: Path, block: dict[str, Any], keys: list[str]) -> l
         with path.open("rb") as file:
             data = file.read(MOST_BYTES + 1)
         signed = check_signature(parse_dcc(data, str(path)), str(path))
-        masses = certified_masses(signed.root, item, str(path))
+        masses = read_certified_masses(signed.root, item, str(path))
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read ({error.strerror})") from None
     except EvidenceError as fault:

@@ -14,13 +14,16 @@ from uuid import uuid4
 import polars as pl
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
-from analysis.calibration.campaign.campaign_readings import read_campaign_runs, run_responses
+from analysis.calibration.campaign.campaign_readings import (
+    read_campaign_runs,
+    responses_of_runs_to_learnt_means,
+)
 from analysis.calibration.line.unlike_driving import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
     TermOfLog,
+    learn_terms_of_logs,
     learnable_terms,
-    learnt_terms,
 )
 from analysis.model.answer import answer
 from analysis.model.machine import Machine
@@ -67,7 +70,7 @@ class CampaignReplay:
     @property
     def learnt(self) -> LearntPriors | None:
         """Priors learnt from all of them; None if they are too few."""
-        terms = learnt_terms(self.terms)
+        terms = learn_terms_of_logs(self.terms)
         return LearntPriors(terms=terms, logs=self.terms) if terms else None
 
 
@@ -111,7 +114,7 @@ def replay_runs(
             write_recording(replayed, recordings / recording)
         runs = [each for each in campaign.runs if each.log == name]
         frames.append(read_campaign_runs(replayed, runs, campaign.method.estimator))
-        responses += run_responses(replayed, runs, campaign.method.estimator)
+        responses += responses_of_runs_to_learnt_means(replayed, runs, campaign.method.estimator)
         logs.append(evidence_of_replay(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
         terms += learnable_terms(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()

@@ -63,7 +63,7 @@ def replay_and_compare_logs(
     try:
         if document.learnt is not None and document.kind == "calibration":
             before = replay_runs(campaign, document.machine, lambda log: paths[log])
-            _compare_terms(checked, document.learnt.logs, before.terms)
+            _compare_learnt_terms(checked, document.learnt.logs, before.terms)
         replayed = replay_runs(campaign, document.weighing, lambda log: paths[log])
     except PayscopeError as fault:
         checked.add(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
@@ -118,12 +118,14 @@ def _format_compared_value(value: object) -> str:
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
 
 
-def _compare_terms(
+def _compare_learnt_terms(
     checked: CheckedBundle, stored: tuple[TermOfLog, ...], anew: tuple[TermOfLog, ...]
 ) -> None:
     """Compare each log's nuisances under the machine's own priors."""
     by_name = {(each.log, each.term): each for each in anew}
-    wrong = [each for each in stored if not _terms_agree(each, by_name.get((each.log, each.term)))]
+    wrong = [
+        each for each in stored if not _do_terms_agree(each, by_name.get((each.log, each.term)))
+    ]
     for each in wrong[:_MOST_NAMED]:
         item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay says something else")
@@ -132,7 +134,7 @@ def _compare_terms(
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its logs say more than it has")
 
 
-def _terms_agree(kept: TermOfLog, now: TermOfLog | None) -> bool:
+def _do_terms_agree(kept: TermOfLog, now: TermOfLog | None) -> bool:
     if now is None:
         return False
     tolerance = _TERMS * kept.prior_std

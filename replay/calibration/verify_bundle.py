@@ -128,7 +128,7 @@ def verify_bundle(
         what = f"is {keeper}, and one by a key of the keyring is asked for"
         checked.add(BundleOutcome.INCOMPLETE, NOTARY, what)
     document = checked.document
-    done = checks_done(checked, previous is not None)
+    done = list_checks_done(checked, previous is not None)
     files = FilesCheck()
     if document is not None:
         files = compare_files(checked, document, folder, whole=logs is not None)
@@ -177,7 +177,7 @@ def _check_expiry(checked: CheckedBundle, document: EvidenceDocument, on: dt.dat
         checked.add(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
 
 
-def checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
+def list_checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
     """List what the check of the folder by itself has covered."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if checked.document is not None:

@@ -112,9 +112,9 @@ def _print_explanation(
     explained: "Explanation", mended: "MendedMachine | None", picture: Path | None
 ) -> None:
     from recordings.explain.explanation_text import (
+        describe_findings,
+        describe_gate,
         determined_parameter_lines,
-        finding_lines,
-        gate_lines,
         manoeuvre_line,
         verdict_sentence,
     )
@@ -137,12 +137,12 @@ def _print_explanation(
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)
-    part("causes, by effect on the mass, then by likelihood:", finding_lines(explained))
+    part("causes, by effect on the mass, then by likelihood:", describe_findings(explained))
     if explained.manoeuvre is not None:
         part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
     part("manoeuvres that stand out:", map(manoeuvre_line, explained.worst))
     around = "the gate around it:" if explained.at_s is not None else "the gate, by share of time:"
-    part(around, gate_lines(explained))
+    part(around, describe_gate(explained))
     part("the motion:", determined_parameter_lines(explained.determined))
     if mended is not None:
         _print_mended(screen, mended)
@@ -176,7 +176,7 @@ def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
 
 def _format_mass(answer: "Answer") -> str:
     """The mass of the heaviest load, or of the only one; nothing where it is withheld."""
-    from recordings.report.number_text import plus_minus
+    from recordings.report.number_text import format_plus_minus
 
     if not answer.verdict.can_weigh:
         return ""
@@ -185,4 +185,4 @@ def _format_mass(answer: "Answer") -> str:
         return ""
     most = max(known, key=lambda load: load["mass_kg"])
     which = f" (load {most['load_id']}, the heaviest)" if len(known) > 1 else ""
-    return f"{plus_minus(most['mass_kg'], most['u_kg'])} kg{which}"
+    return f"{format_plus_minus(most['mass_kg'], most['u_kg'])} kg{which}"

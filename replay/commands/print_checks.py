@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def make_check_table(checks: Sequence["Check"]) -> "Table":
     """A row a check: its number, its limit, what it led to."""
-    from recordings.report.number_text import outcome_text
+    from recordings.report.number_text import format_check_outcome
 
     table = make_plain_table("check", "value", "limit")
     table.add_column("")
@@ -22,7 +22,7 @@ def make_check_table(checks: Sequence["Check"]) -> "Table":
     for check in checks:
         value = "–" if check.value is None else f"{check.value:.3g}"
         passed = "near" if check.is_near else "ok"
-        state = outcome_text(check, passed=passed, failed="[red]failed[/]", absent="n/a")
+        state = format_check_outcome(check, passed=passed, failed="[red]failed[/]", absent="n/a")
         table.add_row(check.check, value, check.limit, state, check.meaning)
     return table
 

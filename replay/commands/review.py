@@ -222,14 +222,18 @@ def report_week(
     """
     from recordings.report.shift_text import K
     from recordings.review.week_page import week_sentence, write_week_page
-    from recordings.review.week_shifts import friction_trends, read_shifts, trend_sentences
+    from recordings.review.week_shifts import (
+        read_shifts,
+        trend_friction_by_machine,
+        trend_sentences,
+    )
     from recordings.review.week_totals import GROUPS, read_week, sum_by_group, sum_week
     from replay.commands.print_tables import print_json, print_line, stdout_console
 
     parts, shifts = read_week(folders), read_shifts(folders)
     sums = {by: sum_by_group(parts, by) for by in GROUPS}
     whole = sum_week(parts)
-    trends = {} if friction_limit is None else friction_trends(shifts, friction_limit)
+    trends = {} if friction_limit is None else trend_friction_by_machine(shifts, friction_limit)
     if page is not None:
         write_week_page(parts, shifts, friction_limit, page)
     if as_json:

@@ -203,15 +203,20 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
 
 def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
-    from recordings.report.worth_text import answer_lines, load_heads, load_rows, uncertainty_advice
+    from recordings.report.worth_text import (
+        answer_lines,
+        table_heads_of_loads,
+        table_rows_of_loads,
+        uncertainty_advice,
+    )
 
     for line in answer_lines(answer, brief=not verbose):
         print_line(screen, line)
     if len(answer.loads) > 1:
-        heads = load_heads(answer)
+        heads = table_heads_of_loads(answer)
         loads = make_plain_table(*heads[:-1])
         loads.add_column(heads[-1], overflow="fold")
-        for load in load_rows(answer):
+        for load in table_rows_of_loads(answer):
             loads.add_row(*load)
         print_table(screen, loads)
     most = uncertainty_advice(answer)
@@ -222,13 +227,13 @@ def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
 def further_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator[str]":
     """Further lines about the answer, the most important first."""
     from recordings.report.planar_text import planar_fit_lines
-    from recordings.report.worth_text import goal_lines, shift_lines
+    from recordings.report.worth_text import describe_starts_to_goal, summarise_shift_lines
 
     if goal is not None:
-        yield from goal_lines(answer, goal)
+        yield from describe_starts_to_goal(answer, goal)
     if answer.verdict.can_tell_inertia and not verbose:
         yield from _describe_inertia(answer)
-    yield from shift_lines(answer)
+    yield from summarise_shift_lines(answer)
     yield from planar_fit_lines(answer.planar, answer.planar_budget)
     most_lines = len(answer.losses) + len(answer.notes) if verbose else _MOST_LINES
     yield from _limit_lines(
@@ -264,13 +269,13 @@ def _limit_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "
 
 def _describe_inertia(answer: "Answer") -> "Iterator[str]":
     """Yaw inertia in a line: of the joint fit, else of the first method that has one."""
-    from recordings.report.number_text import plus_minus
+    from recordings.report.number_text import format_plus_minus
 
     for row in answer.rows:
         for method in row.methods:
             value = row.value("inertia_z_kg_m2", method)
             if value is not None:
-                text = plus_minus(value, row.value("inertia_z_std_kg_m2", method))
+                text = format_plus_minus(value, row.value("inertia_z_std_kg_m2", method))
                 yield f"yaw inertia {text} kg·m² ({method})"
                 break
 

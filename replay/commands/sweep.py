@@ -176,7 +176,7 @@ def _make_swept_row(row: Row) -> SweptRow:
     """A row as its figure has it."""
     from recordings.plots.sweep_figure import SweptRow
 
-    names = short_names(row.over)
+    names = shorten_dotted_names(row.over)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
     several = len(row.answer.loads) > 1 and known
     most = max(known, key=lambda load: load["payload_kg"]) if several else None
@@ -201,7 +201,7 @@ def _nest_row_for_json(row: Row) -> dict[str, Any]:
 
 def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     """A row a combination, a column a method and quantity; what was varied is a number or text."""
-    names = short_names(rows[0].over)
+    names = shorten_dotted_names(rows[0].over)
     flat = [
         {
             **{
@@ -267,7 +267,7 @@ def method_table(
     methods = list(
         dict.fromkeys(method for row in rows for method in _quantity_by_method(row, "mass_kg"))
     )
-    table = make_plain_table(*short_names(rows[0].over).values(), *methods, *more)
+    table = make_plain_table(*shorten_dotted_names(rows[0].over).values(), *methods, *more)
     if more:
         # the last is words
         table.columns[-1].justify = "left"
@@ -280,7 +280,9 @@ def calibrated_table(rows: Sequence[Row]) -> Table:
     """A row a combination: the calibrated mass, or why there is none."""
     from replay.commands.print_tables import kg_text, make_plain_table
 
-    table = make_plain_table(*short_names(rows[0].over).values(), "calibrated", "from", "to")
+    table = make_plain_table(
+        *shorten_dotted_names(rows[0].over).values(), "calibrated", "from", "to"
+    )
     table.add_column("", overflow="fold")
     for row in rows:
         mass, low, high, reason = calibrated_mass(row).values()
@@ -329,7 +331,7 @@ def _value_for_file(value: Any, written: str) -> Any:
     return written if isinstance(value, list | dict) else value
 
 
-def short_names(keys: Iterable[str]) -> dict[str, str]:
+def shorten_dotted_names(keys: Iterable[str]) -> dict[str, str]:
     """Short name of each dotted key: its last part, or all of it if two share that."""
     last = {key: key.rpartition(".")[2] for key in keys}
     shared = Counter(last.values())

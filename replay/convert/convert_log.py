@@ -197,7 +197,7 @@ class RunningConversion:
                 parts = self._convert_span(folder.path, number, first, last)
                 if self._faults or self._log.losses():
                     break
-                done.append(folder.add(number, parts).parts)
+                done.append(folder.add_finished_part(number, parts).parts)
             else:
                 if self._is_complete(done):
                     return done, taken_up

@@ -152,7 +152,7 @@ class UnfinishedFolder:
             done.append(span)
         return done
 
-    def add(self, number: int, parts: dict[str, ConvertedPart]) -> DoneSpan:
+    def add_finished_part(self, number: int, parts: dict[str, ConvertedPart]) -> DoneSpan:
         """Note that a span is done."""
         span = DoneSpan(parts=parts)
         write_file_whole(self.path / _name_record(number), span.model_dump_json(indent=1))

@@ -97,7 +97,7 @@ class _SampleLattice(NamedTuple):
         return round(periods * self.period_ns) - between_ns
 
 
-def begins_ns(
+def begin_of_each_log_ns(
     logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], t0_unix_ns: int
 ) -> dict[Log, int]:
     """When each log begins, in ns since the first aligned sample, ascending.

@@ -141,7 +141,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
         (
             ChannelProposal("position_x_m", c.topic, c.field, c.unit, "")
             for c in columns
-            if c.said.quantity == "position" and c.is_in("m")
+            if c.said.quantity == "position" and c.has_dimension_of_unit("m")
         ),
         None,
     )

@@ -72,7 +72,7 @@ def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> b
             # what flows into a drive is power over voltage, not torque
             and not (quantity == "current" and c.said.is_of_supply)
             # a current is in amperes where nothing is stated, as motor controllers write it
-            and (c.is_in(unit) or (unit, c.unit) == ("A", None))
+            and (c.has_dimension_of_unit(unit) or (unit, c.unit) == ("A", None))
         ]
         fitting.sort(key=lambda c: c.said.part != "motor")
         if not fitting:
@@ -127,9 +127,15 @@ def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> boo
 
 def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """A force from the drive's power, or from the battery's current and voltage, over the speed."""
-    current = next((c for c in columns if c.said.is_of_supply and c.is_in("A")), None)
-    voltage = next((c for c in columns if c.is_in("V")), None)
-    powers = [c for c in columns if c.quantity == "power" and (c.unit is None or c.is_in("W"))]
+    current = next(
+        (c for c in columns if c.said.is_of_supply and c.has_dimension_of_unit("A")), None
+    )
+    voltage = next((c for c in columns if c.has_dimension_of_unit("V")), None)
+    powers = [
+        c
+        for c in columns
+        if c.quantity == "power" and (c.unit is None or c.has_dimension_of_unit("W"))
+    ]
     power = min(powers, key=lambda c: c.unit is None, default=None)
     if power is not None and not (power.unit is None and current and voltage):
         reason = f"{power.field}: a power; over the speed it is a force; needs the efficiency"

@@ -28,9 +28,9 @@ class LogColumn:
 
     def has_dimension_of_channel(self, channel: str) -> bool:
         """Whether the unit is of a channel's dimension; no unit does not fit."""
-        return self.is_in(unit_of_name(channel))
+        return self.has_dimension_of_unit(unit_of_name(channel))
 
-    def is_in(self, unit: str) -> bool:
+    def has_dimension_of_unit(self, unit: str) -> bool:
         """Whether the unit is of the dimension of another; percent are no angle."""
         is_alike = self.unit == unit or "percent" not in (self.unit, unit)
         return self.unit is not None and is_alike and has_dimension_of(self.unit, unit)

@@ -112,7 +112,7 @@ def _ask_more_torques(columns: Sequence[LogColumn], found: Recognition) -> None:
     more = [
         f"'{each.field}'"
         for each in columns
-        if each.quantity == "torque" and each.is_in("N*m")
+        if each.quantity == "torque" and each.has_dimension_of_unit("N*m")
         if each.said.side is None and each.said.part != "motor" and each.said.axis is None
     ]
     if more:
@@ -141,7 +141,9 @@ def _list_columns(log: Log) -> list[LogColumn]:
                 continue
             # "Motor Amps": the unit is the only word that names the quantity
             said = said if said.quantity or unit is None else read_column_name(name)
-            found.append(LogColumn(topic, name, unit, said, quantity_of_name(said.quantity, unit)))
+            found.append(
+                LogColumn(topic, name, unit, said, find_quantity_of_name(said.quantity, unit))
+            )
     return found
 
 
@@ -153,15 +155,15 @@ def _name_without_unit(name: str) -> str:
     return split_unit_from_name(cut)[0]
 
 
-def quantity_of_name(said: str | None, unit: str | None) -> str | None:
+def find_quantity_of_name(said: str | None, unit: str | None) -> str | None:
     """The quantity of a name, as far as its unit allows it."""
     if unit is None or unit in _TURNS or said is None:
         return said
-    return _quantity_of_unit(unit) or said
+    return _find_quantity_of_unit(unit) or said
 
 
 @cache
-def _quantity_of_unit(unit: str) -> str | None:
+def _find_quantity_of_unit(unit: str) -> str | None:
     """The quantity that a unit alone tells."""
     dimension = unit_registry().parse_units(unit).dimensionality
     for each, quantity in _QUANTITY_OF.items():
@@ -237,12 +239,12 @@ _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
 def recognise_by_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Columns whose names say nothing, the only ones in a unit of force or of speed."""
     own = [each for each in columns if each.unit and not each.said.is_elsewhere]
-    units = Counter(quantity_of_name("", column.unit) for column in own)
+    units = Counter(find_quantity_of_name("", column.unit) for column in own)
     for column in own:
         said = column.said
         if said.quantity is not None or column.unit in _TURNS or said.is_no_reading:
             continue
-        quantity = quantity_of_name("", column.unit)
+        quantity = find_quantity_of_name("", column.unit)
         channel = {"force": "force_x_N", "speed": "speed_x_m_s"}.get(quantity or "")
         is_wheel_load = quantity == "force" and said.part == "wheel"
         if channel and units[quantity] == 1 and said.axis in (None, "x") and not is_wheel_load:

@@ -48,7 +48,7 @@ from replay.inputs.channel_inputs import (
 )
 from replay.inputs.decode_cache import FOLDER as DECODED
 from replay.inputs.decode_cache import decode_logs
-from replay.inputs.time_line import begins_ns
+from replay.inputs.time_line import begin_of_each_log_ns
 from replay.logs import Log, expand_log_folders, open_log
 from replay.machines.machine_file import load_machine, time_axis
 from replay.pipeline import run
@@ -131,7 +131,7 @@ def review_shift(
             logged = by.check_logs(opened)
         map_in_threads(lambda log: log.digests, opened)
         plain = _resolved_inputs(machine, options, by)
-        key = digest_of_replay(opened, machine, full=options.full)
+        key = digest_replay_inputs(opened, machine, full=options.full)
         before = read_state(folder)
         kept = read_earlier_replay(folder, before, key)
         made = kept or _replay_opened_shift(opened, machine, folder, (logs, machine_file), on_stage)
@@ -150,7 +150,7 @@ def review_shift(
             if made.run is not None:
                 write_recording(frames_to_keep(made.run, full=options.full), stage / RECORDING)
                 digest = file_sha256(stage / RECORDING)
-                torn = torn_logs(opened, channel_fields(machine), made.run.provenance)
+                torn = find_torn_logs(opened, channel_fields(machine), made.run.provenance)
                 energy = _shift_energy(made.run, machine)
                 state = take_review_state(made.run, key, digest, plain, made.mixed, torn, energy)
             else:
@@ -200,13 +200,13 @@ def _replay_opened_shift(
         made.provenance.t0_unix_ns,
         track_of_shift(frames["aligned"]),
         made,
-        mixed_machines_text(made, opened, machine),
+        warn_of_mixed_machines(made, opened, machine),
     )
 
 
-def mixed_machines_text(made: Run, opened: list[Log], machine: Machine) -> str:
+def warn_of_mixed_machines(made: Run, opened: list[Log], machine: Machine) -> str:
     """That these may be logs of two machines; empty where nothing says so."""
-    begins = begins_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
+    begins = begin_of_each_log_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
     found = find_empty_mass_jump(made.frames["manoeuvres"], list(begins.values()))
     return "" if found is None else found.warning_text(list(begins)[found.log].path.name)
 
@@ -269,7 +269,7 @@ def frames_for_calibration(made: ReplayedShift, folder: Path) -> Mapping[str, pl
     return {name: read_frame(folder / RECORDING, name) for name in NEEDED if name in there}
 
 
-def digest_of_replay(logs: list[Log], machine: Machine, *, full: bool) -> str:
+def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> str:
     """A digest of all that a replay and its recording depend on."""
     whole = {
         "format": FORMAT,
@@ -303,7 +303,7 @@ def _changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, s
     return [*logs, *changed_settings_of_review(before, state.resolved)]
 
 
-def torn_logs(
+def find_torn_logs(
     logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], about: Provenance
 ) -> tuple[TornLog, ...]:
     """Logs that break off, in order of time.
@@ -313,7 +313,7 @@ def torn_logs(
         wanted: the fields that the channels name, by topic.
         about: the replay: its losses, and where its times begin.
     """
-    begins = begins_ns(logs, wanted, about.t0_unix_ns)
+    begins = begin_of_each_log_ns(logs, wanted, about.t0_unix_ns)
     ordered = list(begins)
     found: list[TornLog] = []
     for number, log in enumerate(ordered, 1):

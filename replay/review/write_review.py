@@ -8,7 +8,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck, check_target
-from analysis.cycles.shift_totals import LabelTotal, label_totals, recount_shift
+from analysis.cycles.shift_totals import LabelTotal, recount_shift, sum_by_label
 from recordings.review.energy_columns import energy_dict
 from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, review_html
@@ -19,7 +19,7 @@ from recordings.review.shift_ledger import (
     CSV,
     PARQUET,
     add_motion_columns,
-    cycle_ids,
+    make_cycle_ids,
     make_ledger,
     write_ledger,
 )
@@ -119,10 +119,10 @@ class ShiftCount:
             ReviewError: the file says something else, or a verdict is about no cycle.
         """
         verdicts = parse_verdicts(text, folder)
-        by_row = match_verdicts(verdicts, cycle_ids(cycles, t0_unix_ns), folder)
+        by_row = match_verdicts(verdicts, make_cycle_ids(cycles, t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
         rows = make_ledger(cycles, t0_unix_ns, by_row, verdicts.labels_of_dump_at)
-        totals = {name: label_totals(cycles, rows[name].to_list(), rejected) for name in LABELS}
+        totals = {name: sum_by_label(cycles, rows[name].to_list(), rejected) for name in LABELS}
         return cls(
             rows,
             recount_shift(summary, cycles, rejected).row(0, named=True),

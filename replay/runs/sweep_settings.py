@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.campaign_readings import run_estimates
-from analysis.calibration.campaign.method_errors import run_errors
+from analysis.calibration.campaign.campaign_readings import average_readings_by_run
+from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
 from analysis.model.answer import Answer, answer
 from analysis.model.machine import LogSection, Machine
 from analysis.model.run_record import Run
@@ -134,8 +134,8 @@ def _true_errors(
     replayed: Run, truth: pl.DataFrame, *, weighs: bool
 ) -> dict[str, dict[str, float | None]]:
     """Root mean square errors of the runs' masses, by name and method."""
-    estimates = run_estimates(replayed, truth)
-    errors = run_errors(estimates).with_columns(
+    estimates = average_readings_by_run(replayed, truth)
+    errors = calibrated_errors_of_runs(estimates).with_columns(
         raw_kg=pl.col("mass_kg") - pl.col("reference_kg"),
     )
     names = {"rmse_kg": "raw_kg"}

@@ -11,7 +11,7 @@ from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import fit_planar
-from analysis.stages.estimation.masses import summarise_masses, withhold
+from analysis.stages.estimation.masses import summarise_masses, withhold_masses
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import gate
 from analysis.stages.gating.segments import pool_by_manoeuvre
@@ -19,7 +19,7 @@ from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured
+from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.mounting import rotation_to_machine_axes
 from estimators.planar import planar_rows as model
 from tests.analysis.settings_by_name import staged
@@ -161,7 +161,7 @@ def excitation(said, loader=None):
 
 
 def _to_excitation(said, loader):
-    channels, _ = derive(read_measured({"table": said}, loader)[0], loader)
+    channels, _ = derive(read_measured_channels({"table": said}, loader)[0], loader)
     aligned, _ = align(channels, loader)
     return aligned, compute_excitation(smooth(aligned, loader.settings.smooth), loader)
 
@@ -184,7 +184,7 @@ def replayed(said, loader=None):
         **{f"estimates/{method}": each for method, each in estimates.items()},
         "segments": pool_by_manoeuvre(excitation, gated, settings, noise),
         "verdict": judged,
-        "masses": withhold(
+        "masses": withhold_masses(
             summarise_masses(excitation, gated, estimates, loader, noise), opinion, ()
         ),
         **dict(

@@ -11,7 +11,7 @@ from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured
+from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis.conftest import T0_NS, make_machine, topic
 from tests.analysis.noisy_logs import KINEMATIC
@@ -57,7 +57,7 @@ def weighed(starts, force_of_speed, speed_noise_m_s, known=True, seed=1, index=N
     machine = make_machine(settings, body={"empty_mass_kg": CAR_KG}, **KINEMATIC)
     t = T0_NS + np.arange(v.size) * 10_000_000
     placed, _, _ = assign_timestamps({"/can": topic(t, force=f, speed=v)})
-    channels, _ = derive(read_measured(placed, machine)[0], machine)
+    channels, _ = derive(read_measured_channels(placed, machine)[0], machine)
     aligned, _ = align(channels, machine)
     excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
     noise = channel_noise(aligned, excitation, machine) if known else None
@@ -126,7 +126,7 @@ def test_clean_starts_keep_their_windows(throttle_N):
         placed, _, _ = assign_timestamps(
             {"/can": topic(t, force=f, speed=v), "/imu": topic(t, x=a)}
         )
-        channels, _ = derive(read_measured(placed, machine)[0], machine)
+        channels, _ = derive(read_measured_channels(placed, machine)[0], machine)
         aligned, _ = align(channels, machine)
         excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
         before = gate(excitation, machine.settings)["accepted_x"].to_numpy()

@@ -74,7 +74,7 @@ def read_campaign_runs(
     return differences_from_empty(found) if estimator == "joint_payload" else found
 
 
-def run_responses(
+def responses_of_runs_to_learnt_means(
     replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator
 ) -> tuple[RunResponse, ...]:
     """What errors of learnt means move the runs of one log by; nothing where none were learnt.
@@ -159,7 +159,7 @@ def method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
         load_kg=0.0,
         mass_kg=0.0,
     )
-    masses = run_estimates(replayed, trials).filter(pl.col("method") == method)["mass_kg"]
+    masses = average_readings_by_run(replayed, trials).filter(pl.col("method") == method)["mass_kg"]
     verdict = [row for row in replayed.frames["loads"].to_dicts() if row["withheld"]]
     withheld = f"this log cannot weigh: {verdict[0]['withheld_for']}" if verdict else ""
     stated = replayed.frames[f"estimates/{method}"].drop_nulls("mass_std_kg")
@@ -221,7 +221,7 @@ def differences_from_empty(found: pl.DataFrame) -> pl.DataFrame:
     return pl.concat(parts)
 
 
-def run_estimates(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
+def average_readings_by_run(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
     """One mass a method and run, null where nothing in the run was accepted.
 
     Windowed methods give the mean of the windows that end in the run, weighted by 1/std²; the

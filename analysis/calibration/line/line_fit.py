@@ -47,7 +47,7 @@ LEVEL: Final = 0.05
 _NEEDED: Final = ("run_id", "load_id", "day", "mass_kg", "used")
 
 
-def lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
+def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
     """Compare a mean a load with the line.
 
     Args:
@@ -196,7 +196,7 @@ def fit_tested_line(points: Points, day_known_kg: float | None) -> tuple[FittedL
         points: means of runs.
         day_known_kg: deviation from day to day where it is known, in kg of m̂.
     """
-    test = lack_of_fit(points, day_known_kg)
+    test = test_lack_of_fit(points, day_known_kg)
     lacking = test.separate and test.p_1 is not None and test.p_1 < LEVEL
     line = fit_line(points, day_known_kg=day_known_kg, lack_of_fit=lacking)
     if line.slope_1 == 0.0:

@@ -133,7 +133,7 @@ def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tu
     return tuple(names)
 
 
-def mean_squares(points: Points, names: tuple[str, ...]) -> Floats:
+def mean_squares_transform(points: Points, names: tuple[str, ...]) -> Floats:
     """(effects, effects) that makes variances of mean squares, which are what cannot be negative.
 
     Runs whose means scatter by chance less than their readings let expect have a negative variance
@@ -205,7 +205,7 @@ def make_scatter(points: Points, names: tuple[str, ...], day_known_kg: float | N
     if day_known_kg is not None:
         known = known + day_known_kg**2 * day
     each = np.array([points.effect_covariance(name) for name in names])
-    return Scatter(names, each, mean_squares(points, names), day, day_known_kg, known)
+    return Scatter(names, each, mean_squares_transform(points, names), day, day_known_kg, known)
 
 
 def fit_line(

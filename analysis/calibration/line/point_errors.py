@@ -49,13 +49,13 @@ def leave_one_load_out_errors(campaign: Campaign, line: FittedLine) -> Floats:
     """(points,) error of each under the line through the other loads; NaN where they give none."""
     points = campaign.points
     errors = np.full(points.y_kg.size, np.nan)
-    for load, other in lines_left_out(points, line).items():
+    for load, other in fit_lines_without_each_load(points, line).items():
         left = points.load == load
         errors[left] = other.abscissae_at(points.y_kg[left]) - points.x_kg[left]
     return errors
 
 
-def lines_left_out(points: Points, line: FittedLine) -> dict[int, StraightLine]:
+def fit_lines_without_each_load(points: Points, line: FittedLine) -> dict[int, StraightLine]:
     """The line through the other loads, by index of the load that is left out.
 
     A load whose others give no line has none.

@@ -90,7 +90,7 @@ class ErrorLimits:
     statement: str
 
 
-def limit_kg(rule: DecisionRule, load_kg: float) -> float:
+def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
     """The error that a class allows to either side of a load.
 
     Raises:
@@ -140,7 +140,7 @@ def error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
     inversion = calibration.inversion
     rows: list[LimitRow] = []
     for load_id, reference_kg, error_kg in errors_of_points(calibration):
-        limit = limit_kg(rule, reference_kg - rule.tare_kg)
+        limit = error_limit_kg(rule, reference_kg - rule.tare_kg)
         outside = min(
             inversion.exceedance_probability(limit - error_kg, reference_kg, readings)
             + inversion.exceedance_probability(limit + error_kg, reference_kg, readings),

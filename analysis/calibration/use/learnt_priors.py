@@ -83,7 +83,7 @@ def learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
     )
 
 
-def learnt_terms(said: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
+def learn_terms_of_logs(said: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
     """Pool what logs say, term by term: weighted mean, its uncertainty, what differs between logs.
 
     What differs is by the moments of the weighted squares (DerSimonian and Laird 1986), where their

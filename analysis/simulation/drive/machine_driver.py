@@ -246,7 +246,7 @@ class MachineDriver:
         """
         steps = steps or max(math.ceil(duration_s / self._step_s - 1e-9), 1)
         rows = self.kept.free_rows(2 * steps + 4)
-        self.time_s, kept, self._moved = plant.advance(
+        self.time_s, kept, self._moved = plant.integrate_plant(
             stage.begin_s + duration_s,
             steps,
             stops,

@@ -20,7 +20,7 @@ from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.sensors.random_streams import make_generator
 from analysis.simulation.sensors.recorder import phase_s, recorded_topics
 from analysis.simulation.sensors.sensors import measure_topics
-from analysis.simulation.trials.trial_limits import check_shift
+from analysis.simulation.trials.trial_limits import check_shift_limits
 from estimators.arrays import Floats
 
 #: Sensors look back so far at most.
@@ -70,7 +70,7 @@ class ShiftSimulation:
     shift: SimulatedShift
 
     def __post_init__(self) -> None:
-        check_shift(self.scenario, self.shift)
+        check_shift_limits(self.scenario, self.shift)
         self._driver = ShiftDriver(self.scenario, self.shift)
         self._spans: list[LogSpan] = []
 
@@ -162,7 +162,7 @@ class _ShiftTimeline(NamedTuple):
     start_ns: int
 
     def sample(self, time_ns: NDArray[np.int64]) -> Channels:
-        return self.motion.sample((time_ns - self.start_ns) * np.float64(1e-9))
+        return self.motion.sample_channels((time_ns - self.start_ns) * np.float64(1e-9))
 
 
 class _PositionAndBoom(NamedTuple):

@@ -114,4 +114,6 @@ def _make_timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int
     from analysis.simulation.drive.log_drive import integrate_log
 
     whole = integrate_log(scenario, load_kg, index)
-    return continuous_timeline(scenario, whole.trial_s, whole.driven, whole.sample, start_ns)
+    return continuous_timeline(
+        scenario, whole.trial_s, whole.driven, whole.sample_channels, start_ns
+    )

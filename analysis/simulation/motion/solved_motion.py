@@ -121,7 +121,7 @@ class SolvedMotion:
         """Until the last manoeuvre has ended."""
         return self.manoeuvres[-1].end_s
 
-    def sample(self, time_s: Floats) -> Channels:
+    def sample_channels(self, time_s: Floats) -> Channels:
         """The channels at times (n,) in s since the trial began: any times, in any order."""
         name = np.full(time_s.shape, "standstill", dtype="<U12")
         rows = np.zeros((len(MotionState._fields), *time_s.shape))

@@ -145,7 +145,7 @@ def repeat_trial(
 
     def sample(time_ns: NDArray[np.int64]) -> Channels:
         trial = np.clip((time_ns - start_ns) // period_ns, 0, trials - 1)
-        return motion.sample((time_ns - start_ns - trial * period_ns) * np.float64(1e-9))
+        return motion.sample_channels((time_ns - start_ns - trial * period_ns) * np.float64(1e-9))
 
     starts = [
         (each.direction, each.throttle) if each.kind == "start" else (None, None)

@@ -46,7 +46,7 @@ class IntegratedLog:
     stage: NDArray[np.int8]
     heading_rad: float = 0.0
 
-    def sample(self, time_s: Floats) -> Channels:
+    def sample_channels(self, time_s: Floats) -> Channels:
         """The channels at times (n,) in s since the log began: any times, in any order."""
         machine, terrain = self.scenario.machine, self.scenario.terrain
         now, rate = np.empty((plant.COLUMNS, time_s.size)), np.empty((SLOPES, time_s.size))

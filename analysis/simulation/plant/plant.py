@@ -234,7 +234,7 @@ def _integrate_step(  # noqa: PLR0913 - compiled, as above
 
 
 @compiled
-def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a step
+def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a step
     end_s: float,
     steps: int,
     stops: bool,

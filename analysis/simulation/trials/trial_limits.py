@@ -239,7 +239,7 @@ class _Limits:
         return moment * abs(self.heaviest.uphill_m_s2)
 
 
-def check_shift(scenario: Scenario, shift: SimulatedShift) -> None:
+def check_shift_limits(scenario: Scenario, shift: SimulatedShift) -> None:
     """Refuse a shift that cannot be driven.
 
     Raises:

@@ -65,7 +65,9 @@ def summarise_masses(
     return build("masses", {**table.to_dict(), "payload_kg": payload})
 
 
-def withhold(totals: pl.DataFrame, verdict: Verdict, contradicted: Collection[str]) -> pl.DataFrame:
+def withhold_masses(
+    totals: pl.DataFrame, verdict: Verdict, contradicted: Collection[str]
+) -> pl.DataFrame:
     """Take out what may not be shown.
 
     Args:

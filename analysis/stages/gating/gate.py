@@ -7,7 +7,7 @@ from analysis.model.axes import Axis, X, available_axes, regressor
 from analysis.model.schema import PHASE, REASON, build, values
 from analysis.model.settings import Settings
 from analysis.model.windows import flagged_windows, samples_in_windows
-from analysis.stages.gating.gate_rules import UNKNOWN, Codes, decide_windows, is_braking, row_flags
+from analysis.stages.gating.gate_rules import UNKNOWN, Codes, decide_windows, flag_rows, is_braking
 from analysis.stages.motion.phases import (
     average_like_speed_rate,
     speed_rate_span_rows,
@@ -69,7 +69,7 @@ def _judge_axis(
         values(excitation, "speed_rate_x_m_s2"), _machine_acceleration(excitation), settings
     )
     brakes = _brakes_on_axis(axis, excitation, settings)
-    flags = {"gap": missing, **row_flags(axis, phase, f, brakes, slips, settings.gate)}
+    flags = {"gap": missing, **flag_rows(axis, phase, f, brakes, slips, settings.gate)}
 
     def nearest(left: Ints) -> Floats:
         return nearest_neighbours.window_mutual_information(

@@ -58,7 +58,7 @@ class Decision(NamedTuple):
     chosen: Codes
 
 
-def row_flags(
+def flag_rows(
     axis: Axis, phase: Codes, force: Floats, brakes: Bools, slips: Bools, settings: GateSettings
 ) -> dict[str, Bools]:
     """Flags of rows that exclude a window, in the order of precedence.

@@ -28,6 +28,7 @@ from analysis.stages.noise.grid_noise import (
 from analysis.stages.noise.noise_limits import RESIDUALS, SPREAD, clip_to_limits
 from analysis.stages.noise.noise_spectra import (
     LAGS,
+    average_over_neighbours,
     block_ends,
     block_frequencies,
     block_power,
@@ -37,7 +38,6 @@ from analysis.stages.noise.noise_spectra import (
     fast_band,
     find_true_runs,
     lag_covariances,
-    neighbours_mean,
     quantisation_covariances,
     reading_step,
     spectrum_frequencies,
@@ -323,7 +323,7 @@ def spectrum_of_fast_changes(power: Floats, made: ColumnResponse, samples: Noise
     fast = samples.lowest_noise_frequency
     band = (at >= fast) & (at <= samples.noise_band_top) & (response > 0.0)
     level = float(np.mean(power[band] / response[band]))
-    seen = np.interp(wanted, at[1:], neighbours_mean(power, 1)[1:])
+    seen = np.interp(wanted, at[1:], average_over_neighbours(power, 1)[1:])
     return np.where(wanted < fast, level * made.response(wanted), seen)
 
 
@@ -343,7 +343,7 @@ def noise_growth(samples: NoiseSamples, column: int, moving: tuple[Floats, int] 
     band = told & (at <= samples.noise_band_top)
     below = float(np.median(ratio[band])) if band.any() else 1.0
     below = below if below > 1.0 + _MORE * error * np.sqrt(1.5 / max(band.sum(), 1)) else 1.0
-    near = np.where(told, neighbours_mean(ratio, 2), 1.0)
+    near = np.where(told, average_over_neighbours(ratio, 2), 1.0)
     near = np.where(near > 1.0 + _MORE * error * np.sqrt(1.5 / 5.0), near, 1.0)
     return np.where(wanted < samples.lowest_noise_frequency, below, np.interp(wanted, at, near))
 

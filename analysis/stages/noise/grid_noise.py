@@ -156,7 +156,7 @@ def propagate_channel_noise(
         x = columns(align(derive(noise, machine)[0], machine)[0])
     except DataError:
         return None
-    sums, pairs = trailing_sums(x)
+    sums, pairs = sum_trailing_rows(x)
     return np.where(pairs > 0, sums / np.maximum(pairs, 1.0), 0.0)
 
 
@@ -180,7 +180,7 @@ def _repeat_stamps(
     return {name: (later_ns[:, None] + t).ravel() for name, t in stamps.items()}
 
 
-def trailing_sums(x: Floats) -> tuple[Floats, Floats]:
+def sum_trailing_rows(x: Floats) -> tuple[Floats, Floats]:
     """Sums of products (columns, columns, LAGS) by lag, and of how many pairs (LAGS,) they are."""
     known = np.asarray(np.isfinite(x).all(axis=1), np.bool_)
     x = np.where(known[:, None], x, 0.0)

@@ -199,7 +199,7 @@ def block_frequencies() -> Floats:
     return np.arange(_BLOCK // 2 + 1) / _BLOCK
 
 
-def neighbours_mean(power: Floats, reach: int) -> Floats:
+def average_over_neighbours(power: Floats, reach: int) -> Floats:
     """Mean of each frequency and `reach` on either side, as far as there are any."""
     kernel = np.ones(2 * reach + 1)
     known = np.isfinite(power)

@@ -164,7 +164,7 @@ def _evaluate_arithmetic(
     return at[known], x[known]
 
 
-def read_measured(
+def read_measured_channels(
     placed: Mapping[str, pl.DataFrame], machine: Machine
 ) -> tuple[dict[str, mounting.Series], list[Loss]]:
     """Read every channel that comes from a topic: SI units, finite, one sample a stamp.
@@ -185,7 +185,7 @@ def read_measured(
         if channel.angle_of:
             read[name] = _angle_from_orientation(name, channel, placed[topic], machine, losses)
         else:
-            read[name] = pick_field(name, channel, placed[topic], losses)
+            read[name] = pick_field_of_channel(name, channel, placed[topic], losses)
     return read, losses
 
 
@@ -229,7 +229,7 @@ def _angle_from_orientation(
     return usable_readings(name, channel, quaternion, frame, x, losses)
 
 
-def pick_field(
+def pick_field_of_channel(
     name: str, channel: Channel, frame: pl.DataFrame, losses: list[Loss]
 ) -> tuple[filters.Ints, filters.Floats]:
     """A field in SI units."""

@@ -24,7 +24,12 @@ from replay.logs.blocks import (
     resync,
     torn_end,
 )
-from replay.logs.mcap.mcap_index import Summary, damaged_block, indexed_counts, indexed_times
+from replay.logs.mcap.mcap_index import (
+    Summary,
+    count_indexed_messages,
+    make_damaged_block,
+    read_indexed_times_of_chunk,
+)
 from replay.logs.mcap.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -171,13 +176,13 @@ class McapFile(BlockFile):
         chunks = {chunk.chunk_start_offset: chunk for chunk in summary.chunks}
         for offset in sorted(chunks):
             chunk = chunks[offset]
-            counts = indexed_counts(chunk)
+            counts = count_indexed_messages(chunk)
             block = chunk_block(self._file, offset, counts)
-            read_times = partial(indexed_times, self._file, chunk)
+            read_times = partial(read_indexed_times_of_chunk, self._file, chunk)
             is_described = described and self._channels.keys() >= counts.keys()
             # the index stands behind all chunks, so that the end of the file tears none of them
             if block is None or block.is_torn:
-                lost = damaged_block(chunk)
+                lost = make_damaged_block(chunk)
                 self._store.note_lost_block(
                     lost, read_times() or {}, "it is not where the index says"
                 )

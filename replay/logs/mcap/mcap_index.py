@@ -148,12 +148,12 @@ def _parse_chunk_index(content: bytes) -> ChunkIndex:
     )
 
 
-def damaged_block(chunk: ChunkIndex) -> Block:
+def make_damaged_block(chunk: ChunkIndex) -> Block:
     """A chunk that is not where its index says."""
     return Block(chunk.chunk_start_offset, 0, chunk.compressed_size, chunk.compression, 0)
 
 
-def indexed_counts(chunk: ChunkIndex) -> dict[int, int]:
+def count_indexed_messages(chunk: ChunkIndex) -> dict[int, int]:
     """Messages by channel, from where the message indexes of a chunk begin: nothing is read.
 
     Empty where they do not follow each other, and the chunk, without gaps.
@@ -173,7 +173,9 @@ def indexed_counts(chunk: ChunkIndex) -> dict[int, int]:
     return counts
 
 
-def indexed_times(file: FileBytes, chunk: ChunkIndex) -> Mapping[int, NDArray[np.int64]] | None:
+def read_indexed_times_of_chunk(
+    file: FileBytes, chunk: ChunkIndex
+) -> Mapping[int, NDArray[np.int64]] | None:
     """Log times (as 64 bits) by channel, from the message indexes of a chunk.
 
     None where they are not whole, or share bytes, or there are none.

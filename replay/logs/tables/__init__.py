@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from replay.logs.tables.csv_columns import CsvColumns
     from replay.logs.tables.dialect import Dialect, sniff_dialect
     from replay.logs.tables.only_time import describe_disagreement
-    from replay.logs.tables.text import Utf8Text, convert_to_utf8, head_lines
+    from replay.logs.tables.text import Utf8Text, convert_to_utf8, read_head_lines
     from replay.logs.tables.times import NS_PER_UNIT, TimeError
 
 __all__ = [
@@ -33,7 +33,7 @@ __all__ = [
     "convert_to_utf8",
     "describe_disagreement",
     "find_times",
-    "head_lines",
+    "read_head_lines",
     "sniff_dialect",
 ]
 
@@ -50,7 +50,7 @@ __getattr__ = resolve_late(
         "convert_to_utf8": "replay.logs.tables.text",
         "describe_disagreement": "replay.logs.tables.only_time",
         "find_times": "replay.logs.tables.axis",
-        "head_lines": "replay.logs.tables.text",
+        "read_head_lines": "replay.logs.tables.text",
         "sniff_dialect": "replay.logs.tables.dialect",
     },
 )

@@ -20,7 +20,7 @@ from replay.logs.tables.text import (
     copy_with_ascii_digits,
     copy_with_tabs,
     drop_torn_quote,
-    head_lines,
+    read_head_lines,
 )
 
 #: Stands in no text: a line is one cell.
@@ -56,7 +56,7 @@ class CsvColumns:
         self._text = convert_to_utf8(path, hints.encoding)
         try:
             self._replace_text_file(copy_with_ascii_digits(self._text))
-            self._dialect = sniff_dialect(head_lines(self._text.path), hints)
+            self._dialect = sniff_dialect(read_head_lines(self._text.path), hints)
             if self._dialect.separator == BLANKS:
                 self._replace_text_file(copy_with_tabs(self._text))
             whole = drop_torn_quote(self._text, self._dialect.separator)

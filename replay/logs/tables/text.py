@@ -211,7 +211,7 @@ _NAMES_LINES: Final = 3
 _MOSTLY_TEXT: Final = 0.7
 
 
-def head_lines(path: Path) -> list[str]:
+def read_head_lines(path: Path) -> list[str]:
     """The first lines of a text in UTF-8, without the one that is cut off, for the dialect."""
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)

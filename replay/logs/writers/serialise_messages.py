@@ -177,7 +177,7 @@ class _Layout:
             self._append_count(length + len(end))
             if length:
                 self.append_numeric_column(
-                    np.dtype("u1"), elements_of_length(column, chosen, length)
+                    np.dtype("u1"), stack_elements_of_length(column, chosen, length)
                 )
             self.put_bytes(end)
         else:
@@ -209,7 +209,7 @@ class _Layout:
     ) -> None:
         self._append_padding(dtype.itemsize)
         if isinstance(column, RaggedColumn):
-            self.append_numeric_column(dtype, elements_of_length(column, chosen, length))
+            self.append_numeric_column(dtype, stack_elements_of_length(column, chosen, length))
         elif isinstance(column, np.ndarray):
             self.append_numeric_column(dtype, column[chosen])
         elif column is None:
@@ -248,7 +248,7 @@ def _list_length(column: Column, chosen: _Chosen, fixed: int | None) -> int:
     return length
 
 
-def elements_of_length(column: RaggedColumn, chosen: _Chosen, length: int) -> NDArray[Any]:
+def stack_elements_of_length(column: RaggedColumn, chosen: _Chosen, length: int) -> NDArray[Any]:
     """The elements (k, length) of lists of one length."""
     assert isinstance(column.content, np.ndarray)
     return column.content[column.first_indices[chosen][:, None] + np.arange(length)]

@@ -17,7 +17,7 @@ from analysis.excitation.excitation_design import (
     best_score,
     design_excitation,
     determined_parameter_count,
-    response_time_s,
+    driveline_response_time_s,
     scenario_with_manoeuvres,
 )
 from analysis.simulation import Scenario, solve_motion
@@ -54,7 +54,7 @@ def errors(made, drive, score, window_s, force_noise_N=None):
     longer = score.manoeuvre.model_copy(update={"duration_s": score.start_s + window_s + 1.0})
     motion = solve_motion(scenario_with_manoeuvres(made, longer), 0.0)
     truth = MeasuredSignals.measure_motion(
-        motion.sample(score.start_s + np.arange(samples) / filters.rate_hz)
+        motion.sample_channels(score.start_s + np.arange(samples) / filters.rate_hz)
     )
     random = np.random.default_rng(5)
     found = []
@@ -129,8 +129,8 @@ def test_an_accuracy_that_other_noise_forbids_has_no_signal_to_noise_ratio():
 
 
 def test_the_response_time_of_the_papers_machine_is_its_five_seconds():
-    assert response_time_s(PLAIN, 0.0, "force") == pytest.approx(5.0, abs=0.1)
-    assert response_time_s(PLAIN, 0.0, "torque") == pytest.approx(4 * 0.8 + 0.08, abs=0.1)
+    assert driveline_response_time_s(PLAIN, 0.0, "force") == pytest.approx(5.0, abs=0.1)
+    assert driveline_response_time_s(PLAIN, 0.0, "torque") == pytest.approx(4 * 0.8 + 0.08, abs=0.1)
 
 
 def test_period_and_window_follow_from_the_response_time():
@@ -154,7 +154,7 @@ def test_speed_and_yaw_rate_in_step_would_leave_rank_five():
     excite = {"kind": "excite", "force": {**wave, "highest_N": 3000.0}}
     excite["torque"] = {**wave, "highest_N_m": 2250.0}
     motion = solve_motion(scenario_with_manoeuvres(alike, Excite.model_validate(excite)), 0.0)
-    assert determined_parameter_count(motion.sample(np.arange(15.0, 30.0, 0.01))) == 5
+    assert determined_parameter_count(motion.sample_channels(np.arange(15.0, 30.0, 0.01))) == 5
     # the design puts their periods apart instead
     for score in design_excitation(alike, "joint").scores:
         assert score.rank == 6
@@ -182,7 +182,7 @@ def test_a_yard_rules_out_what_drives_beyond_it():
 
 def test_coulomb_friction_that_the_model_leaves_out_is_part_of_the_predicted_error():
     made = scenario(machine={"coulomb_N": 300.0})
-    response_s = {"force": response_time_s(made, 0.0, "force")}
+    response_s = {"force": driveline_response_time_s(made, 0.0, "force")}
     window_s = 2 * response_s["force"]
     score = _score_shape(made, "straight", "triangular", "both ways", response_s, window_s, 0.01)
     found, body = errors(made, "straight", score, window_s)

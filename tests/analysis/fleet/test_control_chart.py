@@ -9,7 +9,7 @@ from analysis.fleet.machine_drifts import (
     ALLOWANCE,
     average_run_length,
     chart_limit,
-    control_chart,
+    make_control_chart,
     standardise_innovations,
     whiten_series,
 )
@@ -68,14 +68,14 @@ def test_a_chart_depends_on_neither_unit_nor_zero(
 ) -> None:
     x = np.array(values)
     x = x + np.random.default_rng(1).normal(0.0, 1.0, x.size)
-    a, b = control_chart(x, 5.0), control_chart(offset + unit * x, 5.0)
+    a, b = make_control_chart(x, 5.0), make_control_chart(offset + unit * x, 5.0)
     np.testing.assert_allclose(a.innovation, b.innovation, atol=1e-4)
     np.testing.assert_allclose(a.up, b.up, atol=1e-2)
 
 
 @given(st.lists(FINITE, max_size=30))
 def test_a_chart_of_anything_has_a_sum_a_value_and_none_below_zero(values: list[float]) -> None:
-    chart = control_chart(np.array(values), 5.0)
+    chart = make_control_chart(np.array(values), 5.0)
     assert chart.up.size == chart.down.size == len(values)
     assert np.all(chart.up >= 0.0)
     assert np.all(chart.down >= 0.0)
@@ -83,14 +83,14 @@ def test_a_chart_of_anything_has_a_sum_a_value_and_none_below_zero(values: list[
 
 
 def test_a_constant_flags_nothing() -> None:
-    assert control_chart(np.full(300, 7.0), 5.0).flagged is None
+    assert make_control_chart(np.full(300, 7.0), 5.0).flagged is None
 
 
 def test_a_jump_is_flagged_where_it_begins_with_its_size() -> None:
     draw = np.random.default_rng(4)
     x = draw.normal(3600.0, 5.0, 200)
     x[120:] += 15.0
-    chart = control_chart(x, chart_limit(2190.0))
+    chart = make_control_chart(x, chart_limit(2190.0))
     assert chart.flagged is not None
     assert chart.since is not None
     assert 120 <= chart.flagged < 132
@@ -102,7 +102,7 @@ def test_a_jump_is_flagged_where_it_begins_with_its_size() -> None:
 def test_one_day_with_a_broken_log_is_no_drift() -> None:
     x = np.random.default_rng(5).normal(3600.0, 5.0, 200)
     x[100] += 2000.0
-    assert control_chart(x, chart_limit(2190.0)).flagged is None
+    assert make_control_chart(x, chart_limit(2190.0)).flagged is None
 
 
 def test_days_that_are_alike_in_a_row_are_told_from_a_drift() -> None:

@@ -33,7 +33,7 @@ def test_they_add_their_deceleration_to_friction_and_gravity_uphill(direction, s
     uphill = np.maximum(0.0, sign * G * np.sin(np.radians(slope_deg)))
     expected = 0.1 + uphill + 500.0 * np.abs(run.speed_x_m_s) / (MASS_KG + 500.0)
     np.testing.assert_allclose(-sign * run.acc_x_m_s2, expected, atol=1e-3)
-    assert made.sample(np.array([made.driven[-1].times.end_s])).speed_x_m_s[0] == 0.0
+    assert made.sample_channels(np.array([made.driven[-1].times.end_s])).speed_x_m_s[0] == 0.0
 
 
 def test_no_force_sensor_sees_them():
@@ -46,7 +46,7 @@ def test_they_are_felt_while_the_drive_still_keeps_the_speed():
     made = drive(brakes=GENTLE)
     times = made.driven[-1].times
     assert times.braking_s == pytest.approx(6.0 - 0.6)
-    run = made.sample(np.array([times.braking_s + 0.4]))
+    run = made.sample_channels(np.array([times.braking_s + 0.4]))
     assert run.phase[0] == "braking"
     assert run.measured_force_x_N[0] > 0.9 * FRICTION_N_S_M * run.speed_x_m_s[0]
     slowed = run.measured_force_x_N - FRICTION_N_S_M * run.speed_x_m_s - MASS_KG * run.acc_x_m_s2
@@ -57,7 +57,7 @@ def test_what_they_take_is_the_energy_that_friction_leaves():
     made = drive(brakes={"gentle_m_s2": 0.2, "gentle_lead_s": 0.0})
     times = made.driven[-1].times
     time_s = np.linspace(times.braking_s, times.end_s, 20_000)
-    run = made.sample(time_s)
+    run = made.sample_channels(time_s)
     lag = 1.0 - np.exp(-(time_s - times.braking_s) / 0.08)
     braked = 0.2 * MASS_KG * lag + FRICTION_N_S_M * run.speed_x_m_s - run.force_x_N
     taken_J = np.trapezoid(braked * run.speed_x_m_s, time_s)

@@ -5,9 +5,9 @@ import pytest
 
 from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
-from analysis.weighing.load_frames import make_load_frame, manoeuvre_frame
+from analysis.weighing.load_frames import make_load_frame, make_manoeuvre_frame
 from analysis.weighing.mass_budget import budget_of_mass
-from analysis.weighing.nuisance_frames import budget_frame, make_nuisance_frame
+from analysis.weighing.nuisance_frames import make_budget_frame, make_nuisance_frame
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 from tests.analysis.weighing.weighed import RICH, Weighed, weighed
 
@@ -101,8 +101,8 @@ class TestBody:
     def test_manoeuvres_are_without_what_only_turns_as_their_load_is(self, log):
         machine = with_body(log, rotating_mass_kg=150.0)
         excitation = log.replayed.frames["excitation"]
-        plain = manoeuvre_frame(log.weighing, excitation, log.machine)["mass_kg"]
-        geared = manoeuvre_frame(log.weighing, excitation, machine)["mass_kg"]
+        plain = make_manoeuvre_frame(log.weighing, excitation, log.machine)["mass_kg"]
+        geared = make_manoeuvre_frame(log.weighing, excitation, machine)["mass_kg"]
         assert (plain - geared).to_list() == pytest.approx([150.0] * plain.len())
 
     def test_what_only_turns_is_taken_off_and_its_uncertainty_added(self, log):
@@ -115,7 +115,7 @@ class TestBody:
 
 class TestFrames:
     def test_the_budget_adds_up_to_the_uncertainty_of_the_load_largest_first(self, log):
-        frame = budget_frame(log.weighing, log.machine)
+        frame = make_budget_frame(log.weighing, log.machine)
         known = frame.filter(frame["u_kg"].is_not_null())
         total = np.sqrt((known["u_kg"] ** 2).sum())
         assert total == pytest.approx(log.load["u_kg"])
@@ -156,8 +156,8 @@ class TestFrames:
         assert frame["mass_kg"].null_count() == 1
         assert "informative" in frame["withheld_for"][0]
         assert make_nuisance_frame(None).is_empty()
-        assert budget_frame(None, log.machine).is_empty()
+        assert make_budget_frame(None, log.machine).is_empty()
         assert (
-            budget_frame(None, log.machine).columns
-            == budget_frame(log.weighing, log.machine).columns
+            make_budget_frame(None, log.machine).columns
+            == make_budget_frame(log.weighing, log.machine).columns
         )

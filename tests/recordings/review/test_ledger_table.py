@@ -17,7 +17,7 @@ from recordings.review.energy_columns import (
     energy_column_name,
     uncertainty_column_name,
 )
-from recordings.review.ledger_table import COLUMNS, table_rows, write_table_csv, write_xlsx
+from recordings.review.ledger_table import COLUMNS, make_table_rows, write_table_csv, write_xlsx
 from recordings.review.reviewer_verdicts import LABELS
 
 HEADS = [column.head for column in COLUMNS]
@@ -108,7 +108,7 @@ def test_times_are_the_machines_whatever_the_readers_zone(monkeypatch: pytest.Mo
     tables: list[Any] = []
     for zone in ("America/Denver", "Asia/Tokyo"):
         monkeypatch.setenv("TZ", zone)
-        tables.append(table_rows(rows, at))
+        tables.append(make_table_rows(rows, at))
     assert tables[0] == tables[1]
     assert tables[0][0][HEADS.index("local time")] == dt.datetime(2026, 7, 1, 17, 30)
     assert tables[0][0][HEADS.index("offset from UTC")] == 5.5

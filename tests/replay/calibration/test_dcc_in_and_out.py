@@ -21,7 +21,7 @@ from recordings.calibration.certificate_text import (
 )
 from recordings.calibration.evidence_document import Chain, Link
 from recordings.dcc.dcc_document import DCC, parse_dcc
-from recordings.dcc.dcc_masses import certified_masses
+from recordings.dcc.dcc_masses import read_certified_masses
 from recordings.dcc.dcc_signature import check_signature, trusted_key_id
 from recordings.dcc.write_dcc import make_dcc
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
@@ -242,7 +242,7 @@ def test_the_certificate_is_signed_and_read_back(made: CalibrationOutcome, folde
     assert "sledge.xml is signed by the key" in made.remarks[-1]
     # it is the certificate of a machine, so nobody takes a weight from it
     with pytest.raises(Exception, match="has no item 'weight-1'"):
-        certified_masses(signed.root, "weight-1", "sledge.xml")
+        read_certified_masses(signed.root, "weight-1", "sledge.xml")
 
 
 @pytest.mark.skipif(not SCHEMA.exists(), reason="the schema of the DCC is not beside the checkout")

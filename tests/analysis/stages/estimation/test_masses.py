@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.model.axes import straight_regressor
-from analysis.stages.estimation.masses import summarise_masses, withhold
+from analysis.stages.estimation.masses import summarise_masses, withhold_masses
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import accepted_samples, gate
 from estimators.methods import pooled
@@ -36,7 +36,7 @@ def test_a_row_a_method_with_a_believable_mass(log, machine):
 
 
 def test_a_verdict_that_forbids_the_mass_takes_out_every_number(log, machine):
-    table = withhold(summarise_masses(*log, machine()), CANNOT_WEIGH, ())
+    table = withhold_masses(summarise_masses(*log, machine()), CANNOT_WEIGH, ())
     assert table["withheld"].all()
     for name in NUMBERS:
         assert table[name].null_count() == 5, name
@@ -45,7 +45,7 @@ def test_a_verdict_that_forbids_the_mass_takes_out_every_number(log, machine):
 
 def test_a_method_that_the_log_contradicts_is_taken_out_alone(log, machine):
     table = summarise_masses(*log, machine())
-    kept = withhold(table, WEIGHS, ("ls", "rls"))
+    kept = withhold_masses(table, WEIGHS, ("ls", "rls"))
     assert kept["withheld"].to_list() == [True, True, False, False, False]
     for name in NUMBERS:
         assert kept[name][:2].null_count() == 2, name
@@ -54,7 +54,7 @@ def test_a_method_that_the_log_contradicts_is_taken_out_alone(log, machine):
 
 def test_nothing_is_withheld_where_nothing_speaks_against_it(log, machine):
     table = summarise_masses(*log, machine())
-    assert withhold(table, WEIGHS, ()).equals(table)
+    assert withhold_masses(table, WEIGHS, ()).equals(table)
 
 
 def test_pooled_is_one_fit_over_every_accepted_sample_of_the_whole_log(log, machine):
