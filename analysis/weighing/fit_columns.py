@@ -8,6 +8,7 @@ import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.haul_route import Route
+from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.motion_samples import (
     Bools,
     ColumnNoiseModel,
@@ -94,6 +95,7 @@ class PreviousEstimates:
         slip_s_m: what slip costs, as a share of the force a m/s.
         speed_late_s: how late the speed is, by the wheels.
         motion_gain: share of the acceleration's own part, without gravity's, that is added to it.
+        swing: what a swinging body adds to the accelerometer.
         relative_loads: of the load states; None where there is one.
         route: between where they are loaded and dumped; None where none is dumped.
         uneven_1_s: how much the ground's force differs from stretch to stretch, in variances of the
@@ -107,6 +109,7 @@ class PreviousEstimates:
     slip_s_m: float = 0.0
     speed_late_s: float = 0.0
     motion_gain: float = 0.0
+    swing: BodySwing = NO_SWING
     relative_loads: RelativeLoads | None = None
     route: Route | None = None
     uneven_1_s: float = 0.0
@@ -310,6 +313,11 @@ def _make_piece_columns(
         own = acceleration if motion.without_gravity is None else motion.without_gravity
         acceleration = acceleration + found.motion_gain * own
     loads = found.relative_loads
+    if found.swing.lever_s2 and motion.specific_force is not None:
+        # springs give way in proportion to the mass
+        by_load = 1.0 if loads is None else 1.0 + loads.relative_load_of(motion.unit)
+        added = found.swing.added(motion.specific_force, motion.rate_hz)
+        acceleration = acceleration - by_load * added
     wheels, zeros = motion.wheel_acceleration, np.zeros(speed.size)
     force_std = float(np.sqrt(noise.covariance(1)[2, 2]))
     raw = Moments(

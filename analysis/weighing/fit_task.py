@@ -15,6 +15,7 @@ from analysis.weighing.joint_result import (
     resistance_slope,
     term_index,
 )
+from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.load_states import LoadStates, unit_of_each_stretch
 from analysis.weighing.log_effects import NARROW
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
@@ -73,6 +74,7 @@ class FitTask:
         return PreviousEstimates(
             slip_1_N=(self._do_wheels_slip() or (0.0, 0.0))[0],
             motion_gain=self._squat_gain(),
+            swing=self._swing(),
             speed_late_s=self._speed_late_s(),
             relative_loads=(loads := self._relative_loads()),
             route=self._find_route(loads),
@@ -233,6 +235,11 @@ class FitTask:
         """Addition to the acceleration's own part: its squat, if the pitch shows it."""
         told = self.wheels is not None and self.motion.by_accelerometer
         return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
+
+    def _swing(self) -> BodySwing:
+        """What a swinging body adds to the accelerometer, where the wheels show it."""
+        told = self.wheels is not None and self.motion.by_accelerometer
+        return self.wheels.swing if self.wheels is not None and told else NO_SWING
 
     def _round_priors(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
         """Prior means and widths; those of slip once its cost is known."""

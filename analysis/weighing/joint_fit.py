@@ -280,7 +280,11 @@ def add_motion_responses(
 
     later = replace(known, speed_late_s=known.speed_late_s + LIMITS.probe_delay_s)
     larger = replace(known, motion_gain=known.motion_gain + LIMITS.probe_gain_1)
+    swing, swung = known.swing, np.zeros(count)
+    if swing.lever_s2:
+        farther = replace(swing, lever_s2=swing.lever_s2 + swing.u_s2)
+        swung = moved(replace(known, swing=farther), 1.0)
     responses = MotionResponses(
-        moved(later, LIMITS.probe_delay_s), moved(larger, LIMITS.probe_gain_1)
+        moved(later, LIMITS.probe_delay_s), moved(larger, LIMITS.probe_gain_1), swung
     )
     return replace(found, by_motion=responses)

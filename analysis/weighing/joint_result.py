@@ -51,10 +51,12 @@ class MotionResponses:
     Attributes:
         delay_kg_s: a speed that is later, a second of it.
         gain_kg: an acceleration that is larger, gravity's part not, a share of 1 of it.
+        swing_kg: a body that swings more, by the standard uncertainty of that.
     """
 
     delay_kg_s: Floats
     gain_kg: Floats
+    swing_kg: Floats
 
 
 @dataclass(frozen=True)
@@ -246,7 +248,15 @@ class JointFit:
             "other_effects": 0.0
             if self.effects is None
             else self.effects.model_choice_u_kg(weights),
-            "squat": float(np.hypot(self._pitch_parts_kg(weights), self._squat_parts_kg(weights))),
+            "squat": float(
+                np.linalg.norm(
+                    [
+                        self._pitch_parts_kg(weights),
+                        self._squat_parts_kg(weights),
+                        0.0 if self.by_motion is None else float(weights @ self.by_motion.swing_kg),
+                    ]
+                )
+            ),
             "misfit": root(fit.misfit),
             "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),

@@ -253,6 +253,22 @@ class WeighingLimits:
     #: and of a longer mean, which is the difference of two samples.
     mean_difference_variance: float = 2.0
 
+    # lever_arm
+    #: Differences over so much time tell the swing of a body from its grade: a cycle of springs of
+    #: 2 Hz is twice as long.
+    lever_lag_s: float = 0.25
+    #: Fewest means of a stretch.
+    lever_min_rows: int = 30
+    #: Slowest grid, in Hz, on which such springs are seen: ten samples a cycle.
+    lever_min_rate_hz: float = 20.0
+    #: Largest share of a quick start that an accelerometer below the axis does not read: one that
+    #: reads next to nothing tells no acceleration.
+    lever_max_below_1: float = 0.8
+    #: Smallest swing that matters: a hundredth of a start's acceleration that comes in 0.2 s.
+    lever_min_s2: float = 0.0002
+    #: Standard uncertainty of a swing over itself: axles, tyres and a mast are no single spring.
+    lever_shape_u: float = 0.15
+
     # pitch_squat
     #: Distance in m from the start of a stretch over which the grade is a polynomial: half a hill.
     grade_reach_m: float = 8.0

@@ -15,6 +15,7 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
+from analysis.weighing.lever_arm import NO_SWING, BodySwing, estimate_swing, subtract_swing
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
@@ -59,6 +60,7 @@ class WheelKinematics:
         mean_u: (3,) likewise, standard uncertainty of what a calibration learnt; else 0.
         squat: share of the acceleration that the body's pitch adds to the accelerometer, value and
             deviation: pitch or wheels show it, so that it is taken off; else 0.
+        swing: what a body that squats adds to an accelerometer above its axis as it swings.
         own: what this log says where a calibration's words stand here instead.
     """
 
@@ -73,6 +75,7 @@ class WheelKinematics:
     prior_std: Floats
     mean_u: Floats
     squat: tuple[float, float] = (0.0, 0.0)
+    swing: BodySwing = NO_SWING
     own: "WheelKinematics | None" = None
 
     @property
@@ -120,15 +123,38 @@ def compare_wheels(
 ) -> WheelKinematics | None:
     """Compare wheels with the accelerometer; None without one, or where no stretch is long enough.
 
-    Hills put a gravity on the accelerometer that changes within a manoeuvre. Where the comparison
-    goes better without it, it is taken off by the pitch; not elsewhere, since a body that squats
-    pitches as well, and its gravity, which follows the acceleration, must be seen as gain.
+    What a body that squats adds to an accelerometer above its axis is taken off first.
 
     Args:
         motion: the samples.
         noise: of acceleration, speed and force.
         priors: of slip, gain, delay and offset.
         earlier: what a motion said that is much like this one: it is begun from there.
+    """
+    found = _compare_bodies(motion, noise, priors, earlier)
+    if found is None or not found.squat[0] > 0.0 or motion.specific_force is None:
+        return found
+    level = motion.without_gravity
+    swing = estimate_swing(motion.specific_force if level is None else level, motion)
+    if swing is None:
+        return found
+    still = _compare_bodies(subtract_swing(motion, swing), noise, priors, earlier)
+    if still is None:
+        return None
+    return replace(still, swing=swing if level is None else swing.with_gravity(still.squat[0]))
+
+
+def _compare_bodies(
+    motion: MotionSamples,
+    noise: ColumnNoiseModel,
+    priors: PriorSettings,
+    earlier: WheelKinematics | None,
+) -> WheelKinematics | None:
+    """Compare wheels with an accelerometer on a body that may squat.
+
+    Hills put a gravity on the accelerometer that changes within a manoeuvre. Where the comparison
+    goes better without it, it is taken off by the pitch; not elsewhere, since a body that squats
+    pitches as well, and its gravity, which follows the acceleration, must be seen as gain.
     """
     if motion.specific_force is None:
         return None

@@ -1,0 +1,196 @@
+"""An accelerometer above the axis that the body pitches about, which sees the body swing.
+
+A body on springs pitches by s for each m/s², as a mass on a spring and a damper does:
+
+    y'' + 2 ζ ω y' + ω² y = ω² a        the pitch is s · y
+
+An accelerometer at the height h above its axis reads h s · y'' beside the acceleration and the
+gravity g s · y: the body swings with every start and brake, by several percent of them, and the
+more the heavier its load is. With y = a - 2 ζ/ω y' - y''/ω² that is a squat g s · a, a delay, and
+a swing κ · y'' with κ = h s - g s/ω², which the wheels tell:
+
+    v = ∫ (1 + gain) a dt + slip · |u| F - delay · a - κ · y'
+
+in differences over a quarter of a second, in which grades, tilt and noise that adds up are small.
+The rate y' has noise of the accelerometer, which the integral has too; the force, whose noise is
+another, stands for it (instrumental variables; Wooldridge, Econometric Analysis of Cross Section
+and Panel Data, ch. 5). Frequency and damping are those that leave the least.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Final
+
+import numpy as np
+
+from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
+from analysis.weighing.motion_samples import Floats, MotionSamples
+from analysis.weighing.pitch_squat import fit_instrumental_variables
+from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping
+from analysis.weighing.weighing_limits import LIMITS
+
+#: Springs that the search begins with: frequencies of bodies on springs and tyres, in Hz,
+_FREQUENCIES_HZ: Final = (1.0, 1.4, 2.0, 2.8, 4.0)
+#: and damping over the critical one.
+_DAMPINGS_1: Final = (0.2, 0.4, 0.8)
+#: Logarithms of frequency and damping are searched to this, from steps of so much.
+_TOLERANCE: Final = 0.02
+_STEP: Final = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class BodySwing:
+    """What a swinging body adds to its accelerometer.
+
+    Attributes:
+        lever_s2: κ, what it reads for each m/s⁴ of y'', with the mean load; 0 for none.
+        u_s2: standard uncertainty.
+        frequency_hz: of the springs.
+        damping_1: over the critical one.
+    """
+
+    lever_s2: float = 0.0
+    u_s2: float = 0.0
+    frequency_hz: float = 1.0
+    damping_1: float = 1.0
+
+    def with_gravity(self, squat_1: float) -> "BodySwing":
+        """Add what a squat by g s has of the swing, where gravity was off by the pitch."""
+        turn_1_s = 2.0 * np.pi * self.frequency_hz
+        return replace(self, lever_s2=self.lever_s2 - squat_1 / turn_1_s**2)
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether what is measured below the axis still tells the acceleration."""
+        turn_1_s = 2.0 * np.pi * self.frequency_hz
+        return self.lever_s2 * turn_1_s**2 > -LIMITS.lever_max_below_1
+
+    def added(self, measured: Floats, rate_hz: float) -> Floats:
+        """Take κ · y'' from what is measured on that body, (n,) in m/s²."""
+        return self._filter(measured, rate_hz, (self.lever_s2, 0.0, 0.0))
+
+    def rates(self, measured: Floats, rate_hz: float) -> Floats:
+        """Take y' likewise, (n,) in m/s³."""
+        return self._filter(measured, rate_hz, (0.0, 1.0, 0.0))
+
+    def _filter(self, x: Floats, rate_hz: float, numerator: tuple[float, ...]) -> Floats:
+        from scipy.signal import bilinear, lfilter, lfilter_zi
+
+        turn_1_s = 2.0 * np.pi * self.frequency_hz
+        # what is measured has the swing in it
+        swings = 1.0 + self.lever_s2 * turn_1_s**2
+        below = (swings, 2.0 * self.damping_1 * turn_1_s, turn_1_s**2)
+        b, a = bilinear(turn_1_s**2 * np.array(numerator), below, rate_hz)
+        return lfilter(b, a, x, zi=lfilter_zi(b, a) * x[0])[0]
+
+
+def estimate_swing(measured: Floats, motion: MotionSamples) -> BodySwing | None:
+    """Estimate the swing; None where nothing of it is seen.
+
+    Args:
+        measured: (n,) by the accelerometer, in m/s²; the pitch's gravity may be off.
+        motion: the samples, the speed as it was measured.
+    """
+    if motion.rate_hz < LIMITS.lever_min_rate_hz:
+        return None
+    tried = [
+        _estimate_lever_arm(measured, motion, BodySwing(frequency_hz=hz, damping_1=damping_1))
+        for hz, damping_1 in product(_FREQUENCIES_HZ, _DAMPINGS_1)
+    ]
+    known = [each for each in tried if each is not None]
+    if not known:
+        return None
+    first, _ = min(known, key=lambda each: each[1])
+    found = _search_springs(measured, motion, first)
+    if found is None:
+        return None
+    least_s2 = max(LIMITS.lever_min_s2, LIMITS.pitch_squat_min_std * found.u_s2)
+    if not (abs(found.lever_s2) > least_s2 and found.is_stable):
+        return None
+    return replace(found, u_s2=float(np.hypot(found.u_s2, LIMITS.lever_shape_u * found.lever_s2)))
+
+
+def _search_springs(measured: Floats, motion: MotionSamples, first: BodySwing) -> BodySwing | None:
+    """The springs that leave the least, of a body that is driven without its own swing."""
+    from scipy.optimize import Bounds, minimize
+
+    def springs(logs: Floats) -> BodySwing:
+        hz, damping_1 = np.exp(logs).tolist()
+        return replace(first, frequency_hz=hz, damping_1=damping_1)
+
+    def left(logs: Floats) -> float:
+        found = _estimate_lever_arm(measured, motion, springs(logs))
+        return np.inf if found is None else found[1]
+
+    begin = np.log([first.frequency_hz, first.damping_1])
+    corners = begin + _STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    low, high = np.log([(tried[0], tried[-1]) for tried in (_FREQUENCIES_HZ, _DAMPINGS_1)]).T
+    best = minimize(
+        left,
+        begin,
+        method="Nelder-Mead",
+        bounds=Bounds(low, high),
+        options={"initial_simplex": corners, "xatol": _TOLERANCE, "fatol": np.inf},  # pyright: ignore[reportArgumentType] the stubs know no simplex
+    )
+    found = _estimate_lever_arm(measured, motion, springs(best.x))
+    return None if found is None else found[0]
+
+
+def _estimate_lever_arm(
+    measured: Floats, motion: MotionSamples, springs: BodySwing
+) -> tuple[BodySwing, float] | None:
+    """The lever arm by these springs, and the mean square that it leaves."""
+    assert motion.specific_force is not None
+    rate_hz = motion.rate_hz
+    step_s, lag = 1.0 / rate_hz, max(rows_in_duration(LIMITS.lever_lag_s, rate_hz) // EVERY, 1)
+    shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
+    swings = springs.rates(motion.specific_force, rate_hz)
+    by_force = springs.rates(motion.force, rate_hz)
+    parts: list[Floats] = []
+    group = motion.group
+    first, last = np.flatnonzero(first_of_stretch(group)), np.flatnonzero(last_of_stretch(group))
+    for begin, end in zip(first.tolist(), (last + 1).tolist(), strict=True):
+        if end - begin < shortest:
+            continue
+        part = slice(begin, end)
+        a, v, force = measured[part], motion.speed[part], motion.force[part]
+        gained = (np.cumsum(a) - a / 2.0) * step_s
+        columns = (gained, np.abs(v) * force, -a, -swings[part], v - gained, -by_force[part])
+        rows = np.column_stack([average_overlapping(x) for x in columns])
+        rows = rows[lag:] - rows[:-lag]
+        parts.append(rows - rows.mean(axis=0))
+    if len(parts) < LIMITS.squat_min_stretches:
+        return None
+    scale = np.sqrt(np.mean([(rows**2).mean(axis=0) for rows in parts], axis=0))
+    if not (scale > 0.0).all():
+        return None
+    parts = [rows / scale for rows in parts]
+    instruments = [rows[:, [0, 1, 2, 5]] for rows in parts]
+    pairs = list(zip(instruments, parts, strict=True))
+    solved = fit_instrumental_variables(
+        np.array([z.T @ rows[:, :4] for z, rows in pairs]),
+        np.array([z.T @ rows[:, 4] for z, rows in pairs]),
+    )
+    if solved is None:
+        return None
+    theta, covariance = solved
+    left = sum(float(((rows[:, 4] - rows[:, :4] @ theta) ** 2).sum()) for rows in parts)
+    unit_s2 = float(scale[4] / scale[3])
+    lever_s2, std_s2 = float(theta[3]) * unit_s2, float(np.sqrt(covariance[3, 3])) * unit_s2
+    return replace(springs, lever_s2=lever_s2, u_s2=std_s2), left * float(scale[4]) ** 2
+
+
+def subtract_swing(motion: MotionSamples, swing: BodySwing) -> MotionSamples:
+    """The same without what the swinging body adds to the accelerometer."""
+    assert motion.specific_force is not None
+    added, level = swing.added(motion.specific_force, motion.rate_hz), motion.without_gravity
+    return replace(
+        motion,
+        specific_force=motion.specific_force - added,
+        without_gravity=None if level is None else level - added,
+    )
+
+
+#: Of a body that does not swing, or of which nothing is known.
+NO_SWING: Final = BodySwing()
