@@ -8,7 +8,6 @@ coefficient is 1 / C; an offset F₀ of the force looks like a gain where all dr
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Final
 
 import numpy as np
@@ -25,7 +24,13 @@ from analysis.weighing.motion_samples import (
 )
 from analysis.weighing.nuisances import const_prior_std
 from analysis.weighing.pitch_squat import estimate_pitch_squat
-from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping, subtract_line
+from analysis.weighing.stretch_means import (
+    EVERY,
+    MEAN,
+    average_overlapping,
+    stretch_trend_columns,
+    subtract_line,
+)
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_ahead
 from estimators.joint import prior_fit
@@ -236,7 +241,7 @@ def _fit_comparison(
         return None
     lines = loss = None
     if earlier is not None:
-        lines = _stretch_trend_columns(rows[2])
+        lines = stretch_trend_columns(rows[2])
         loss = autocovariance_loss(rows[2], lines)
     wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     for number in range(LIMITS.slip_passes):
@@ -253,7 +258,7 @@ def _fit_comparison(
         rows = _make_comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N) or rows
         # only the last one's deviations count
         if lines is None and number == LIMITS.slip_passes - 1:
-            lines = _stretch_trend_columns(rows[2])
+            lines = stretch_trend_columns(rows[2])
             loss = autocovariance_loss(rows[2], lines)
         wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
@@ -333,26 +338,12 @@ def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: 
     return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
 
 
-def _stretch_trend_columns(group: Ints) -> Floats:
-    """A constant and a slope for each stretch, (rows, 2)."""
-    return np.concatenate([_orthonormal_line(part.size) for part in group_rows(group)])
-
-
-@cache
-def _orthonormal_line(samples: int) -> Floats:
-    """Orthonormal columns of a constant and a slope, (samples, 2)."""
-    ramp = np.linspace(-1.0, 1.0, samples)
-    return np.linalg.qr(np.column_stack([np.ones(samples), ramp]))[0]
-
-
 def _make_comparison_rows(
     measured: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
 ) -> _Rows | None:
     """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
-    first, last = (
-        np.flatnonzero(first_of_stretch(motion.group)),
-        np.flatnonzero(last_of_stretch(motion.group)),
-    )
+    group = motion.group
+    first, last = np.flatnonzero(first_of_stretch(group)), np.flatnonzero(last_of_stretch(group))
     spans = np.column_stack([first, last + 1])[last + 1 - first >= 10 * MEAN]
     if not spans.size:
         return None
