@@ -5,9 +5,10 @@
 Changed is what differs from where this branch left the one it follows (`--since` names another
 commit), committed or not. Of the tests those run that are changed themselves, that mirror a changed
 file (`analysis/planar/planar_terms.py`: `tests/analysis/planar/test_planar_terms*.py`), or that
-import one, directly or through a helper of the tests; nearest first, and when the time is over the
-others are skipped. Types are checked of the changed files and of those that import them. `make
-test` runs everything.
+import one: directly, from the `__init__` of its folder that imports it, or through a helper of the
+tests. A table that results depend on (`WATCHED`) names the tests that fix those results. The
+nearest tests come first; when the time is over, the others are skipped. Types are checked of the
+changed files and of those that import them. `make test` runs everything.
 """
 
 import argparse
@@ -27,6 +28,16 @@ READ_BY = {
     "examples": "tests/test_documentation.py",
     ".md": "tests/test_documentation.py",
     ".toml": "tests/test_documentation.py",
+}
+#: Tables of the product: the tests that no import leads to, since they read what follows from them.
+WATCHED = {
+    "analysis/diagnosis": ("tests/golden/test_golden.py", "tests/test_documentation.py"),
+    "analysis/findings": ("tests/golden/test_golden.py",),
+    "analysis/model": (
+        "tests/golden/test_golden.py",
+        "tests/replay/test_versions.py",
+        "tests/test_documentation.py",
+    ),
 }
 #: A second each, and what one change to the house most often breaks.
 ALWAYS = "tests/test_layers.py"
@@ -90,7 +101,7 @@ def module_of(path: Path) -> str:
 
 
 def importers_of() -> dict[str, set[Path]]:
-    """Of each module the files that import it, inside functions too."""
+    """The files that import each module and each of its names, inside functions too."""
     found: dict[str, set[Path]] = defaultdict(set)
     for package in (*PACKAGES, str(TESTS)):
         for path in (REPO / package).rglob("*.py"):
@@ -104,6 +115,23 @@ def importers_of() -> dict[str, set[Path]]:
                 for name in names:
                     found[name].add(path.relative_to(REPO))
     return found
+
+
+def users_of(name: str, importers: dict[str, set[Path]]) -> set[Path]:
+    """The files that import a dotted name, also from an `__init__` that passes it on."""
+    users = set(importers.get(name, ()))
+    for face in [path for path in users if path.name == "__init__.py"]:
+        passed_on = f"{module_of(face)}.{name.rpartition('.')[2]}"
+        if passed_on != name:
+            users |= users_of(passed_on, importers)
+    return users
+
+
+def files_importing(path: Path, importers: dict[str, set[Path]]) -> set[Path]:
+    """The files that import a file, or from a folder's `__init__` what that has from it."""
+    module = module_of(path)
+    names = [name for name in importers if name.rpartition(".")[0] == module]
+    return set(importers.get(module, ())).union(*(users_of(name, importers) for name in names))
 
 
 def tests_of(changed: list[Path], importers: dict[str, set[Path]]) -> list[str]:
@@ -124,7 +152,9 @@ def tests_of(changed: list[Path], importers: dict[str, set[Path]]) -> list[str]:
         folder = REPO / TESTS / path.parent
         for mirror in folder.glob(f"test_{path.stem}*.py"):
             add(mirror.relative_to(REPO), 1)
-        for importer in importers.get(module_of(path), ()):
+        for watched in WATCHED.get(path.parent.as_posix(), ()):
+            add(Path(watched), 1)
+        for importer in files_importing(path, importers):
             add(importer, 2)
             if TESTS in importer.parents:  # a helper: those that use it
                 for user in importers.get(module_of(importer), ()):
@@ -135,7 +165,7 @@ def tests_of(changed: list[Path], importers: dict[str, set[Path]]) -> list[str]:
 
 def typed_of(changed: list[Path], importers: dict[str, set[Path]]) -> list[str]:
     """The changed files of the packages and those that import them."""
-    wanted = set(changed).union(*(importers.get(module_of(path), set()) for path in changed))
+    wanted = set(changed).union(*(files_importing(path, importers) for path in changed))
     return sorted(
         str(path)
         for path in wanted

@@ -17,7 +17,7 @@ from analysis.calibration.campaign.method_errors import rms_errors
 from analysis.simulation import Scenario
 from replay import load_machine
 from replay.demo.run_demo import replay_campaign
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 
 
 def main(
@@ -39,7 +39,7 @@ def main(
     biases: list[pl.DataFrame] = []
     for seed in range(1, seeds + 1):
         with tempfile.TemporaryDirectory() as folder:
-            logs = simulate(base.seeded(seed), Path(folder) / f"campaign{suffix}")
+            logs = simulate_scenario(base.with_seed(seed), Path(folder) / f"campaign{suffix}")
             calibration = replay_campaign(logs, machine).frames["calibration"]
         errors.append(rms_errors(calibration).with_columns(seed=seed))
         biases.append(

@@ -19,7 +19,7 @@ from benchmarks.decode_log import CUSTOM_TYPE, store, value
 from replay.logs.decoding.decode_plan import Plan
 from replay.logs.message_definitions import compile_type
 from replay.logs.messages.message_fields import resolve
-from replay.logs.messages.message_types import leaves
+from replay.logs.messages.message_types import iter_leaf_names
 from replay.logs.messages.raw_batch import RawBatch, join_messages
 from replay.logs.storage.container import Connection
 
@@ -44,7 +44,7 @@ def main() -> None:
     for name in TOPICS:
         text, _ = types.generate_msgdef(name, ros_version=2)
         kind = compile_type(Connection(0, "/t", name, "cdr", text, "ros2msg"))
-        fields = [resolve(leaf, kind.record) for leaf in leaves(kind.record)]
+        fields = [resolve(leaf, kind.record) for leaf in iter_leaf_names(kind.record)]
         stored = [bytes(types.serialize_cdr(value(types, name, rng), name)) for _ in range(rows)]
         batch = join_messages(0, range(len(stored)), stored)
         batches = [batch] * (MESSAGES // rows)

@@ -19,8 +19,8 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from analysis.cycles.cycle_energy import PARTS, PHASES, WHOLE, EnergyRow, shift_energy
-from analysis.cycles.cycles_without_mass import holes
+from analysis.cycles.cycle_energy import PARTS, PHASES, WHOLE, EnergyRow, compute_shift_energy
+from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
@@ -30,7 +30,7 @@ from benchmarks.shift_logs import GAIN_U, drawn_shift
 from estimators.arrays import Floats
 from replay import open_log
 from replay.pipeline import run
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 
 #: Of the true integrals, in Hz.
 _RATE_HZ: Final = 200.0
@@ -46,7 +46,7 @@ class TrueEnergy:
         times: list[NDArray[np.int64]] = []
         parts: list[Floats] = []
         body = scenario.machine
-        for log in ShiftSimulation(scenario, scenario.shift).logs():
+        for log in ShiftSimulation(scenario, scenario.shift).simulate_logs():
             line = log.timeline
             t = np.arange(line.start_ns, line.end_ns, int(_NS / _RATE_HZ))
             true = line.sample(t)
@@ -84,7 +84,7 @@ class TrueEnergy:
 
 def replay_shift(scenario: Scenario, machine: Machine, folder: Path) -> tuple[Run, Machine]:
     """Simulate a shift and replay its logs; with the machine as it was replayed."""
-    logs = simulate(scenario, folder / "shift.mcap", force=True)
+    logs = simulate_scenario(scenario, folder / "shift.mcap", force=True)
     with ExitStack() as stack:
         made = run([stack.enter_context(open_log(path)) for path in logs], machine)
     return made, machine.model_copy(update={"settings": made.provenance.settings})
@@ -95,10 +95,10 @@ def energies_beside_truth(
 ) -> list[tuple[EnergyRow, Floats]]:
     """Each row of the energy table, and its true parts in kWh."""
     frames, t0_ns = made.frames, made.provenance.t0_unix_ns
-    gaps = holes(frames["excitation"], frames["aligned"])
+    gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
     digs = frames["digging"].select("start_t_ns", "end_t_ns").rows()
     true = TrueEnergy(scenario, [(s + t0_ns, e + t0_ns) for s, e in digs])
-    found = shift_energy(frames, machine, gaps)
+    found = compute_shift_energy(frames, machine, gaps)
     own = {row.cycle for row in found.rows}
     edges: dict[tuple[int, str], tuple[int, int]] = {}
     for row in frames["cycles"].iter_rows(named=True):

@@ -24,7 +24,7 @@ os.environ["RAY_DEDUP_LOGS"] = "0"
 
 from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
 from replay.fleet.fleet_file import load_fleet
-from replay.fleet.log_sources import FleetLog, fleet_logs
+from replay.fleet.log_sources import FleetLog, list_fleet_logs
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.recording_task import TaskOutcome
 from replay.fleet.run_fleet import FleetRun, fleet_run
@@ -87,7 +87,7 @@ def on_cluster(logs: Path, fleet: Path, destination: Path, count: int) -> tuple[
         nodes = [cluster.add_node(**here) for _ in range(2)]
         killer = Killer(cluster, nodes[-1], count)
         did = fleet_run(
-            fleet_logs([str(logs)]),
+            list_fleet_logs([str(logs)]),
             load_fleet(fleet),
             str(destination),
             partial(ray_engine, cluster.address, None),
@@ -114,7 +114,7 @@ def main() -> int:
             told(f"failed: {source}: {why}")
         began = time.perf_counter()
         fleet = load_fleet(folder / "fleet.toml")
-        fleet_run(fleet_logs([str(logs)]), fleet, str(folder / "serial"), SerialEngine)
+        fleet_run(list_fleet_logs([str(logs)]), fleet, str(folder / "serial"), SerialEngine)
         told(f"serially: {time.perf_counter() - began:.0f} s")
         there, differ = same_results(folder / "serial", folder / "cluster")
         told(f"{there} results of {count} recordings, {len(differ)} files differ")

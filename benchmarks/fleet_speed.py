@@ -23,7 +23,7 @@ from benchmarks.fleet_logs import recordings, told
 from benchmarks.page import markdown, put
 from replay.fleet.fleet_file import load_fleet
 from replay.fleet.last_run import TaskLimits
-from replay.fleet.log_sources import FleetLog, fleet_logs
+from replay.fleet.log_sources import FleetLog, list_fleet_logs
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.recording_task import TaskOutcome
 from replay.fleet.run_fleet import fleet_run
@@ -86,7 +86,7 @@ def watched(folder: Path, workers: int, run: int) -> Watched:
     """Replay all with so many workers."""
     found = Watched(workers)
     fleet_run(
-        fleet_logs([str(folder / "logs")]),
+        list_fleet_logs([str(folder / "logs")]),
         load_fleet(folder / "fleet.toml"),
         str(folder / f"results_{workers}_{run}"),
         partial(ray_engine, None, workers),

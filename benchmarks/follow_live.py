@@ -30,7 +30,7 @@ from analysis.stages.noise.column_noise import axis_noise
 from benchmarks.page import markdown
 from replay import load_machine
 from replay.follow.follow_logs import Following, follow_logs
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 
 TICK_NS = 10_000_000
 #: What a row may be late by.
@@ -85,7 +85,7 @@ def followed(folder: Path, seconds: float, speed: float) -> list[str]:
     """A row of the table."""
     runs = int(seconds // 10) + 1
     plan = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": runs}})
-    (source,) = simulate(plan, folder / "source.mcap")
+    (source,) = simulate_scenario(plan, folder / "source.mcap")
     target, times = folder / "live.mcap", folder / "times.json"
     machine = load_machine("cat262c.toml", NOISE)
     _warm(source, machine)

@@ -12,10 +12,15 @@ from typing import Final
 
 import typer
 
-from recordings.review.week_shifts import day_text, friction_trends, read_shifts, trend_sentences
-from replay.review.review_shift import ReviewOptions, review
+from recordings.review.week_shifts import (
+    day_text,
+    read_shifts,
+    trend_friction_by_machine,
+    trend_sentences,
+)
+from replay.review.review_shift import ReviewOptions, review_shift
 from replay.simulation.scenario_file import load_scenario
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 
 _EXAMPLES: Final = Path(__file__).resolve().parent.parent / "examples"
 _DAYS: Final = 7
@@ -47,8 +52,8 @@ def review_week(folder: Path, hours: float, seed: int) -> tuple[list[Path], floa
                 f"sensors.seed={100 * seed + day}",
             ],
         )
-        logs = simulate(scenario, folder / f"day{day}.mcap", force=True)
-        made = review(logs, _EXAMPLES / "yard.toml", folder / f"review{day}", ReviewOptions())
+        logs = simulate_scenario(scenario, folder / f"day{day}.mcap", force=True)
+        made = review_shift(logs, _EXAMPLES / "yard.toml", folder / f"review{day}", ReviewOptions())
         value, std = made.state.friction
         print(f"day {day}: true {base * rise:,.0f}, fit {value:,.0f} ± {2.0 * (std or 0.0):,.0f}")
         reviews.append(made.folder)
@@ -62,7 +67,7 @@ def main(hours: float = 0.25, seed: int = 1, keep: Path | None = None) -> None:
         folder = keep or Path(scratch)
         folder.mkdir(exist_ok=True)
         reviews, limit, true_d = review_week(folder, hours, seed)
-        trends = friction_trends(read_shifts(reviews), limit)
+        trends = trend_friction_by_machine(read_shifts(reviews), limit)
     for sentence in trend_sentences(trends):
         print(sentence)
     for trend in trends.values():

@@ -19,16 +19,19 @@ import polars as pl
 import typer
 
 from analysis.calibration.campaign.campaign_plan import CampaignRun
-from analysis.calibration.campaign.campaign_readings import readings, run_responses
+from analysis.calibration.campaign.campaign_readings import (
+    read_campaign_runs,
+    responses_of_runs_to_learnt_means,
+)
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.use.apply_calibration import calibrate_loads
-from analysis.calibration.use.later_log import later_log
+from analysis.calibration.use.later_log import describe_later_log
 from analysis.calibration.use.learnt_priors import (
+    learn_terms_of_logs,
     learnable_terms,
-    learnt_terms,
     machine_for_later_log,
-    with_learnt_priors,
+    machine_with_learnt_priors,
 )
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -164,7 +167,7 @@ def replayed(
         write_machine_file(stated, drawn.seen, known)
         own = load_machine(stated)
         if machine is not None:
-            own = with_learnt_priors(own, machine.settings.priors.learnt)
+            own = machine_with_learnt_priors(own, machine.settings.priors.learnt)
             own = (
                 machine_for_later_log(own)
                 if machine.settings.priors.learnt_means == "told"
@@ -188,7 +191,7 @@ def calibrated(drawn: Drawn, dice: np.random.Generator) -> tuple[Calibration, Ma
         if not each.frames["loads"]["withheld"].any()
         for term in learnable_terms(str(number), each.frames["nuisances"])
     ]
-    machine = with_learnt_priors(raw[0][1], learnt_terms(said))
+    machine = machine_with_learnt_priors(raw[0][1], learn_terms_of_logs(said))
     logs = [(state, np.random.default_rng(seed)) for state, seed in zip(states, seeds, strict=True)]
     again = [replayed(drawn, state, own, machine)[0] for state, own in logs]
     runs = [
@@ -196,13 +199,13 @@ def calibrated(drawn: Drawn, dice: np.random.Generator) -> tuple[Calibration, Ma
         for k in range(len(LOADS_1))
     ]
     tables = [
-        readings(each, [about], "joint_mass").with_columns(load_id=pl.lit(about.log))
+        read_campaign_runs(each, [about], "joint_mass").with_columns(load_id=pl.lit(about.log))
         for each, about in zip(again, runs, strict=True)
     ]
     responses = [
         one
         for each, about in zip(again, runs, strict=True)
-        for one in run_responses(each, [about], "joint_mass")
+        for one in responses_of_runs_to_learnt_means(each, [about], "joint_mass")
     ]
     reference_kg = mass_kg * (1.0 + np.array(LOADS_1))
     known = pl.DataFrame({"load_id": [r.log for r in runs], "reference_kg": reference_kg})
@@ -224,7 +227,7 @@ def later(
     """What the last load of a later log comes to."""
     line, machine = by
     made, own = replayed(drawn, states, dice, machine)
-    log = later_log(made.frames, own.machine)
+    log = describe_later_log(made.frames, own.machine)
     row = calibrate_loads(made.frames["loads"], line, log).row(-1, named=True)
     names = ["payload_kg", "payload_u_kg", "mass_kg", "u_kg"]
     names += [name for name in row if name.startswith("calibrated_")]

@@ -35,7 +35,7 @@ from benchmarks.independent.shift_logs import shift_log
 from benchmarks.kept_trials import read_rows, run_trials
 from benchmarks.page import markdown
 from estimators.errors import PayscopeError
-from replay.review.review_shift import ReviewOptions, review
+from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
 
 #: Of an interval of 95 %.
@@ -165,7 +165,7 @@ def reviewed(seed: int, shorter: float = 1.0, *, clean: bool = False) -> Indepen
         write_machine_file(stated, log.stated, log.known)
         began = time.monotonic()
         try:
-            made = review(paths, stated, folder / "review", ReviewOptions())
+            made = review_shift(paths, stated, folder / "review", ReviewOptions())
         except PayscopeError as error:
             refused = str(error)
         except Exception:  # noqa: BLE001 - a crash is a result here, and the campaign goes on

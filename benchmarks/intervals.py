@@ -15,7 +15,7 @@ import typer
 from analysis import Machine
 from analysis.model.axes import straight_regressor
 from analysis.simulation import simulate_campaign
-from analysis.stages.estimation.masses import masses
+from analysis.stages.estimation.masses import summarise_masses
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import gate
 from analysis.stages.gating.segments import pooled_samples
@@ -79,7 +79,7 @@ def one_log(frame: pl.DataFrame, machine: Machine) -> dict[str, np.ndarray]:
         if method != "pooled":
             known = table.select("mass_kg", "mass_std_kg").drop_nulls()
             out[f"windows {method}"] = known.to_numpy()
-    for row in masses(frame, gated, estimates, machine).iter_rows(named=True):
+    for row in summarise_masses(frame, gated, estimates, machine).iter_rows(named=True):
         out[row["method"]] = np.array([[row["mass_kg"], row["mass_std_kg"]]])
     return out
 

@@ -24,15 +24,15 @@ from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.simulation import Scenario
-from analysis.stages.estimation.masses import masses
+from analysis.stages.estimation.masses import summarise_masses
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import gate
-from analysis.stages.gating.segments import segments
-from analysis.stages.motion.forces import forces
+from analysis.stages.gating.segments import pool_by_manoeuvre
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from recordings import write_recording
 from replay import load_machine, open_log, run
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 
 METHODS = ("ls", "rls", "fgls", "tls", "rtls", "huber", "pooled")
 GIB = 2**20  # in the kibibytes of getrusage
@@ -45,7 +45,7 @@ def aligned_shift(machine: Machine, hours: float) -> pl.DataFrame:
         update={"campaign": base.campaign.model_copy(update={"loads_kg": (0.0,)})}
     )
     with tempfile.TemporaryDirectory() as folder:
-        (log,) = simulate(short, Path(folder) / "campaign.bag")
+        (log,) = simulate_scenario(short, Path(folder) / "campaign.bag")
         once = run(open_log(log), machine).frames["aligned"]
     rows = round(hours * 3600 * machine.settings.align.rate_hz)
     shift = pl.concat([once] * -(-rows // once.height))[:rows]
@@ -70,16 +70,16 @@ def worker(hours: float, folder: Path, *, every_window: bool) -> None:
     peak("imports")
     aligned = aligned_shift(machine, hours)
     peak(f"aligned, {aligned.height:,} rows")
-    excitation = forces(smooth(aligned, settings.smooth), machine)
+    excitation = compute_excitation(smooth(aligned, settings.smooth), machine)
     peak("excitation")
     gated = gate(excitation, settings)
     accepted = int(gated["accepted_x"].sum())
     peak(f"gate, {accepted / excitation.height:.0%} of the windows accepted")
     estimates = trace(excitation, gated, settings)
     peak(f"trace, {len(METHODS)} methods")
-    table = segments(excitation, gated, settings)
+    table = pool_by_manoeuvre(excitation, gated, settings)
     judged = judge_checks(CheckInputs(excitation, gated, machine))
-    totals = masses(excitation, gated, estimates, machine)
+    totals = summarise_masses(excitation, gated, estimates, machine)
     peak("segments, verdict, masses")
     frames = {
         "aligned": aligned,

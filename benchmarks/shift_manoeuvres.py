@@ -12,9 +12,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.cycles import cycles
-from analysis.cycles.load_passes import Passes, passes
-from analysis.cycles.shift_totals import shift
+from analysis.cycles.cycles import weigh_cycles
+from analysis.cycles.load_passes import Passes, find_load_passes
+from analysis.cycles.shift_totals import sum_shift
 from analysis.model.schema import build
 from analysis.model.verdict import Verdict
 from analysis.weighing.fit_columns import PreviousEstimates
@@ -173,9 +173,9 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
     machine = _MACHINE.model_copy(
         update={"machine": _MACHINE.machine.model_copy(update={"force_gain_u": GAIN_U})}
     )
-    table = cycles(weighing, frames, machine, Verdict(()), known).cycles
-    summary = shift(table, frames["excitation"], frames["aligned"]).row(0, named=True)
-    found = known or passes(frames["loads"], frames["manoeuvres"], frames["digging"])
+    table = weigh_cycles(weighing, frames, machine, Verdict(()), known).cycles
+    summary = sum_shift(table, frames["excitation"], frames["aligned"]).row(0, named=True)
+    found = known or find_load_passes(frames["loads"], frames["manoeuvres"], frames["digging"])
     return _compared(truth, table, summary, found, hat)
 
 

@@ -57,7 +57,7 @@ def _scenario(hours: float) -> Scenario:
 
 def _simulated(scenario: Scenario) -> SimulatedLog:
     assert scenario.shift is not None
-    return next(ShiftSimulation(scenario, scenario.shift).logs())
+    return next(ShiftSimulation(scenario, scenario.shift).simulate_logs())
 
 
 class _Taken(NamedTuple):

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from analysis import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from analysis.stages.motion.forces import forces
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import align
 
@@ -58,7 +58,7 @@ def excitation(
         if name in machine.channels
     }
     aligned, _ = align(wanted, machine)
-    return forces(smooth(aligned, machine.settings.smooth), machine)
+    return compute_excitation(smooth(aligned, machine.settings.smooth), machine)
 
 
 def cut(frame: pl.DataFrame, log: SimulatedLog, runs: int) -> Iterator[pl.DataFrame]:

@@ -24,11 +24,11 @@ from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import fit_planar
 from analysis.stages.gating.gate import gate
-from analysis.stages.motion.forces import forces
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured
+from analysis.stages.signals.derive import derive, read_measured_channels
 from benchmarks.independent.turning_logs import FAULTS, TurnLog, turn_log
 from benchmarks.page import markdown
 
@@ -70,9 +70,9 @@ def planar_of(log: TurnLog) -> pl.DataFrame:
     """Every stage from the topics to `planar`."""
     machine = Machine.model_validate(log.machine)
     settings = machine.settings
-    channels, _ = derive(read_measured(log.topics, machine)[0], machine)
+    channels, _ = derive(read_measured_channels(log.topics, machine)[0], machine)
     aligned, _ = align(channels, machine)
-    excitation = forces(smooth(aligned, settings.smooth), machine)
+    excitation = compute_excitation(smooth(aligned, settings.smooth), machine)
     noise = channel_noise(aligned, excitation, machine)
     gated = gate(excitation, settings, noise)
     opinion = Verdict.of(judge_checks(CheckInputs(excitation, gated, machine)))

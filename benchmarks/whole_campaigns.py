@@ -15,12 +15,19 @@ from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from analysis.calibration.campaign.campaign_plan import CampaignRun
-from analysis.calibration.campaign.campaign_readings import readings, run_responses
+from analysis.calibration.campaign.campaign_readings import (
+    read_campaign_runs,
+    responses_of_runs_to_learnt_means,
+)
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.use.apply_calibration import calibrate_loads
-from analysis.calibration.use.later_log import later_log
-from analysis.calibration.use.learnt_priors import learnable_terms, learnt_terms, with_learnt_priors
+from analysis.calibration.use.later_log import describe_later_log
+from analysis.calibration.use.learnt_priors import (
+    learn_terms_of_logs,
+    learnable_terms,
+    machine_with_learnt_priors,
+)
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
@@ -109,7 +116,7 @@ def run_of(load_kg: float) -> CampaignRun:
 
 def readings_of(replayed: Run, load_kg: float) -> pl.DataFrame:
     """Frame `readings` of a log."""
-    found = readings(replayed, [run_of(load_kg)], "joint_mass")
+    found = read_campaign_runs(replayed, [run_of(load_kg)], "joint_mass")
     return found.with_columns(load_id=pl.lit(f"{load_kg:g}"))
 
 
@@ -132,7 +139,7 @@ def campaign(seed: int, machine: Machine) -> dict[str, list[Outcome]]:
         for load_kg, each in zip(LOADS_KG, raw, strict=False)
         for term in learnable_terms(f"{load_kg:g}", each.frames["nuisances"])
     ]
-    narrow = replays(logs, with_learnt_priors(machine, learnt_terms(said)))
+    narrow = replays(logs, machine_with_learnt_priors(machine, learn_terms_of_logs(said)))
     return {
         name: _outcomes(replayed, references)
         for name, replayed in (("learnt from its logs", narrow), ("of the machine file", raw))
@@ -147,14 +154,14 @@ def _outcomes(replayed: list[Run], references: pl.DataFrame) -> list[Outcome]:
     responses = [
         one
         for each, load_kg in zip(first, LOADS_KG, strict=True)
-        for one in run_responses(each, [run_of(load_kg)], "joint_mass")
+        for one in responses_of_runs_to_learnt_means(each, [run_of(load_kg)], "joint_mass")
     ]
     options = CalibrationOptions("joint_mass")
     line = fit_calibration(table, references, covariance, options, responses)
     body = load_machine("cat262c.toml").machine
     found: list[Outcome] = []
     for each, load_kg in zip(later, LATER_KG, strict=True):
-        log = later_log(each.frames, body)
+        log = describe_later_log(each.frames, body)
         row = calibrate_loads(each.frames["loads"], line, log).row(0, named=True)
         true_kg = EMPTY_KG + load_kg
         if row["calibrated_kg"] is None:

@@ -11,7 +11,7 @@ from recordings import plot_run, write_recording
 from recordings.rrd.viewer import screenshot_recording
 from replay import load_machine, open_log, run
 from replay.simulation.scenario_file import load_scenario
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 
 DOCS = Path(__file__).resolve().parent
 IMAGES = DOCS / "images"
@@ -23,7 +23,7 @@ def main() -> None:
     """One log of the paper's campaign and all six: a page by `plot`, and tabs of the viewer."""
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
-        logs = simulate(
+        logs = simulate_scenario(
             load_scenario(DOCS.parent / "examples/campaign.toml"), work / "campaign.bag"
         )
         with open_log(logs[3]) as log:

@@ -55,7 +55,7 @@ def is_cached(source: Path, name: str) -> bool:
 def are_all_compiled() -> bool:
     """Whether `mark_all_compiled` was called for the sources and the numba that are there now."""
     try:
-        return _marker_path().read_text(encoding="utf-8") == _cache_state()
+        return _marker_path().read_text(encoding="utf-8") == _describe_cache_state()
     except OSError:
         return False
 
@@ -64,7 +64,7 @@ def mark_all_compiled() -> None:
     """Note that every loop of the house is kept."""
     marker = _marker_path()
     partial = marker.with_name(f"{marker.name}.{os.getpid()}")
-    partial.write_text(_cache_state(), encoding="utf-8")
+    partial.write_text(_describe_cache_state(), encoding="utf-8")
     partial.replace(marker)
 
 
@@ -78,7 +78,7 @@ def _marker_path() -> Path:
     return known_folder_of(_HOUSE / Path(__file__).parent.name / "compiled.py").parents[1] / "all"
 
 
-def _cache_state() -> str:
+def _describe_cache_state() -> str:
     """Where each module with loops keeps them, which tells its sources, and whose they are."""
     sources = (path for path in sorted(_HOUSE.glob("*/**/*.py")) if _has_loops(path))
     return "\n".join([version("numba"), *(str(known_folder_of(each)) for each in sources), ""])
@@ -125,15 +125,17 @@ def _sources_digest(source: Path) -> str:
         path = left.pop()
         if path not in found and path.relative_to(_HOUSE).parts[0] in packages:
             found.add(path)
-            left += _read_module(path)[1]
+            left += _read_source_and_imports(path)[1]
     digest = hashlib.sha256()
     for path in sorted(found):
-        digest.update(path.relative_to(_HOUSE).as_posix().encode() + b"\0" + _read_module(path)[0])
+        digest.update(
+            path.relative_to(_HOUSE).as_posix().encode() + b"\0" + _read_source_and_imports(path)[0]
+        )
     return digest.hexdigest()[:16]
 
 
 @cache
-def _read_module(source: Path) -> tuple[bytes, tuple[Path, ...]]:
+def _read_source_and_imports(source: Path) -> tuple[bytes, tuple[Path, ...]]:
     """Read a module: its source, and the files of those that it imports from beside it."""
     text = source.read_bytes()
     modules: set[Path] = set()

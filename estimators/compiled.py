@@ -56,7 +56,7 @@ def inlined(function: F) -> F:
 
 
 def _compile_lazily(function: F, options: Mapping[str, Any]) -> F:
-    with _cache_in(known_folder_of(Path(function.__code__.co_filename))):
+    with _cache_compiled_in(known_folder_of(Path(function.__code__.co_filename))):
         dispatcher = cast("Any", njit)(**options)(function)
     dispatcher._cache._cache_file.__class__ = _ContentNamedIndex  # noqa: SLF001 - numba has no other way
     return cast("F", dispatcher)
@@ -76,7 +76,7 @@ class _ContentNamedIndex(cast("Any", IndexDataCacheFile)):
 
 
 @contextmanager
-def _cache_in(folder: Path) -> Generator[None]:
+def _cache_compiled_in(folder: Path) -> Generator[None]:
     """Let numba keep in a folder what is decorated meanwhile, and nothing else in the process."""
     with _ONE_AT_A_TIME:
         usual = _SETTINGS.CACHE_DIR

@@ -72,7 +72,7 @@ class OutputError(PayscopeError):
 
 
 def one_line(text: str) -> str:
-    """The same text in one line, also where it quotes damaged bytes or a stranger's names."""
+    """Join a text to one line, with line breaks of quoted bytes and names replaced."""
     return "".join(c if c.isprintable() else " " if c.isspace() else "�" for c in text)
 
 

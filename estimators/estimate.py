@@ -1,4 +1,4 @@
-"""What an estimator gives back: one window's `Estimate`, or the `Trace` of many windows."""
+"""Results of an estimator: one window's `Estimate`, or the `Trace` of many windows."""
 
 from dataclasses import dataclass
 

@@ -47,7 +47,7 @@ def is_compiler_loaded() -> bool:
 
 
 class _InterpreterBudget:
-    """What is left of the seconds."""
+    """The remaining seconds of a time budget."""
 
     seconds = MOST_SECONDS
 
@@ -102,7 +102,7 @@ class Loop:
         """The function as the interpreter runs it."""
         if self._by_arrays is not None:
             return self._by_arrays
-        return self._with_globals(
+        return self._replace_globals(
             {name: each.interpreted for name, each in self._loops_called().items()}
         )
 
@@ -112,7 +112,7 @@ class Loop:
         from estimators import compiled  # imports numba, which is slow
 
         calls = {name: each.compiled for name, each in self._loops_called().items()}
-        return getattr(compiled, self._how)(self._with_globals(calls))
+        return getattr(compiled, self._how)(self._replace_globals(calls))
 
     @cached_property
     def is_cached(self) -> bool:
@@ -146,14 +146,14 @@ class Loop:
     def _interpret(self, arguments: tuple[Any, ...]) -> Any:
         # as compiled code, it lets integers run over and divides by zero
         with np.errstate(all="ignore"):
-            return _to_python(self.interpreted(*arguments))
+            return _convert_to_python(self.interpreted(*arguments))
 
     def _loops_called(self) -> "dict[str, Loop | Primitive]":
         names = self._function.__globals__
         used = {name: names.get(name) for name in self._function.__code__.co_names}
         return {name: each for name, each in used.items() if isinstance(each, Loop | Primitive)}
 
-    def _with_globals(self, names: dict[str, Any]) -> Callable[..., Any]:
+    def _replace_globals(self, names: dict[str, Any]) -> Callable[..., Any]:
         """The function, with other things under some of its global names."""
         mine = self._function
         made = FunctionType(
@@ -163,7 +163,7 @@ class Loop:
 
 
 class Primitive:
-    """What numba has another word for than Python."""
+    """A function with two implementations: one for plain Python, one for numba."""
 
     def __init__(self, interpreted: Callable[..., Any], load: Callable[[], Any]) -> None:
         """Have both.
@@ -212,12 +212,12 @@ def compiled_beside(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
     )
 
 
-def _to_python(result: Any) -> Any:
-    """What compiled code returns: numbers of Python, not of numpy."""
+def _convert_to_python(result: Any) -> Any:
+    """Convert numpy scalars of a result to Python numbers, as compiled code returns them."""
     if isinstance(result, np.generic):
         return result.item()
     if type(result) is tuple:
-        return tuple(map(_to_python, cast("tuple[Any, ...]", result)))
+        return tuple(map(_convert_to_python, cast("tuple[Any, ...]", result)))
     return result
 
 

@@ -6,11 +6,11 @@ from typing import Final
 
 import polars as pl
 
-from analysis.cycles.cycles import cycles
-from analysis.cycles.shift_totals import shift
+from analysis.cycles.cycles import weigh_cycles
+from analysis.cycles.shift_totals import sum_shift
 from analysis.diagnosis import (
     CheckInputs,
-    disagreements,
+    compare_methods_with_joint_fit,
     judge_checks,
     measured_signals,
     refit_without_stretches,
@@ -28,29 +28,46 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import fit_planar
-from analysis.stages.estimation.masses import masses, reasons_for_no_answer, withhold
+from analysis.stages.estimation.masses import (
+    reasons_for_no_answer,
+    summarise_masses,
+    withhold_masses,
+)
 from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.digging import digging, with_digs, without_digging
+from analysis.stages.gating.digging import (
+    add_digs_column,
+    find_digging_starts,
+    refuse_windows_that_dig,
+)
 from analysis.stages.gating.gate import gate
-from analysis.stages.gating.segments import segments
-from analysis.stages.motion.forces import forces
+from analysis.stages.gating.segments import pool_by_manoeuvre
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
-from analysis.stages.noise.channel_noise import notes as noise_notes
+from analysis.stages.noise.channel_noise import note_noise_sources as noise_notes
 from analysis.stages.signals.align import align
 from analysis.stages.signals.align import alignment_notes as grid_notes
-from analysis.stages.signals.derive import derive, read_measured
-from analysis.stages.signals.grid_rate import at_own_rate
+from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.signals.grid_rate import machine_at_rate_of_log
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.timestamps import assign_timestamps
-from analysis.weighing.empty_mass_datum import ticket_notes
-from analysis.weighing.learnt_means import learnt_mean_responses
-from analysis.weighing.load_frames import load_change_rows, loads, manoeuvre_frame
-from analysis.weighing.nuisance_frames import budget_frame, nuisances
+from analysis.weighing.empty_mass_datum import note_weighbridge_tickets
+from analysis.weighing.learnt_means import make_learnt_mean_responses
+from analysis.weighing.load_frames import (
+    make_load_change_rows,
+    make_load_frame,
+    make_manoeuvre_frame,
+)
+from analysis.weighing.nuisance_frames import make_budget_frame, make_nuisance_frame
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import one_blas_thread
-from replay.inputs.channel_inputs import channel_fields, named_by_topic, provenance, read_channels
+from replay.inputs.channel_inputs import (
+    channel_fields,
+    make_provenance,
+    name_raw_frames,
+    read_channels,
+)
 from replay.inputs.machine_identity import identify_machine
 from replay.inputs.parallel_tables import join_parallel_tables
 from replay.inputs.time_line import offset_note as order_note
@@ -79,10 +96,10 @@ class _TopicChannels:
     doubts: list[Loss]
 
     @classmethod
-    def of(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_TopicChannels":
+    def from_topics(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_TopicChannels":
         """Place every sample by its stamp, and take what the channels name."""
         placed, stamps, doubts = assign_timestamps(raw)
-        read, missing = read_measured(placed, machine)
+        read, missing = read_measured_channels(placed, machine)
         return cls(read, stamps, [*doubts, *missing])
 
 
@@ -130,8 +147,8 @@ def run(
 
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
-    placed = _TopicChannels.of(raw, machine)
-    machine, chosen = at_own_rate(placed.read, machine)  # what no setting gives
+    placed = _TopicChannels.from_topics(raw, machine)
+    machine, chosen = machine_at_rate_of_log(placed.read, machine)  # what no setting gives
     seen = _run_stages(raw, placed, machine, on_stage)
     del placed  # of a shift it is half a gigabyte
     weighing, excitation = seen.weighing, seen.frames["excitation"]
@@ -145,29 +162,29 @@ def run(
     )
     on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
     answer = {
-        "loads": loads(weighing, excitation, machine, opinion),
-        "manoeuvres": manoeuvre_frame(weighing, excitation, machine),
+        "loads": make_load_frame(weighing, excitation, machine, opinion),
+        "manoeuvres": make_manoeuvre_frame(weighing, excitation, machine),
     }
-    hauled = cycles(weighing, {**seen.frames, **answer}, machine, opinion)
+    hauled = weigh_cycles(weighing, {**seen.frames, **answer}, machine, opinion)
 
     why = reasons_for_no_answer(excitation, seen.frames["gate"], machine.settings)
     return Run(
         frames={
-            **named_by_topic(raw),
+            **name_raw_frames(raw),
             **seen.frames,
             "planar": plane,
             "planar_budget": plane_budget,
             **answer,
             "cycles": hauled.cycles,
-            "shift": shift(hauled.cycles, excitation, seen.frames["aligned"], hauled.scale),
-            "nuisances": nuisances(weighing),
-            **learnt_mean_responses(weighing, machine, answer["loads"], hauled.sums),
-            "budget": budget_frame(weighing, machine),
-            "masses": withhold(seen.totals, opinion, seen.contradicted),
+            "shift": sum_shift(hauled.cycles, excitation, seen.frames["aligned"], hauled.scale),
+            "nuisances": make_nuisance_frame(weighing),
+            **make_learnt_mean_responses(weighing, machine, answer["loads"], hauled.sums),
+            "budget": make_budget_frame(weighing, machine),
+            "masses": withhold_masses(seen.totals, opinion, seen.contradicted),
             "verdict": judged,
             "findings": drop_findings_of_work(causes, hauled.cycles),
         },
-        provenance=provenance(
+        provenance=make_provenance(
             logs,
             machine,
             seen.case.check_inputs.t0_unix_ns,
@@ -180,7 +197,7 @@ def run(
                 *order_note(offsets_ns(logs, channel_fields(machine))),
                 *chosen,
                 *seen.notes,
-                *ticket_notes(machine.machine, seen.case.check_inputs.t0_unix_ns),
+                *note_weighbridge_tickets(machine.machine, seen.case.check_inputs.t0_unix_ns),
                 *why,
             ],
         ),
@@ -203,21 +220,21 @@ def _run_stages(
     on_stage("smooth")  # the trailing moving mean, alike on every column
     smoothed = smooth(aligned, settings.smooth)
     on_stage("forces")  # (17), (18), gravity as specific force; the phase of motion
-    excitation = forces(smoothed, machine)
+    excitation = compute_excitation(smoothed, machine)
     del smoothed
     on_stage("noise")  # of every column, from standstill and fast changes
     noise = channel_noise(aligned, excitation, machine, read)
     notes += noise_notes(noise)
     on_stage("gate")  # the index (11) over each window, and a reason for each
     gated = gate(excitation, settings, noise)
-    digs = digging(excitation, machine)  # what pushes back is no mass
-    gated = without_digging(gated, excitation, digs, machine)
+    digs = find_digging_starts(excitation, machine)  # what pushes back is no mass
+    gated = refuse_windows_that_dig(gated, excitation, digs, machine)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
     seen = measured_signals(raw, read)
     told = (
         refit_without_stretches(  # nor is what repeats itself, if the answer is the same without it
             seen,
-            (with_digs(aligned, digs), t0_unix_ns),
+            (add_digs_column(aligned, digs), t0_unix_ns),
             gated,
             machine,
             lambda grid: weigh(grid, excitation, gated, noise, machine),
@@ -225,11 +242,11 @@ def _run_stages(
     )
     weighing, gated = told.weighing, told.gated
     on_stage("segments")  # pooled over each manoeuvre
-    table = segments(excitation, gated, settings, noise)
+    table = pool_by_manoeuvre(excitation, gated, settings, noise)
     on_stage("trace")  # the estimators over the accepted windows; recursions load by load
-    estimates = trace(excitation, gated, settings, noise, load_change_rows(weighing))
+    estimates = trace(excitation, gated, settings, noise, make_load_change_rows(weighing))
     on_stage("verdict")  # what the ungated log, and that fit, say of all this
-    everything = masses(excitation, gated, estimates, machine, noise)
+    everything = summarise_masses(excitation, gated, estimates, machine, noise)
     evidence = CheckInputs(
         excitation,
         gated,
@@ -242,7 +259,9 @@ def _run_stages(
         told.named,
     )
     judged = judge_checks(evidence)
-    contradicted = [each.method for each in disagreements(evidence) if each.contradicted]
+    contradicted = [
+        each.method for each in compare_methods_with_joint_fit(evidence) if each.contradicted
+    ]
     return _Stages(
         {
             "aligned": aligned,
@@ -269,7 +288,7 @@ def _find_causes(seen: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machin
 
     def look(changed: Machine) -> pl.DataFrame | None:
         try:
-            placed = _TopicChannels.of(part, changed)
+            placed = _TopicChannels.from_topics(part, changed)
             return find_causes(_run_stages(part, placed, changed, lambda _: None).case)
         except DataError:  # the first hour of a log may hold less than the whole
             return None

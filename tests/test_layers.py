@@ -121,8 +121,9 @@ MORE_SINGLE = 124
 MORE_LONG = 3
 #: Lines above which a file is long.
 LONG_LINES = 400
-#: Of all functions and methods at most so many are private; it may only fall.
-MOST_PRIVATE = 0.38
+#: Largest fraction of functions and methods that may be private, dunders and nested functions not
+#: counted; it may only fall.
+MOST_PRIVATE = 0.392
 FILES = [path for package in HOUSE for path in sorted((REPO / package).rglob("*.py"))]
 
 
@@ -249,11 +250,11 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
             )
         )
     }
-    # `LogCheck` is what `Log.check` returns; `logs_in` and `logs_among` say which logs a folder, or
-    # a storage without folders, holds; `TABLE` is the one topic of a table
+    # `LogCheck` is what `Log.check` returns; `expand_log_folders` and `group_objects_by_log` say
+    # which logs a folder, or a storage without folders, holds; `TABLE` is the topic of a table
     assert names == {
         *("TABLE", "LogCheck", "Log", "TableHints", "TimeAxis"),
-        *("logs_among", "logs_in", "open_log"),
+        *("expand_log_folders", "group_objects_by_log", "open_log"),
         # what follows a log that grows
         *("ACTIVE", "GrowingLogFile", "follow_log"),
     }
@@ -350,18 +351,33 @@ def test_long_files_become_fewer() -> None:
     assert len(found) <= MORE_LONG, f"{found}: at most {MORE_LONG} may have over {LONG_LINES} lines"
 
 
+def functions_and_methods() -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
+    """Functions of modules and methods of their classes, none that is nested and no `__init__`."""
+    for path in FILES:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for owner in (tree, *(node for node in tree.body if isinstance(node, ast.ClassDef))):
+            for node in owner.body:
+                is_function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+                if is_function and not node.name.startswith("__"):
+                    yield node
+
+
 def test_private_functions_become_fewer() -> None:
-    names = [
-        node.name
-        for path in FILES
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-    ]
-    private = sum(name.startswith("_") and not name.startswith("__") for name in names)
+    names = [node.name for node in functions_and_methods()]
+    private = sum(name.startswith("_") for name in names)
     assert private <= MOST_PRIVATE * len(names), (
-        f"{private} of {len(names)} functions are private, more than {MOST_PRIVATE:.0%}: what is "
+        f"{private} of {len(names)} functions are private, more than {MOST_PRIVATE:.1%}: what is "
         "short and called once stands where it is called; what others could use is public."
     )
+
+
+def test_no_base_name_occurs_twice() -> None:
+    places: dict[str, list[str]] = {}
+    for path in FILES:
+        if path.name != "__init__.py" and path.parent.name != "commands":
+            places.setdefault(path.name, []).append(shown(path))
+    twice = [found for found in places.values() if len(found) > 1]
+    assert not twice, f"{twice}: name each file for what it alone does"
 
 
 def test_a_small_file_that_one_other_imports_is_merged_into_it() -> None:

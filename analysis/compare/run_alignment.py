@@ -19,7 +19,7 @@ _LEFT_OUT: Final = 0.25
 _ROW: Final = "_row"
 
 
-def manoeuvre_pairs(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
+def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     """Match the manoeuvres of two logs in order, alike in phase and duration.
 
     The alignment of least cost (Needleman and Wunsch 1970), where a pair costs |ln| of the ratio of
@@ -35,7 +35,7 @@ def manoeuvre_pairs(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     cost = np.full((a.height + 1, b.height + 1), np.inf)
     steps = _LEFT_OUT * np.arange(b.height + 1)
     cost[0] = steps
-    pair = _pairing_costs(a, b)
+    pair = _cost_of_each_pair(a, b)
     for row in range(a.height):
         best = cost[row] + _LEFT_OUT
         best[1:] = np.minimum(best[1:], cost[row, :-1] + pair[row])
@@ -54,7 +54,7 @@ def manoeuvre_pairs(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     return found[::-1]
 
 
-def _pairing_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
+def _cost_of_each_pair(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
     lengths = [
         np.log(np.maximum((each["end_t_ns"] - each["start_t_ns"]).to_numpy(), 1)) for each in (a, b)
     ]
@@ -76,19 +76,19 @@ def align_times(a: Run, b: Run, *, one_log: bool) -> Run:
         B, with A's start of time.
     """
     about = b.provenance.model_copy(update={"t0_unix_ns": a.provenance.t0_unix_ns})
-    zones = None if one_log else shifted_spans(a, b)
+    zones = None if one_log else shift_spans_to_time_of_a(a, b)
     offset_ns = b.provenance.t0_unix_ns - a.provenance.t0_unix_ns if one_log else 0
     return Run(
-        {name: _shift_times(each, zones, offset_ns) for name, each in b.frames.items()}, about
+        {name: _shift_frame_times(each, zones, offset_ns) for name, each in b.frames.items()}, about
     )
 
 
-def shifted_spans(a: Run, b: Run) -> pl.DataFrame | None:
+def shift_spans_to_time_of_a(a: Run, b: Run) -> pl.DataFrame | None:
     """Stretches of B's time: from, to and by how much each moves; None where nothing pairs."""
     tables = [run.frames.get("segments", pl.DataFrame()) for run in (a, b)]
     if any(table.is_empty() for table in tables):
         return None
-    pairs = manoeuvre_pairs(*tables)
+    pairs = pair_manoeuvres(*tables)
     reach = [manoeuvre_reach(table) for table in tables]
     rows: list[dict[str, int]] = []
     for i, j in pairs:
@@ -107,7 +107,9 @@ def manoeuvre_reach(table: pl.DataFrame) -> list[tuple[int, int]]:
     return list(zip([starts[0] - minute, *halves], [*halves, ends[-1] + minute], strict=True))
 
 
-def _shift_times(frame: pl.DataFrame, zones: pl.DataFrame | None, offset_ns: int) -> pl.DataFrame:
+def _shift_frame_times(
+    frame: pl.DataFrame, zones: pl.DataFrame | None, offset_ns: int
+) -> pl.DataFrame:
     times = [name for name in ("t_ns", "start_t_ns", "end_t_ns") if name in frame.columns]
     if not times:
         return frame
@@ -153,10 +155,10 @@ def _subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.D
     if not held and "t_ns" not in shared:
         return pl.DataFrame()
     time = (pl.col("start_t_ns") + pl.col("end_t_ns")) // 2 if held else pl.col("t_ns")
-    left, right = (_add_key(each, time.alias("_at"), by) for each in (a, b))
+    left, right = (_add_row_key(each, time.alias("_at"), by) for each in (a, b))
     reach = None if held else tolerance_ns
     # B's own copy of the time says whether a row of a manoeuvre overlaps
-    theirs = right.select("_at", *by, pl.col("_at").alias("_their"), *_rename_numbers(numbers))
+    theirs = right.select("_at", *by, pl.col("_at").alias("_their"), *_renumber_columns(numbers))
     joined = left.join_asof(
         theirs,
         on="_at",
@@ -168,19 +170,19 @@ def _subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.D
     both = joined.filter(pl.col("_their").is_not_null())
     if held:
         both = both.filter(pl.col("_their").is_between(pl.col("start_t_ns"), pl.col("end_t_ns")))
-    changed = [(pl.col(_column_of_b(name)) - pl.col(name)).alias(name) for name in numbers]
+    changed = [(pl.col(_name_in_run_b(name)) - pl.col(name)).alias(name) for name in numbers]
     rest = [name for name in a.columns if name not in numbers]
     return both.sort(_ROW).select(*rest, *changed)
 
 
-def _add_key(frame: pl.DataFrame, at: pl.Expr, by: Sequence[str]) -> pl.DataFrame:
+def _add_row_key(frame: pl.DataFrame, at: pl.Expr, by: Sequence[str]) -> pl.DataFrame:
     texts = [pl.col(name).cast(pl.String) for name in by]
     return frame.with_row_index(_ROW).with_columns(at, *texts).drop_nulls("_at").sort("_at")
 
 
-def _rename_numbers(numbers: Sequence[str]) -> list[pl.Expr]:
-    return [pl.col(name).alias(_column_of_b(name)) for name in numbers]
+def _renumber_columns(numbers: Sequence[str]) -> list[pl.Expr]:
+    return [pl.col(name).alias(_name_in_run_b(name)) for name in numbers]
 
 
-def _column_of_b(name: str) -> str:
+def _name_in_run_b(name: str) -> str:
     return f"_b_{name}"

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from analysis.compare.stage_change import Replay, StageChange, frame_of_stage, stage_change
+from analysis.compare.stage_change import Replay, StageChange, compare_stage, frame_of_stage
 from analysis.model.axes import X, Z
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance
@@ -52,7 +52,7 @@ class EstimateChange:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """What differs between replays A and B; everything else is equal."""
+    """Differences between replays A and B; everything else is equal."""
 
     settings: tuple[ValueChange, ...]
     """Settings and keys of the machine file."""
@@ -70,7 +70,7 @@ class Comparison:
     estimates: tuple[EstimateChange, ...]
     """Estimates of the whole log, those that moved most first."""
     manoeuvres: tuple[EstimateChange, ...]
-    """Estimates of manoeuvres, likewise."""
+    """Changes of the estimates of manoeuvres."""
     checks: tuple[ValueChange, ...]
     """Checks of the verdict whose outcome differs."""
 
@@ -82,7 +82,7 @@ class Comparison:
         ) and not any(change.name == "contents" for change in self.inputs)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values, with the changes of estimates."""
+        """The comparison as plain values, with the changes of estimates."""
         plain = asdict(self)
         for name in ("estimates", "manoeuvres"):
             changes: tuple[EstimateChange, ...] = getattr(self, name)
@@ -99,7 +99,7 @@ def same_inputs(a: Provenance, b: Provenance) -> bool:
     return digests[0] == digests[1]
 
 
-def compare(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) -> Comparison:
+def compare_runs(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) -> Comparison:
     """Compare two replays.
 
     Args:
@@ -114,12 +114,12 @@ def compare(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) -> Co
     common = [name for name in a.stages if name in b.stages]
     compared = [name for name in common if rows or frame_of_stage(name) in ("masses", "verdict")]
     offset_ns = theirs.t0_unix_ns - mine.t0_unix_ns if rows else 0
-    changes = [stage_change(a, b, name, rtol, offset_ns) for name in compared]
+    changes = [compare_stage(a, b, name, rtol, offset_ns) for name in compared]
     return Comparison(
-        settings=tuple(_setting_changes(mine, theirs)),
-        inputs=tuple(_input_changes(mine, theirs)),
-        versions=tuple(_changed_values(mine.versions, theirs.versions)),
-        provenance=tuple(_provenance_changes(mine, theirs)) if rows else (),
+        settings=tuple(_iter_setting_changes(mine, theirs)),
+        inputs=tuple(_iter_input_changes(mine, theirs)),
+        versions=tuple(_iter_changed_entries(mine.versions, theirs.versions)),
+        provenance=tuple(_iter_provenance_changes(mine, theirs)) if rows else (),
         only_a=tuple(name for name in a.stages if name not in b.stages),
         only_b=tuple(name for name in b.stages if name not in a.stages),
         stages=tuple(change for change in changes if change is not None),
@@ -130,15 +130,15 @@ def compare(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) -> Co
     )
 
 
-def _flatten(section: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+def _flatten_to_dotted_names(section: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
     for name, value in section.items():
         if isinstance(value, dict):
-            yield from _flatten(value, f"{prefix}{name}.")
+            yield from _flatten_to_dotted_names(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value
 
 
-def _changed_values(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[ValueChange]:
+def _iter_changed_entries(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[ValueChange]:
     for name in dict.fromkeys((*a, *b)):
         if a.get(name) != b.get(name):
             yield ValueChange(name, a.get(name), b.get(name))
@@ -151,21 +151,21 @@ def changed_settings(a: Machine, b: Machine) -> list[ValueChange]:
         plain = machine.model_dump(mode="json")
         del plain["settings"]
         flat.append(_keys_by_stage(machine.settings, plain))
-    return list(_changed_values(flat[0], flat[1]))
+    return list(_iter_changed_entries(flat[0], flat[1]))
 
 
 def _keys_by_stage(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
     by_stage = {f"settings.{name}": value for name, value in settings.to_flat_dict().items()}
-    return {**by_stage, **dict(_flatten(machine, ""))}
+    return {**by_stage, **dict(_flatten_to_dotted_names(machine, ""))}
 
 
-def _setting_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
-    yield from _changed_values(
+def _iter_setting_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
+    yield from _iter_changed_entries(
         _keys_by_stage(a.settings, a.machine), _keys_by_stage(b.settings, b.machine)
     )
 
 
-def _input_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
+def _iter_input_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
     names = [", ".join(each.name for each in about.inputs) for about in (a, b)]
     if names[0] != names[1]:
         yield ValueChange("names", *names)
@@ -174,8 +174,8 @@ def _input_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
         yield ValueChange("contents", *digests)
 
 
-def _provenance_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
-    yield from _changed_values(
+def _iter_provenance_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
+    yield from _iter_changed_entries(
         {f"stamps of {topic}": kind for topic, kind in a.stamps.items()},
         {f"stamps of {topic}": kind for topic, kind in b.stamps.items()},
     )
@@ -189,15 +189,17 @@ def _provenance_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
         yield from (ValueChange(name, None, text) for text in theirs if text not in mine)
 
 
-def _stage_rows(replay: Replay, stage: str) -> list[dict[str, Any]]:
+def _read_stage_rows(replay: Replay, stage: str) -> list[dict[str, Any]]:
     return replay.read(stage, replay.stages[stage]).to_dicts() if stage in replay.stages else []
 
 
 def estimate_changes(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
     """The masses of the whole log, by method, and those of its loads."""
-    mine, theirs = ({row["method"]: row for row in _stage_rows(each, "masses")} for each in (a, b))
+    mine, theirs = (
+        {row["method"]: row for row in _read_stage_rows(each, "masses")} for each in (a, b)
+    )
     for replay, rows in ((a, mine), (b, theirs)):
-        loads = _stage_rows(replay, "loads")
+        loads = _read_stage_rows(replay, "loads")
         for load in loads:
             name = "joint" if len(loads) == 1 else f"joint, load {load['load_id']}"
             rows[name] = {**load, "mass_std_kg": load["u_kg"]}
@@ -211,7 +213,7 @@ def manoeuvre_changes(
     a: Replay, b: Replay, rtol: float, offset_ns: int
 ) -> tuple[EstimateChange, ...]:
     """The manoeuvres of both, those of B under the ones of A that their middle lies in."""
-    mine, theirs = (_stage_rows(each, "segments") for each in (a, b))
+    mine, theirs = (_read_stage_rows(each, "segments") for each in (a, b))
     found: list[tuple[str, dict[str, Any], dict[str, Any]]] = []
     left = list(theirs)
     for row in mine:
@@ -223,13 +225,13 @@ def manoeuvre_changes(
             <= row["end_t_ns"]
         ]
         left = [other for other in left if not any(other is each for each in inside)]
-        found.append((_span_text(row, 0), row, inside[0] if inside else {}))
-        found += [(_span_text(other, offset_ns), {}, other) for other in inside[1:]]
-    found += [(_span_text(other, offset_ns), {}, other) for other in left]
+        found.append((_format_span(row, 0), row, inside[0] if inside else {}))
+        found += [(_format_span(other, offset_ns), {}, other) for other in inside[1:]]
+    found += [(_format_span(other, offset_ns), {}, other) for other in left]
     return differing_estimates(found, rtol)
 
 
-def _span_text(row: Mapping[str, Any], offset_ns: int) -> str:
+def _format_span(row: Mapping[str, Any], offset_ns: int) -> str:
     begin, end = ((row[name] + offset_ns) / 1e9 for name in ("start_t_ns", "end_t_ns"))
     return f"{begin:.2f} to {end:.2f} s"
 
@@ -262,6 +264,7 @@ def _is_equal(a: float | None, b: float | None, rtol: float) -> bool:
 def check_changes(a: Replay, b: Replay) -> Iterator[ValueChange]:
     """Checks that passed in one and not in the other."""
     passed = [
-        {row["check"]: row["passed"] for row in _stage_rows(each, "verdict")} for each in (a, b)
+        {row["check"]: row["passed"] for row in _read_stage_rows(each, "verdict")}
+        for each in (a, b)
     ]
-    yield from _changed_values(passed[0], passed[1])
+    yield from _iter_changed_entries(passed[0], passed[1])

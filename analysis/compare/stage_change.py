@@ -36,7 +36,7 @@ _VALUES: Final = 1 << 24
 
 
 class Replay(Protocol):
-    """What is compared: a run, or a recording that is read when it is needed."""
+    """A replay to compare: a run, or a recording that is read on demand."""
 
     @property
     def provenance(self) -> Provenance:
@@ -66,7 +66,7 @@ class ColumnChange:
     largest: float | None
     """Largest difference of numbers, B less A."""
     largest_relative: float | None
-    """The same over the larger of both values."""
+    """Change divided by the larger of both values."""
     at_s: float | None
     """Seconds from the start of A where it is."""
     fault: str = ""
@@ -92,7 +92,7 @@ def frame_of_stage(stage: str) -> str:
     return stage.partition("/")[0]
 
 
-def stage_change(
+def compare_stage(
     a: Replay, b: Replay, name: str, rtol: float, offset_ns: int
 ) -> StageChange | None:
     """Compare a stage that both replays have.
@@ -139,7 +139,7 @@ def stage_change(
 
 
 def row_keys(replay: Replay, name: str, key: Sequence[str], offset_ns: int) -> pl.DataFrame:
-    """What each row is about, in A's time; its number where the frame has no key."""
+    """Key of each row in A's time; its number where the frame has no key."""
     columns = list(key) or [replay.stages[name][0]] if replay.stages[name] else []
     frame = replay.read(name, columns) if columns else pl.DataFrame()
     if not key:

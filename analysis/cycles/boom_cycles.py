@@ -9,7 +9,7 @@ from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
 
 
-def digging_contradicts(found: Passes, digs: pl.DataFrame) -> bool:
+def does_digging_contradict_boom(found: Passes, digs: pl.DataFrame) -> bool:
     """Whether masses change so often that most buckets, filled once, would be hauled twice.
 
     Loads too small for the ground let masses follow what else alternates, such as the direction.
@@ -72,10 +72,10 @@ def add_boom_cycles(
         for each in found.dumps.dumps
         if not each.is_near(times, max(ONE_DUMP_NS, apart_ns))
     ]
-    return sorted([*parts, *missed], key=_first_seen_ns), False
+    return sorted([*parts, *missed], key=_cycle_first_seen_ns), False
 
 
-def _first_seen_ns(part: CycleParts) -> int:
+def _cycle_first_seen_ns(part: CycleParts) -> int:
     """When a cycle is seen first."""
     return next(span[0] for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span)
 

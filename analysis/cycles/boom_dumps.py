@@ -54,17 +54,17 @@ class BoomDumps:
     tells: bool
     dumps: tuple[BoomDump, ...] = ()
 
-    def during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
-        """Those that lie in a stretch of time."""
+    def dumps_during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+        """Dumps that lie within a stretch of time."""
         return [each for each in self.dumps if start_ns <= each.dumped_ns <= end_ns]
 
-    def out_during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
-        """Those whose boom is out in a stretch of time: one who creeps may dump before it."""
+    def dumps_with_boom_out(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+        """Dumps with the boom out in a stretch of time: a creeping machine may dump before it."""
         return [each for each in self.dumps if start_ns <= each.end_ns and each.start_ns <= end_ns]
 
     def shows_no_dump(self, start_ns: int, end_ns: int) -> bool:
         """Whether the boom would show a dump in a stretch of time, and shows none."""
-        return self.tells and not self.out_during(start_ns, end_ns)
+        return self.tells and not self.dumps_with_boom_out(start_ns, end_ns)
 
 
 #: Of a log whose boom shows none.
@@ -100,7 +100,9 @@ def find_boom_dumps(
     ):
         return NO_DUMPS
     out = whole & (away / typical_rad > LIMITS.boom_out_fraction)
-    spans = _join_dumps(t_ns, out & slow, t_ns[whole & ~out], t_ns[out & standing(excitation)])
+    spans = _join_dumps(
+        t_ns, out & slow, t_ns[whole & ~out], t_ns[out & find_standing_samples(excitation)]
+    )
     if (
         np.mean(reached / typical_rad > LIMITS.boom_out_fraction) < LIMITS.boom_change_fraction
         or len(spans) < LIMITS.boom_min_changes
@@ -112,7 +114,7 @@ def find_boom_dumps(
 
 def is_creeping(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands or creeps."""
-    stands = standing(excitation)
+    stands = find_standing_samples(excitation)
     speed = np.abs(values(excitation, "speed_x_m_s"))
     moving = speed[np.isfinite(speed) & ~stands]
     if not moving.size:
@@ -123,7 +125,7 @@ def is_creeping(excitation: pl.DataFrame) -> Bools:
     )
 
 
-def standing(excitation: pl.DataFrame) -> Bools:
+def find_standing_samples(excitation: pl.DataFrame) -> Bools:
     """Samples at which it stands."""
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 

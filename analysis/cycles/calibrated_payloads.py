@@ -10,7 +10,7 @@ from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.mass_differences import difference_on_line
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
-from analysis.cycles.haul_spillage import deliver
+from analysis.cycles.haul_spillage import subtract_spillage_from_payloads
 from analysis.model.schema import MOVED, QUALITY, conform, values
 from estimators.errors import DataError, nearest
 
@@ -51,7 +51,9 @@ def calibrate_cycles(
     scale_1 = values(cycles, "scale_1")
     payload_kg = values(cycles, "payload_kg") / scale_1
     on_line = difference_on_line(calibration, unlike, numbers, payload_kg)
-    common, shared = (on_line.beside(values(cycles, f"own_u_{n}_kg")) for n in _COMMON)
+    common, shared = (
+        on_line.common_kg_beside_line(values(cycles, f"own_u_{n}_kg")) for n in _COMMON
+    )
     shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
     common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
     common_kg = np.maximum(common_kg, shared_kg)
@@ -64,7 +66,7 @@ def calibrate_cycles(
         "payload_u_kg": np.hypot(random_kg, common_kg),
         "scale_1": np.where(np.isnan(payload_kg), np.nan, 1.0 / on_line.size_1),
     }
-    on_scale = deliver(
+    on_scale = subtract_spillage_from_payloads(
         cycles.with_columns(pl.Series(name, each).fill_nan(None) for name, each in found.items())
     )
     if _is_ticket_better(cycles, on_scale, tuple(found)):
@@ -110,7 +112,7 @@ def _is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequen
 
 
 def _distance_from_line(calibration: Calibration, unlike: Unlike | None) -> tuple[float, float]:
-    """What the log's masses are off by beside their line, in their mean, and the u of that."""
+    """Mean distance of the log's masses from their line, with its standard uncertainty."""
     of_masses = (
         [] if unlike is None else [x for (of, _), x in unlike.moved_kg.items() if of == MOVED[0]]
     )
@@ -122,7 +124,7 @@ def _distance_from_line(calibration: Calibration, unlike: Unlike | None) -> tupl
     ):
         return 0.0, 0.0
     moved_kg = np.mean(of_masses, axis=0)
-    return unlike.off_kg(moved_kg, unlike.line(calibration.responses, 1.0, 0.0))
+    return unlike.off_kg(moved_kg, unlike.line_shifts(calibration.responses, 1.0, 0.0))
 
 
 def _exclusion_reason(
@@ -134,4 +136,4 @@ def _exclusion_reason(
     if row["payload_kg"] is None:
         return ""
     count = row["manoeuvres"]
-    return calibration.calibrated(mass_kg - off_kg, u_kg, count, unlike_u_kg).reason
+    return calibration.calibrate_estimate(mass_kg - off_kg, u_kg, count, unlike_u_kg).reason

@@ -1,4 +1,4 @@
-"""What makes a counted load worth a second look, though the fit calls it good."""
+"""Doubts about a counted load that the fit calls good."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,7 +9,7 @@ from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.uncertainty_sources import STD_OF_MAD
 
 
-def cycle_doubts(cycles: pl.DataFrame) -> list[str]:
+def doubt_counted_cycles(cycles: pl.DataFrame) -> list[str]:
     """Doubts of each cycle, joined by semicolons; empty where there is none or no payload.
 
     Args:

@@ -23,10 +23,15 @@ from analysis.cycles.energy_integrals import (
     Floats,
     PhaseIntegrals,
     PhaseSpan,
-    burnt_litres,
-    move_drive,
+    shift_drive_in_time,
+    sum_fuel_litres,
 )
-from analysis.cycles.energy_terms import ForceModel, change_each, gain_u, mass_u
+from analysis.cycles.energy_terms import (
+    ForceModel,
+    change_each_term,
+    force_gain_uncertainty,
+    relative_mass_uncertainty,
+)
 from analysis.cycles.fitted_drive import FittedDrive, fit_drive
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
@@ -94,7 +99,7 @@ class ShiftEnergy(NamedTuple):
 NO_ENERGY: Final = ShiftEnergy()
 
 
-def shift_energy(
+def compute_shift_energy(
     frames: Mapping[str, pl.DataFrame], machine: Machine, holes_ns: Sequence[tuple[int, int]]
 ) -> ShiftEnergy:
     """The energy of each cycle and of the shift.
@@ -103,54 +108,59 @@ def shift_energy(
         frames: of the run: aligned, excitation, digging, cycles, manoeuvres, loads, nuisances,
             budget.
         machine: as it was replayed.
-        holes_ns: see `cycles_without_mass.holes`.
+        holes_ns: see `cycles_without_mass.find_channel_gaps_ns`.
 
     Returns:
         Its rows; none where no mass or no cycle was found.
     """
     manoeuvres = frames["manoeuvres"]
-    spans = _phase_spans(frames["cycles"], holes_ns)
+    spans = _whole_phase_spans(frames["cycles"], holes_ns)
     no_mass = frames["loads"]["mass_kg"].is_null().all()
     if not spans or no_mass or manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return NO_ENERGY
     drive = fit_drive(frames, machine)
     found = drive.integrate(spans)
-    value = _split(found, drive.model)
+    value = _split_energy_by_phase(found, drive.model)
     if value[:, PARTS.index("work")].sum() <= 0.0:
         return NO_ENERGY
-    gain_u_1, unknown = gain_u(machine)
-    common_1, random_1 = mass_u(frames)
-    common = [*_common_changes(drive, spans, found, value), gain_u_1 * value]
-    common.append(common_1 * _mass_response(found))
-    random = _random_parts(found, value, drive.model, random_1, spans)
-    fuel_L = burnt_litres(drive.samples, spans)
-    rows = _rows(spans, value, np.array(common), random, fuel_L)
+    gain_u_1, unknown = force_gain_uncertainty(machine)
+    common_1, random_1 = relative_mass_uncertainty(frames)
+    common = [*_common_phase_changes(drive, spans, found, value), gain_u_1 * value]
+    common.append(common_1 * _work_change_by_mass(found))
+    random = _random_work(found, value, drive.model, random_1, spans)
+    fuel_L = sum_fuel_litres(drive.samples, spans)
+    rows = _make_energy_rows(spans, value, np.array(common), random, fuel_L)
     return ShiftEnergy(rows, unknown, machine.machine.fuel_gain_u)
 
 
-def _common_changes(
+def _common_phase_changes(
     drive: FittedDrive, spans: list[PhaseSpan], found: PhaseIntegrals, value: Floats
 ) -> list[Floats]:
     """(phases, parts) in J each, what one standard uncertainty of each term changes."""
     model = drive.model
-    forces = [*change_each(model, drive.model_u), _more_coulomb(found, model, drive.coulomb_N)]
-    moved = [replace(drive, errors=each) for each in change_each(drive.errors, drive.errors_u)]
+    forces = [
+        *change_each_term(model, drive.model_u),
+        _shift_friction_to_coulomb(found, model, drive.coulomb_N),
+    ]
+    moved = [replace(drive, errors=each) for each in change_each_term(drive.errors, drive.errors_u)]
     earlier, later = (
-        _split(replace(drive, samples=each).integrate(spans), model) - value
-        for each in (move_drive(drive.samples, way * drive.move_rows) for way in (-1, 1))
+        _split_energy_by_phase(replace(drive, samples=each).integrate(spans), model) - value
+        for each in (shift_drive_in_time(drive.samples, way * drive.move_rows) for way in (-1, 1))
     )
     return [
-        *(_split(found, each) - value for each in forces),
-        *(_split(each.integrate(spans), model) - value for each in moved),
+        *(_split_energy_by_phase(found, each) - value for each in forces),
+        *(_split_energy_by_phase(each.integrate(spans), model) - value for each in moved),
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
-        _slope_transfer(found, model),
-        _misfit(found, value, model),
-        drive.speed_u_1 * _speed_response(value),
+        _work_moved_by_slope(found, model),
+        _misfit_work(found, value, model),
+        drive.speed_u_1 * _work_change_by_speed(value),
     ]
 
 
-def _phase_spans(cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]) -> list[PhaseSpan]:
+def _whole_phase_spans(
+    cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
+) -> list[PhaseSpan]:
     """The phases of the cycles that have no hole; one that was not seen whole is in one piece."""
     spans: list[PhaseSpan] = []
     for row in cycles.iter_rows(named=True):
@@ -179,19 +189,19 @@ def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
     return edges if sorted(edges) == edges else None
 
 
-def _split(found: PhaseIntegrals, model: ForceModel) -> Floats:
+def _split_energy_by_phase(found: PhaseIntegrals, model: ForceModel) -> Floats:
     """(phases, parts) in J."""
     drive, dig, slow = found.drive, found.dig, found.slow
-    straight = _drive_work(drive, model)
+    straight = _integrate_drive_work(drive, model)
     work = straight + found.turning_J
     slope = drive["mass"] - found.kinetic_J + model.acting * drive["offset"]
-    digging = _drive_work(dig, model) - _resisted_work(dig, model)
+    digging = _integrate_drive_work(dig, model) - _work_against_friction(dig, model)
     friction = work - found.kinetic_J - slope - digging
     braking = -_mass_and_friction_work(slow, model)
     return np.stack([work, found.kinetic_J, slope, friction, digging, braking], axis=1)
 
 
-def _drive_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
+def _integrate_drive_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the measured force without its errors, (phases,) in J."""
     return (
         of["force"]
@@ -213,12 +223,12 @@ def _mass_and_friction_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
     )
 
 
-def _resisted_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
+def _work_against_friction(of: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work that a drive without a pile has to do, slip of its wheels included, in J."""
     return _mass_and_friction_work(of, model) + of["slip"]
 
 
-def _slope_transfer(found: PhaseIntegrals, model: ForceModel) -> Floats:
+def _work_moved_by_slope(found: PhaseIntegrals, model: ForceModel) -> Floats:
     """(phases, parts) in J, whether a slope shifts weight between the axles as acceleration does.
 
     It is taken to do so in full, and may do so in part: the width of that interval over √3.
@@ -229,7 +239,7 @@ def _slope_transfer(found: PhaseIntegrals, model: ForceModel) -> Floats:
     return np.stack([work, nothing, nothing, work - dig, dig, nothing], axis=1)
 
 
-def _speed_response(value: Floats) -> Floats:
+def _work_change_by_speed(value: Floats) -> Floats:
     """(phases, parts) in J, what a speed that is larger by its own share of 1 changes.
 
     Torque times the speed of its wheels stays; so does what lifts the masses, which are lighter by
@@ -241,28 +251,30 @@ def _speed_response(value: Floats) -> Floats:
     return changed
 
 
-def _more_coulomb(found: PhaseIntegrals, model: ForceModel, coulomb_N: float) -> ForceModel:
+def _shift_friction_to_coulomb(
+    found: PhaseIntegrals, model: ForceModel, coulomb_N: float
+) -> ForceModel:
     """The force with more Coulomb friction, and so much less viscous that the drive meets both."""
     way_m, viscous = (found.drive[name].sum() for name in ("direction", "viscous"))
     less_N_s_m = coulomb_N * way_m / viscous if viscous else 0.0
     return replace(model, direction=model.direction + coulomb_N, viscous=model.viscous - less_N_s_m)
 
 
-def _misfit(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+def _misfit_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """(phases, parts) in J, what the fit leaves over on average where the machine does not dig."""
-    left_N = _left_work(found, value, model).sum() / max(found.drive["direction"].sum(), 1.0)
+    left_N = _unexplained_work(found, value, model).sum() / max(found.drive["direction"].sum(), 1.0)
     dig, slow = left_N * found.dig["direction"], left_N * found.slow["direction"]
     nothing, slope = np.zeros_like(dig), left_N * found.drive["offset"]
     return np.stack([nothing, nothing, slope, -dig - slope, dig, slow], axis=1)
 
 
-def _left_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+def _unexplained_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """(phases,) work that neither masses, fitted friction nor digging explain, in J."""
-    explained = _resisted_work(found.drive, model) + value[:, PARTS.index("digging")]
-    return _drive_work(found.drive, model) - explained
+    explained = _work_against_friction(found.drive, model) + value[:, PARTS.index("digging")]
+    return _integrate_drive_work(found.drive, model) - explained
 
 
-def _mass_response(found: PhaseIntegrals) -> Floats:
+def _work_change_by_mass(found: PhaseIntegrals) -> Floats:
     """(phases, parts) what masses that are all heavier by their own share of 1 change."""
     lifted = found.drive["mass"] - found.kinetic_J
     dug = -found.dig["mass"]
@@ -271,7 +283,7 @@ def _mass_response(found: PhaseIntegrals) -> Floats:
     return np.stack([nothing, found.kinetic_J, lifted, friction, dug, -found.slow["mass"]], axis=1)
 
 
-def _random_parts(
+def _random_work(
     found: PhaseIntegrals,
     value: Floats,
     model: ForceModel,
@@ -280,12 +292,12 @@ def _random_parts(
 ) -> Floats:
     """(phases, parts) in J, what differs from cycle to cycle: masses, and what the fit leaves."""
     drive, dig = found.drive, found.dig
-    left = _left_work(found, value, model)
+    left = _unexplained_work(found, value, model)
     way_m = drive["direction"]
     number = np.unique([span.cycle for span in spans], return_inverse=True)[1]
     left_N = np.bincount(number, left) / np.maximum(np.bincount(number, way_m), 1.0)
     scatter_N = float(left_N.std(ddof=1)) if left_N.size >= LIMITS.energy_min_cycles else 0.0
-    mass = abs(mass_u_1 * _mass_response(found))
+    mass = abs(mass_u_1 * _work_change_by_mass(found))
     ways = np.zeros_like(value)
     ways[:, PARTS.index("work")] = ways[:, PARTS.index("friction")] = way_m
     ways[:, PARTS.index("digging")] = dig["direction"]
@@ -293,7 +305,7 @@ def _random_parts(
     return np.hypot(mass, scatter_N * ways)
 
 
-def _rows(
+def _make_energy_rows(
     spans: list[PhaseSpan], value: Floats, common: Floats, random: Floats, fuel_L: Floats
 ) -> tuple[EnergyRow, ...]:
     """The shift, whole and by phase, then each cycle likewise."""

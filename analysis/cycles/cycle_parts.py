@@ -8,12 +8,17 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.boom_dumps import BOOM_MOVES_RAD, ONE_DUMP_NS, is_creeping, standing
+from analysis.cycles.boom_dumps import (
+    BOOM_MOVES_RAD,
+    ONE_DUMP_NS,
+    find_standing_samples,
+    is_creeping,
+)
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.load_passes import Passes
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import values
-from analysis.model.windows import runs_of
+from analysis.model.windows import runs_of_flagged_samples
 from estimators.arrays import Bools, Floats, Ints
 
 #: A stand of so long is no part of the work.
@@ -63,21 +68,21 @@ class _DriveSamples(NamedTuple):
     recorded: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, excitation: pl.DataFrame) -> "_DriveSamples":
+    def from_excitation(cls, excitation: pl.DataFrame) -> "_DriveSamples":
         t_ns = excitation["t_ns"].to_numpy()
         step_s = np.diff(t_ns, append=t_ns[-1:]) / NS_PER_S
         return cls(
             t_ns,
             np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s),
             np.abs(values(excitation, "speed_x_m_s")),
-            standing(excitation),
+            find_standing_samples(excitation),
             excitation["phase"].is_not_null().to_numpy(),
         )
 
-    def during(
+    def summarise_span(
         self, start_ns: int, end_ns: int, holes_ns: Sequence[tuple[int, int]]
     ) -> DriveSummary:
-        """What they say of a stretch of time."""
+        """Summarise the drive within a stretch of time."""
         part = slice(*np.searchsorted(self.t_ns, [start_ns, end_ns]))
         step_s, speed = self.step_s[part], self.speed_m_s[part]
         known = np.isfinite(speed)
@@ -116,7 +121,7 @@ class CycleParts:
     unseen: bool = False
 
 
-def cycle_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
+def split_cycles_into_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
     """Go through passes and starts that dig in time, and say which cycle each is of.
 
     A load that is hauled is a cycle; so is digging of which no start tells a mass.
@@ -138,7 +143,7 @@ def cycle_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
                 and now.loaded is None
                 and now.dig_ns is not None
                 and start_ns - now.dig_ns[1] < found.one_filling_ns
-                and not found.dumps.during(now.dig_ns[1], start_ns)
+                and not found.dumps.dumps_during(now.dig_ns[1], start_ns)
             )
             # a bucket that is not dumped since is full: what looks like digging fills none
             inside = (
@@ -193,19 +198,19 @@ def add_dump_times(
         excitation: the phases.
     """
     t_ns = excitation["t_ns"].to_numpy()
-    stands, stops = standing(excitation), is_creeping(excitation)
+    stands, stops = find_standing_samples(excitation), is_creeping(excitation)
     boom = values(aligned, "boom_rad")
     for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
-        ready = _last_loaded_ns(cycle, found)
+        ready = _when_last_loaded_ns(cycle, found)
         over = [int(ns) for ns in found.start_ns[np.searchsorted(found.start_ns, ready) :][:1]]
         if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
             over.append(later.dig_ns[0])
         empty = min(over, default=int(t_ns[-1]))
-        dumped = found.dumps.out_during(ready, empty)
+        dumped = found.dumps.dumps_with_boom_out(ready, empty)
         if not dumped and cycle.loaded is None and over and not found.dumps.tells:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)
-            cycle.dump_ns = _longest_stop(stops[inside], t_ns[inside])
+            cycle.dump_ns = _find_longest_stop(stops[inside], t_ns[inside])
             cycle.dumped_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
         if not dumped and (cycle.loaded is None or not over):
             continue
@@ -217,7 +222,7 @@ def add_dump_times(
             continue
         stand = _boom_stand(stands[part], boom[part], t_ns[part])
         by_boom = stand is not None and stand[2]
-        hole = None if by_boom else _longest_hole(t_ns[part])
+        hole = None if by_boom else _find_longest_hole(t_ns[part])
         cycle.unseen = hole is not None
         found_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
         cycle.dump_ns, cycle.dumped_ns = found_ns, sum(found_ns) // 2
@@ -225,7 +230,7 @@ def add_dump_times(
             cycle.dumped_ns = _boom_out_ns(boom[part], t_ns[part], *stand[:2])
 
 
-def _last_loaded_ns(cycle: CycleParts, found: Passes) -> int:
+def _when_last_loaded_ns(cycle: CycleParts, found: Passes) -> int:
     """When a load is last seen on the machine: at the end of its pass, or of its digging."""
     if cycle.loaded is not None:
         return int(found.end_ns[cycle.loaded])
@@ -244,7 +249,7 @@ def _extend_to_stands(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple
     return int(t_ns[first]), int(t_ns[last])
 
 
-def _longest_hole(t_ns: Ints) -> tuple[int, int] | None:
+def _find_longest_hole(t_ns: Ints) -> tuple[int, int] | None:
     """The longest time without a sample, where that is long."""
     steps = np.diff(t_ns)
     if not steps.size or steps.max() < LIMITS.dump_hole_s * NS_PER_S:
@@ -253,9 +258,9 @@ def _longest_hole(t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[widest]), int(t_ns[widest + 1])
 
 
-def _longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
+def _find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     """The longest time that a machine stands or creeps, no idling; None where it does not."""
-    begins, ends = runs_of(stops)
+    begins, ends = runs_of_flagged_samples(stops)
     length = t_ns[ends] - t_ns[begins]
     length[length > IDLE_S * NS_PER_S] = 0
     if not length.any():
@@ -268,10 +273,10 @@ def _boom_stand(
     stands: Bools, boom: NDArray[np.float64], t_ns: Ints
 ) -> tuple[int, int, bool] | None:
     """A stand, and whether the boom moves in it."""
-    begins, ends = runs_of(stands)
+    begins, ends = runs_of_flagged_samples(stands)
     if not begins.size:
         return None
-    moves = np.array([_range(boom[b : e + 1]) for b, e in zip(begins, ends, strict=True)])
+    moves = np.array([_peak_to_peak(boom[b : e + 1]) for b, e in zip(begins, ends, strict=True)])
     length = (t_ns[ends] - t_ns[begins]).astype(np.float64)
     by_boom = bool(moves.max() > BOOM_MOVES_RAD)
     best = int(np.argmax(moves if by_boom else length))
@@ -293,7 +298,7 @@ def _boom_out_ns(boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: i
     return int(dump[0] + dump[-1]) // 2
 
 
-def _range(x: NDArray[np.float64]) -> float:
+def _peak_to_peak(x: NDArray[np.float64]) -> float:
     known = x[np.isfinite(x)]
     return float(np.ptp(known)) if known.size else 0.0
 
@@ -306,18 +311,18 @@ def summarise_cycle_motion(
     Args:
         cycles: the frame.
         excitation: times, phases and speed.
-        holes_ns: see `cycles_without_mass.holes`.
+        holes_ns: see `cycles_without_mass.find_channel_gaps_ns`.
     """
-    samples = _DriveSamples.of(excitation)
+    samples = _DriveSamples.from_excitation(excitation)
     found: list[CycleMotion] = []
     for row in cycles.iter_rows(named=True):
         start_ns, end_ns = row["start_t_ns"], row["end_t_ns"]
         haul_m = None
         if row["dig_t_ns"] is not None and row["load_s"] is not None and row["haul_s"] is not None:
             loaded_ns = row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
-            haul = samples.during(loaded_ns, loaded_ns + int(row["haul_s"] * NS_PER_S), ())
+            haul = samples.summarise_span(loaded_ns, loaded_ns + int(row["haul_s"] * NS_PER_S), ())
             haul_m = haul.distance_m
-        whole = samples.during(start_ns, end_ns, holes_ns)
+        whole = samples.summarise_span(start_ns, end_ns, holes_ns)
         found.append(CycleMotion(row["cycle"], haul_m, whole))
     return found
 
@@ -329,15 +334,17 @@ def summarise_shift_motion(
     t_ns = excitation["t_ns"].to_numpy()
     if not t_ns.size:
         return DriveSummary(None, None, 0.0, 0.0, 0.0)
-    return _DriveSamples.of(excitation).during(int(t_ns[0]), int(t_ns[-1]) + 1, holes_ns)
+    return _DriveSamples.from_excitation(excitation).summarise_span(
+        int(t_ns[0]), int(t_ns[-1]) + 1, holes_ns
+    )
 
 
-def idle_stands(excitation: pl.DataFrame) -> list[tuple[int, int]]:
+def find_idle_stands(excitation: pl.DataFrame) -> list[tuple[int, int]]:
     """The stands of more than `IDLE_S`, first and last sample in ns, in time."""
     if excitation.is_empty():
         return []
     t_ns = excitation["t_ns"].to_numpy()
-    begins, ends = runs_of(standing(excitation))
+    begins, ends = runs_of_flagged_samples(find_standing_samples(excitation))
     return [
         (int(t_ns[b]), int(t_ns[e]))
         for b, e in zip(begins, ends, strict=True)

@@ -14,27 +14,26 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_cycles import add_boom_cycles, digging_contradicts
+from analysis.cycles.boom_cycles import add_boom_cycles, does_digging_contradict_boom
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.cycle_parts import CycleParts, add_dump_times, cycle_parts
+from analysis.cycles.cycle_parts import CycleParts, add_dump_times, split_cycles_into_parts
 from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
     ShiftScale,
-    carried_variance,
-    cleanest,
+    carry_back_variance,
+    clean_bucket_mass_kg,
     empty_machine,
     pass_weights_by_state,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
-from analysis.cycles.load_passes import NO_PASSES, Passes, passes
+from analysis.cycles.load_passes import NO_PASSES, Passes, find_load_passes
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build
 from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
-from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
-from analysis.weighing.mass_budget import budget
+from analysis.weighing.empty_mass_datum import Datum, EmptyMachine, payload_sources
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Floats
 
@@ -75,8 +74,8 @@ class _CommonUncertainty:
     covariance: Floats
     empty: Floats
 
-    def of(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
-        """Of one payload: all that is common, and how much of that is alike in all.
+    def of_payload_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
+        """Common uncertainty of one payload, and the part of it that all payloads share.
 
         Args:
             weights: (passes,) of each pass in it.
@@ -89,7 +88,7 @@ class _CommonUncertainty:
         return max(float(np.hypot(np.sqrt(own), self.other_1 * payload_kg)), shared_kg), shared_kg
 
 
-def cycles(
+def weigh_cycles(
     weighing: Weighing | None,
     frames: dict[str, pl.DataFrame],
     machine: Machine,
@@ -107,10 +106,11 @@ def cycles(
     """
     digs = frames["digging"]
     motion = frames["aligned"], frames["excitation"]
-    found = known or passes(frames["loads"], frames["manoeuvres"], digs, *motion) or NO_PASSES
-    twice = known is None and digging_contradicts(found, digs)
+    masses = frames["loads"], frames["manoeuvres"]
+    found = known or find_load_passes(*masses, digs, *motion) or NO_PASSES
+    twice = known is None and does_digging_contradict_boom(found, digs)
     found = NO_PASSES if twice else found
-    parts = cycle_parts(found, digs)
+    parts = split_cycles_into_parts(found, digs)
     add_dump_times(parts, found, *motion)
     contradicts = False
     if known is None:
@@ -125,7 +125,7 @@ def cycles(
     withheld = withheld or (empty.contradiction if empty else "")
     share = _tare_share(found)
     worth = _shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
-    clean = cleanest(found)
+    clean = clean_bucket_mass_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
         weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
@@ -135,19 +135,19 @@ def cycles(
     ready_ns = int(frames["excitation"]["t_ns"][0])
     counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
-        row: dict[str, object] = {"cycle": number, **_cycle_times(part, ready_ns)}
-        reason = withheld or _no_mass_reason(part)
+        row: dict[str, object] = {"cycle": number, **_list_cycle_times(part, ready_ns)}
+        reason = withheld or _reason_for_no_mass(part)
         if not reason:
             weights = pass_weights(part, share, found.mass_kg.size)
-            row |= _payload_row(part, found, share, clean)
+            row |= _make_payload_row(part, found, share, clean)
             row |= _payload_uncertainty(row, worth, weights)
             if of_states is not None:
                 sums[number] = of_states @ weights
             row["manoeuvres"] = int(counts[part.loaded])
         row["quality"], row["counted"] = _row_quality(row, part)
-        row["withheld_for"] = reason or _row_remark(row) or (_UNSEEN if part.unseen else "")
+        row["withheld_for"] = reason or _remark_on_cycle(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
-        ready_ns = _ready_ns(part)
+        ready_ns = _cycle_complete_ns(part)
     table = subtract_spillage(_cycle_frame(rows), parts, found, frames, machine.machine)
     return LogCycles(table, sums, worth.scale)
 
@@ -160,7 +160,7 @@ def _cycle_frame(rows: list[dict[str, object]]) -> pl.DataFrame:
     return build("cycles", columns)
 
 
-def _cycle_times(part: CycleParts, ready_ns: int) -> dict[str, object]:
+def _list_cycle_times(part: CycleParts, ready_ns: int) -> dict[str, object]:
     """From one dump to the next, and what it is made of."""
     dig, haul, dump = part.dig_ns, part.haul_ns, part.dump_ns
     seen = [span for span in (dig, haul, dump) if span]
@@ -176,13 +176,13 @@ def _cycle_times(part: CycleParts, ready_ns: int) -> dict[str, object]:
     }
 
 
-def _ready_ns(part: CycleParts) -> int:
+def _cycle_complete_ns(part: CycleParts) -> int:
     """When the machine is through with a cycle."""
     seen = [span for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span]
     return seen[-1][1]
 
 
-def _no_mass_reason(part: CycleParts) -> str:
+def _reason_for_no_mass(part: CycleParts) -> str:
     """Why a cycle has no mass, nothing where it has one."""
     if part.loaded is None:
         return "no start with this load tells a mass"
@@ -191,7 +191,7 @@ def _no_mass_reason(part: CycleParts) -> str:
     return ""
 
 
-def _row_remark(row: dict[str, object]) -> str:
+def _remark_on_cycle(row: dict[str, object]) -> str:
     return {
         "weak": "uncertain: more than a quarter of the payload",
         "not dumped": "the recording ends before it is dumped",
@@ -207,7 +207,7 @@ def _row_quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
     return ("weak" if u_kg > LIMITS.doubtful_payload_u * abs(payload_kg) else "good"), True
 
 
-def _payload_row(
+def _make_payload_row(
     part: CycleParts, found: Passes, share: Floats, cleanest: tuple[float, float]
 ) -> dict[str, object]:
     row: dict[str, object] = {}
@@ -237,15 +237,15 @@ def _payload_row(
 def _payload_uncertainty(
     row: dict[str, object], worth: "_SharedUncertainty", weights: Floats
 ) -> dict[str, object]:
-    """What a payload has in common with others, how much of it with all of them, and the whole.
+    """Uncertainty that a payload shares with others, the part shared by all, and the total.
 
     The log's own stand beside those that the empty machine tells: a calibration has to have them.
     """
     own_kg, random_kg = row["payload_kg"], row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
     assert isinstance(random_kg, float)
-    own_common_kg, own_shared_kg = worth.own.of(weights, own_kg)
-    common_kg, shared_kg = (worth.scale_1 * u for u in worth.told.of(weights, own_kg))
+    own_common_kg, own_shared_kg = worth.own.of_payload_kg(weights, own_kg)
+    common_kg, shared_kg = (worth.scale_1 * u for u in worth.told.of_payload_kg(weights, own_kg))
     random_kg *= worth.scale_1
     return {
         "scale_1": worth.scale_1,
@@ -284,7 +284,7 @@ def _tare_share(found: Passes) -> Floats:
     """(passes,) the weight of the empty pass before each loaded one: the smallest variance."""
     share = np.full(found.mass_kg.size, 0.5)
     empties = np.flatnonzero(~found.loaded)
-    spread = 2.0 * carried_variance(found)
+    spread = 2.0 * carry_back_variance(found)
     for loaded in np.flatnonzero(found.loaded):
         place = int(np.searchsorted(empties, loaded))
         if 0 < place < empties.size:
@@ -294,8 +294,8 @@ def _tare_share(found: Passes) -> Floats:
 
 
 def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
-    """What a payload is off since another load was carried back before, as a variance."""
-    variance = 2.0 * carried_variance(found)
+    """Variance of a payload because of a different load carried back before it."""
+    variance = 2.0 * carry_back_variance(found)
     if part.loaded is None:
         return 0.0
     before = 0.0 if part.before is None else 1.0 if part.after is None else share[part.loaded]
@@ -350,12 +350,10 @@ def _shared_uncertainty(
         nothing = np.zeros(count)
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
         return _SharedUncertainty(none, none, 1.0, ShiftScale())
-    datum = empty.datum(pass_weights_by_state(weighing.fit, found) @ weights)
+    datum = empty.make_datum(pass_weights_by_state(weighing.fit, found) @ weights)
     own = common_uncertainty(weighing, machine, found, weights, None)
     gain_1, gain_u_1 = empty.gain or (None, None)
-    sources = (
-        budget(weighing, machine, empty.weights) if datum is None else datum.sources(empty.weights)
-    )
+    sources = payload_sources(weighing, machine, datum, empty.weights)
     unknown = unknown_scale(sources)
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
@@ -369,7 +367,7 @@ def _shared_uncertainty(
 def common_uncertainty(
     weighing: Weighing, machine: Machine, found: Passes, weights: Floats, datum: Datum | None
 ) -> _CommonUncertainty:
-    """What is common to payloads of the log's own, with the fit's correlations.
+    """Uncertainty common to the log's own payloads, with the fit's correlations.
 
     Of all payloads together it is what the fit's budget has besides what the passes' own noise and
     scatter add up to. One payload also has what nuisances do to its own starts and not to others'.
@@ -377,7 +375,7 @@ def common_uncertainty(
     fit = weighing.fit
     of_states = pass_weights_by_state(fit, found)
     summed = of_states @ weights
-    sources = budget(weighing, machine, summed) if datum is None else datum.sources(summed)
+    sources = payload_sources(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
     total_kg = max(abs(float(weights @ found.mass_kg)), 1e-9)
     kept = (combine(sources, "random") / by_1) ** 2 - float(weights**2 @ found.u_kg**2)

@@ -11,11 +11,16 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import ONE_DUMP_NS, BoomDumps, find_boom_dumps, standing
+from analysis.cycles.boom_dumps import (
+    ONE_DUMP_NS,
+    BoomDumps,
+    find_boom_dumps,
+    find_standing_samples,
+)
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import IDLE_S
 from analysis.model.physical_units import NS_PER_S
-from analysis.model.windows import runs_of
+from analysis.model.windows import runs_of_flagged_samples
 from estimators.arrays import Ints
 
 
@@ -70,7 +75,7 @@ def uncounted_cycles(
     )
 
 
-def price_kg(
+def unweighed_load_kg(
     number: float, number_u: float, mean_kg: float | None, std_kg: float | None
 ) -> tuple[float, float]:
     """Estimate the load of so many cycles, with its uncertainty, by the loads that have a mass.
@@ -119,11 +124,11 @@ def _rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[
     """
     if dumps_ns.size < LIMITS.rhythm_min_dumps:
         return []
-    t_ns, stands = excitation["t_ns"].to_numpy(), standing(excitation)
+    t_ns, stands = excitation["t_ns"].to_numpy(), find_standing_samples(excitation)
     step_s = np.diff(t_ns, prepend=t_ns[0]) / NS_PER_S
     # cycles of a hole are priced apart
     step_s[step_s > HOLE_S] = 0.0
-    for begin, end in zip(*runs_of(stands), strict=True):
+    for begin, end in zip(*runs_of_flagged_samples(stands), strict=True):
         if t_ns[end] - t_ns[begin] > IDLE_S * NS_PER_S:
             step_s[begin : end + 1] = 0.0
     worked_s = np.diff(np.interp(dumps_ns, t_ns, np.cumsum(step_s)))
@@ -157,7 +162,7 @@ class LostCycles(NamedTuple):
     payload_u_kg: float
 
 
-def holes(excitation: pl.DataFrame, aligned: pl.DataFrame) -> list[tuple[int, int]]:
+def find_channel_gaps_ns(excitation: pl.DataFrame, aligned: pl.DataFrame) -> list[tuple[int, int]]:
     """Stretches of a second or more in which a channel is missing, in ns, between its samples.
 
     Args:
@@ -182,7 +187,7 @@ def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles
 
     Args:
         cycles: the frame.
-        gaps: `holes`.
+        gaps: `find_channel_gaps_ns`.
     """
     dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / NS_PER_S
     known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()

@@ -38,8 +38,8 @@ class MixedMachines:
     before_kg: float
     after_kg: float
 
-    def text(self, name: str) -> str:
-        """What a reader must know.
+    def warning_text(self, name: str) -> str:
+        """Warning for the reader.
 
         Args:
             name: of the log that it jumps at.
@@ -47,8 +47,8 @@ class MixedMachines:
         more = self.after_kg / self.before_kg - 1.0
         return (
             f"the empty machine weighs {self.before_kg:,.0f} kg before {name} and "
-            f"{self.after_kg:,.0f} kg from it on ({more:+.0%}): these may be logs of two machines; "
-            "review the logs of each machine by themselves"
+            f"{self.after_kg:,.0f} kg from then on ({more:+.0%}): the logs may be of two machines; "
+            "review the logs of each machine separately"
         )
 
 
@@ -56,8 +56,8 @@ class ShiftScale(NamedTuple):
     """Where the scale of the payloads comes from.
 
     Attributes:
-        told_by: what tells it; empty where nothing does.
-        unknown: the sources that nothing tells, with commas.
+        told_by: source that fixes the scale; empty if none.
+        unknown: scale sources without a stated uncertainty, separated by commas.
         gain_1: mass of the empty machine in the log over that of the machine file, where it has u.
         gain_u_1: its standard uncertainty.
     """
@@ -76,7 +76,7 @@ def pass_weights_by_state(fit: JointFit, found: Passes) -> Floats:
     return weights
 
 
-def carried_variance(found: Passes) -> float:
+def carry_back_variance(found: Passes) -> float:
     """Variance of what is carried back, in kg²: what empty passes differ by beyond their noise."""
     mass, u = found.mass_kg[~found.loaded], found.u_kg[~found.loaded]
     if mass.size < LIMITS.carried_min_passes:
@@ -85,7 +85,7 @@ def carried_variance(found: Passes) -> float:
     return max(float(np.mean(np.diff(mass) ** 2 - u[1:] ** 2 - u[:-1] ** 2)) / 2.0, 0.0)
 
 
-def cleanest(found: Passes) -> tuple[float, float]:
+def clean_bucket_mass_kg(found: Passes) -> tuple[float, float]:
     """The mass of the machine with a clean bucket, and its uncertainty.
 
     The spread of empty passes is more than that of what they carry: quantiles are drawn towards the
@@ -95,7 +95,7 @@ def cleanest(found: Passes) -> tuple[float, float]:
     if not mass.size:
         return float("nan"), float("nan")
     noise = float(np.mean(u**2))
-    true = carried_variance(found)
+    true = carry_back_variance(found)
     kept = float(np.sqrt(true / (true + noise))) if true + noise > 0 else 0.0
     middle = float(np.mean(mass))
     least = middle + kept * (float(np.quantile(mass, LIMITS.clean_bucket_quantile)) - middle)
@@ -117,7 +117,7 @@ def empty_machine(
         return None
     share = np.where(empty, 1.0 / found.u_kg**2, 0.0)
     share /= share.sum()
-    least_kg, least_u_kg = cleanest(found)
+    least_kg, least_u_kg = clean_bucket_mass_kg(found)
     carried_kg = max(float(share @ found.mass_kg) - least_kg, 0.0)
     # the noise of the passes is in their own masses
     noise_kg2 = float(np.mean(found.u_kg[empty] ** 2)) / int(empty.sum())
@@ -128,7 +128,9 @@ def empty_machine(
     )
 
 
-def find_mixed_machine(manoeuvres: pl.DataFrame, begins_ns: Sequence[int]) -> MixedMachines | None:
+def find_empty_mass_jump(
+    manoeuvres: pl.DataFrame, begins_ns: Sequence[int]
+) -> MixedMachines | None:
     """Look for a log from which on the empty machine weighs otherwise.
 
     Args:

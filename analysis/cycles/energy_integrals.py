@@ -107,7 +107,7 @@ def energy_samples(
     )
     turning = np.where(known, _turning_power(aligned, machine.machine), 0.0)
     stands, turns = (
-        _in_phase(excitation, name, machine, unknown=unknown)
+        _mark_phase(excitation, name, machine, unknown=unknown)
         for name, unknown in (("standstill", True), ("spinning", False))
     )
     moves = known & ~stands
@@ -136,26 +136,26 @@ def energy_samples(
     )
 
 
-def phase_rows(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
+def rows_of_each_phase(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
     """(phases, 2) first row of each phase, and the first after it."""
     ends = [(span.start_ns, span.end_ns) for span in spans]
     return np.searchsorted(samples.t_ns, ends).reshape(-1, 2)
 
 
-def burnt_litres(samples: EnergySamples, spans: list[PhaseSpan]) -> Floats:
+def sum_fuel_litres(samples: EnergySamples, spans: list[PhaseSpan]) -> Floats:
     """(phases,) fuel of each phase in L, standing included; NaN where the rate is not known."""
     if samples.fuel_L_h is None:
         return np.full(len(spans), np.nan)
     litres = np.nan_to_num(samples.fuel_L_h) * samples.step_s / SECONDS_PER_HOUR
     unknown_s = np.where(np.isnan(samples.fuel_L_h), samples.step_s, 0.0)
     fuel_L, lost_s = (
-        np.array([each[first:last].sum() for first, last in phase_rows(samples, spans)])
+        np.array([each[first:last].sum() for first, last in rows_of_each_phase(samples, spans)])
         for each in (litres, unknown_s)
     )
     return np.where(lost_s > LIMITS.longest_sample_s, np.nan, fuel_L)
 
 
-def without_brakes(
+def subtract_braked_drive(
     samples: EnergySamples,
     excitation: pl.DataFrame,
     machine: Machine,
@@ -163,7 +163,7 @@ def without_brakes(
     viscous_N_s_m: float,
     coulomb_N: float,
 ) -> EnergySamples:
-    """The same without drive where brakes take more: brakes that no sensor sees leave the force.
+    """Subtract the drive where brakes absorb more; unmeasured brakes do not show in the force.
 
     Args:
         samples: of the log.
@@ -175,20 +175,20 @@ def without_brakes(
     """
     speed, acceleration = centred_motion(excitation, machine)
     along = mass_kg * acceleration * np.sign(speed) + viscous_N_s_m * np.abs(speed) + coulomb_N
-    spins = _in_phase(excitation, "spinning", machine, unknown=False)
+    spins = _mark_phase(excitation, "spinning", machine, unknown=False)
     braked = samples.drives & ~samples.digs & ~spins & (along < 0.0)
     return replace(samples, drives=samples.drives & ~braked, slows=samples.slows | braked)
 
 
-def drive_as_it_acts(samples: EnergySamples, force_late_s: float) -> EnergySamples:
-    """The same with the drive's stretches where the force acts, not where it is measured."""
+def undelayed_drive(samples: EnergySamples, force_late_s: float) -> EnergySamples:
+    """Move the stretches of drive from where the force is measured to where it acts."""
     sampled = samples.step_s[samples.step_s > 0.0]
     rows = round(force_late_s / float(np.median(sampled))) if sampled.size else 0
-    return move_drive(samples, -rows)
+    return shift_drive_in_time(samples, -rows)
 
 
-def move_drive(samples: EnergySamples, rows: int) -> EnergySamples:
-    """The same with the drive's stretches so many rows later.
+def shift_drive_in_time(samples: EnergySamples, rows: int) -> EnergySamples:
+    """Delay the stretches of drive by a number of rows.
 
     A motor lets go gradually: where its force ends is known to half the moving mean at best.
     """
@@ -207,16 +207,16 @@ def centred_motion(excitation: pl.DataFrame, machine: Machine) -> tuple[Floats, 
 
 def _centred_mean(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
     """A column after the trailing mean, moved back by half its length, (n,); 0 where unknown."""
-    return np.roll(np.nan_to_num(values(excitation, name)), -late_rows(machine))
+    return np.roll(np.nan_to_num(values(excitation, name)), -excitation_delay_rows(machine))
 
 
-def _in_phase(excitation: pl.DataFrame, name: str, machine: Machine, *, unknown: bool) -> Bools:
+def _mark_phase(excitation: pl.DataFrame, name: str, machine: Machine, *, unknown: bool) -> Bools:
     """(n,) which samples are in a phase of the motion, which is told after the trailing mean."""
     found = (excitation["phase"] == name).fill_null(value=unknown).to_numpy()
-    return np.roll(found, -late_rows(machine))
+    return np.roll(found, -excitation_delay_rows(machine))
 
 
-def late_rows(machine: Machine) -> int:
+def excitation_delay_rows(machine: Machine) -> int:
     """Rows by which the trailing mean of the excitation is late."""
     return (machine.settings.smooth.samples - 1) // 2
 
@@ -295,8 +295,8 @@ def integrate_phases(
         errors: of force and speed.
         ground_N: (n,) force between tyres and ground where the machine does not dig.
     """
-    force = _earlier(samples, "force_N", errors.force_late_s)
-    wheels = _earlier(samples, "speed_m_s", errors.speed_late_s)
+    force = _advance_column(samples, "force_N", errors.force_late_s)
+    wheels = _advance_column(samples, "speed_m_s", errors.speed_late_s)
     # brakes slip as well, and leave no measured force
     slipping_N = np.where(samples.digs, force, ground_N)
     speed = wheels * rolling_fraction(wheels, slipping_N, errors.slip_1_N)
@@ -323,7 +323,7 @@ def integrate_phases(
         "quadratic": fast**3 * step_s,
         "slip": force * (wheels - speed) * step_s,
     }
-    edges = phase_rows(samples, spans)
+    edges = rows_of_each_phase(samples, spans)
 
     def over(x: Floats, samples_of_set: Bools) -> Floats:
         total = np.append(0.0, np.cumsum(np.where(samples_of_set, x, 0.0)))
@@ -341,7 +341,7 @@ def integrate_phases(
     )
 
 
-def _earlier(samples: EnergySamples, name: str, late_s: float) -> Floats:
+def _advance_column(samples: EnergySamples, name: str, late_s: float) -> Floats:
     """A column moved back by how late it is, (n,)."""
     x: Floats = getattr(samples, name)
     if not late_s:

@@ -7,13 +7,13 @@ from typing import Final, TypeVar
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import standing
+from analysis.cycles.boom_dumps import find_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.energy_integrals import MotionErrors
 from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.settings import PriorSettings
-from analysis.model.windows import runs_of
+from analysis.model.windows import runs_of_flagged_samples
 from analysis.weighing.nuisances import WARMING, coulomb_std
 from estimators.arrays import Floats
 
@@ -23,7 +23,7 @@ _FOUND: Final = ("term", "posterior", "posterior_std")
 
 @dataclass(frozen=True)
 class ForceModel:
-    """What the joint fit says of the force, in the units of `nuisances`.
+    """Force model of the joint fit, in the units of `nuisances`.
 
     Attributes:
         const: the constant force.
@@ -74,7 +74,7 @@ def fitted_force(
     offset, offset_u = of("offset")
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
-    wrong_N = priors.const_share * _largest_force(excitation)
+    wrong_N = priors.const_share * _find_largest_force(excitation)
     wrong_1 = min((wrong_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
@@ -98,7 +98,9 @@ def fitted_force(
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
 
 
-def untold_coulomb(frames: Mapping[str, pl.DataFrame], mass_kg: Floats, machine: Machine) -> float:
+def undetermined_coulomb(
+    frames: Mapping[str, pl.DataFrame], mass_kg: Floats, machine: Machine
+) -> float:
     """Standard deviation of the Coulomb friction that the fit has no term for, in N.
 
     Where the log drives one way, it is part of the viscous friction and of the constant force.
@@ -110,10 +112,10 @@ def untold_coulomb(frames: Mapping[str, pl.DataFrame], mass_kg: Floats, machine:
         return 0.0
     weight_N = float(np.quantile(mass_kg, 0.1)) * machine.machine.gravity_m_s2
     priors = machine.settings.priors
-    return coulomb_std(_largest_force(frames["excitation"]), weight_N, priors)
+    return coulomb_std(_find_largest_force(frames["excitation"]), weight_N, priors)
 
 
-def _largest_force(excitation: pl.DataFrame) -> float:
+def _find_largest_force(excitation: pl.DataFrame) -> float:
     """The force that the log drives with, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
     pushed_N = np.abs(values(driving, "force_x_N"))
@@ -151,7 +153,7 @@ def standing_offset(excitation: pl.DataFrame, mass_kg: Floats) -> tuple[float, f
         values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
     )
     means: list[tuple[float, float]] = []
-    for begin, end in zip(*runs_of(standing(excitation)), strict=True):
+    for begin, end in zip(*runs_of_flagged_samples(find_standing_samples(excitation)), strict=True):
         # neither a motor that lets go nor one that is about to push
         quarter = (end - begin) // 4
         quiet = slice(begin + quarter, end - quarter + 1)
@@ -188,7 +190,7 @@ def fitted_motion_errors(
     return MotionErrors(*(v for v, _ in pairs)), MotionErrors(*(u for _, u in pairs))
 
 
-def change_each(values: Terms, stds: Terms) -> list[Terms]:
+def change_each_term(values: Terms, stds: Terms) -> list[Terms]:
     """The values with one after the other changed by its standard uncertainty."""
     names = [each.name for each in fields(values) if getattr(stds, each.name)]
     return [
@@ -196,7 +198,7 @@ def change_each(values: Terms, stds: Terms) -> list[Terms]:
     ]
 
 
-def gain_u(machine: Machine) -> tuple[float, str]:
+def force_gain_uncertainty(machine: Machine) -> tuple[float, str]:
     """Relative standard uncertainty of the measured work, and the settings that it lacks.
 
     Torque times the speed of the same wheels needs no radius.
@@ -215,7 +217,7 @@ def gain_u(machine: Machine) -> tuple[float, str]:
     return float(np.linalg.norm([u or 0.0 for u in parts.values()])), ", ".join(unknown)
 
 
-def mass_u(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
+def relative_mass_uncertainty(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
     """Relative standard uncertainty of masses on the force's own scale: common, and of each."""
     loads = frames["loads"].filter(pl.col("mass_kg").is_not_null())
     budget = frames["budget"].filter(pl.col("kind") == "common").group_by("load_id")

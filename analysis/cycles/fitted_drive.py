@@ -13,17 +13,17 @@ from analysis.cycles.energy_integrals import (
     PhaseIntegrals,
     PhaseSpan,
     centred_motion,
-    drive_as_it_acts,
     energy_samples,
+    excitation_delay_rows,
     integrate_phases,
-    late_rows,
-    without_brakes,
+    subtract_braked_drive,
+    undelayed_drive,
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
     fitted_force,
     fitted_motion_errors,
-    untold_coulomb,
+    undetermined_coulomb,
 )
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
@@ -83,17 +83,17 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
     """Take samples, masses and force of a log as the joint fit has them."""
     grids = frames["aligned"], frames["excitation"], frames["digging"]
     cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
-    mass_kg = _sample_masses(energy_samples(*grids, machine), cycles, manoeuvres)
+    mass_kg = _machine_and_load_mass_kg(energy_samples(*grids, machine), cycles, manoeuvres)
     model, model_u = fitted_force(frames, mass_kg, machine.settings.priors)
     errors, errors_u = fitted_motion_errors(frames["nuisances"], model, machine)
     samples = energy_samples(*grids, machine, model.offset)
-    mass_kg = _sample_masses(samples, cycles, manoeuvres)
-    samples = drive_as_it_acts(samples, errors.force_late_s)
+    mass_kg = _machine_and_load_mass_kg(samples, cycles, manoeuvres)
+    samples = undelayed_drive(samples, errors.force_late_s)
     friction = model.viscous, model.direction
     by_accelerometer = machine.settings.forces.acceleration == "specific_force"
     return FittedDrive(
-        without_brakes(samples, frames["excitation"], machine, mass_kg, *friction),
-        max(late_rows(machine), 1),
+        subtract_braked_drive(samples, frames["excitation"], machine, mass_kg, *friction),
+        max(excitation_delay_rows(machine), 1),
         mass_kg,
         machine.machine.rotating_mass_kg,
         _ground_force(frames["excitation"], machine, mass_kg, model),
@@ -101,13 +101,13 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
         model_u,
         errors,
         errors_u,
-        untold_coulomb(frames, mass_kg, machine),
+        undetermined_coulomb(frames, mass_kg, machine),
         # a speed that is wrong beside an acceleration of the wheels is wrong in both
         machine.machine.wheel_radius_u_1 or 0.0 if by_accelerometer else 0.0,
     )
 
 
-def _sample_masses(
+def _machine_and_load_mass_kg(
     samples: EnergySamples, cycles: pl.DataFrame, manoeuvres: pl.DataFrame
 ) -> Floats:
     """(n,) mass of machine and load: of the nearest start with that load, growing while it digs."""
@@ -126,8 +126,8 @@ def _sample_masses(
         digs, filled = row["dig_t_ns"], row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
         begin, first, last, stop = np.searchsorted(t_ns, [start, digs, filled, end])
         # the cycle's own starts on either side of the pile, else what its neighbours weighed
-        before = starts.between(start, digs, row["empty_before_kg"] or row["empty_after_kg"])
-        after = starts.between(filled, end, row["loaded_kg"])
+        before = starts.starts_between(start, digs, row["empty_before_kg"] or row["empty_after_kg"])
+        after = starts.starts_between(filled, end, row["loaded_kg"])
         if before is None or after is None:
             continue
         mass_kg[begin:first] = before.nearest_masses(t_ns[begin:first])
@@ -146,8 +146,10 @@ class _Starts(NamedTuple):
     middle_ns: Floats
     mass_kg: Floats
 
-    def between(self, begin_ns: int, end_ns: int, otherwise_kg: float | None) -> "_Starts | None":
-        """Those between two times; where there are none, one of another mass, if that is known."""
+    def starts_between(
+        self, begin_ns: int, end_ns: int, otherwise_kg: float | None
+    ) -> "_Starts | None":
+        """Starts between two times; if none, one start of another known mass, else None."""
         chosen = (self.middle_ns >= begin_ns) & (self.middle_ns <= end_ns)
         if chosen.any():
             return _Starts(self.middle_ns[chosen], self.mass_kg[chosen])

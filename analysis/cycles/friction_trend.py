@@ -95,7 +95,7 @@ def friction_parts(
     """
     if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count() or nuisances.is_empty():
         return ()
-    crossed, squared = _manoeuvre_sums(excitation, manoeuvres, nuisances, settings)
+    crossed, squared = _sum_manoeuvre_friction(excitation, manoeuvres, nuisances, settings)
     t_ns = excitation["t_ns"].to_numpy()
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
     since_s = (middle - t_ns[0]) / NS_PER_S
@@ -122,7 +122,7 @@ def friction_parts(
     return tuple(found)
 
 
-def _manoeuvre_sums(
+def _sum_manoeuvre_friction(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[Floats, Floats]:
     """(manoeuvres,) of speed times the force that is left, and of the speed's square."""

@@ -44,9 +44,9 @@ def subtract_spillage(
     if body.haul_spillage_share is None or cycles.is_empty():
         return cycles
     progress = _weighing_progress(parts, found, frames["manoeuvres"], frames["excitation"])
-    arriving, u = arriving_share(progress, body)
+    arriving, u = estimate_arriving_share(progress, body)
     known = cycles["payload_kg"].is_not_null().to_numpy()
-    return deliver(
+    return subtract_spillage_from_payloads(
         cycles.with_columns(
             arriving_1=pl.Series(np.where(known, arriving, np.nan)).fill_nan(None),
             arriving_u_1=pl.Series(np.where(known, u, np.nan)).fill_nan(None),
@@ -54,7 +54,7 @@ def subtract_spillage(
     )
 
 
-def arriving_share(progress: Floats, body: Body) -> tuple[Floats, Floats]:
+def estimate_arriving_share(progress: Floats, body: Body) -> tuple[Floats, Floats]:
     """The weighed load's share that arrives, and its standard uncertainty.
 
     Of a load L the share s is spilled evenly over the haul, so that L (1 - s p) is weighed where
@@ -72,7 +72,7 @@ def arriving_share(progress: Floats, body: Body) -> tuple[Floats, Floats]:
     return (1.0 - spilled) / weighed, np.hypot(by_share, by_place)
 
 
-def deliver(cycles: pl.DataFrame) -> pl.DataFrame:
+def subtract_spillage_from_payloads(cycles: pl.DataFrame) -> pl.DataFrame:
     """Take the spillage of the columns `arriving_1` and `arriving_u_1` off payloads."""
     if cycles["arriving_1"].null_count() == cycles.height:
         return cycles

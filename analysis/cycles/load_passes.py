@@ -1,4 +1,4 @@
-"""What each pass between two changes of load weighs.
+"""Mass of each pass between two changes of load.
 
 A pass is a stretch of manoeuvres that are all loaded or all empty; states that differ by less than
 loaded and empty do (spillage, a state split in two) are one pass.
@@ -13,7 +13,7 @@ import polars as pl
 from analysis.cycles.boom_dumps import NO_DUMPS, BoomDumps, find_boom_dumps
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.weighing.fit_columns import are_possible
+from analysis.weighing.fit_columns import are_masses_possible
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -56,7 +56,7 @@ NO_PASSES: Final = Passes(
 )
 
 
-def passes(
+def find_load_passes(
     loads: pl.DataFrame,
     manoeuvres: pl.DataFrame,
     digs: pl.DataFrame,
@@ -107,7 +107,7 @@ def passes(
     last = np.append(first[1:] - 1, of.size - 1)
     dumping = _is_dumping(begin, end, dumps)
     spilled = _carries_spilled_load(of_state & ~dumping, of, state, mass_kg, u_kg)
-    no_mass = dumping | spilled | hauls_nothing | ~are_possible(mass_kg)[state]
+    no_mass = dumping | spilled | hauls_nothing | ~are_masses_possible(mass_kg)[state]
     left = np.where(no_mass, 0.0, weight)
     # a pass that has no other keeps what it has
     weight = np.where(np.bincount(of, left)[of] > 0.0, left, weight)
@@ -195,7 +195,7 @@ def _refill_places(
             empties = np.flatnonzero(~loaded[:after])
             first = int(empties[-1]) + 1 if empties.size else 0
             since_ns = max(int(begin[first]), last_ns)
-            dumped = bool(dumps.during(int(end[after - 1]), start))
+            dumped = bool(dumps.dumps_during(int(end[after - 1]), start))
             # what drives while it is seen to dig is no haul
             if (start - since_ns > one_filling_ns or dumped) and end[after - 1] <= start:
                 found.append(after - 1)
@@ -215,7 +215,7 @@ def _reclassify_at_dumps(
     dug = np.unique(np.searchsorted(begin, digs["start_t_ns"].to_numpy()))
     moved = loaded.copy()
     for first in np.flatnonzero(loaded[:-1] & ~loaded[1:]) + 1:
-        if dumps.during(int(end[first - 1]), int(begin[first])):
+        if dumps.dumps_during(int(end[first - 1]), int(begin[first])):
             continue
         # from one filling to the next
         low = int(max(dug[dug < first], default=0))
@@ -232,7 +232,7 @@ def _dump_places(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> lis
     return [
         k
         for k in range(loaded.size - 1)
-        if loaded[k] and loaded[k + 1] and dumps.during(int(end[k]), int(begin[k + 1]))
+        if loaded[k] and loaded[k + 1] and dumps.dumps_during(int(end[k]), int(begin[k + 1]))
     ]
 
 
@@ -281,7 +281,7 @@ def loaded_states(
         digs: `digging`: what comes before a start that digs is empty, what comes after is loaded.
     """
     label = _digging_labels(mass_kg, u_kg, state, *times_ns, digs)
-    possible = are_possible(mass_kg)
+    possible = are_masses_possible(mass_kg)
     found = _classify_by_border(mass_kg[possible], u_kg[possible], label[possible])
     # a mass that no machine has tells of no change of the load
     return None if found is None else found[(np.cumsum(possible) - 1).clip(0)]

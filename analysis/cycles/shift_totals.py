@@ -10,13 +10,18 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import standing
+from analysis.cycles.boom_dumps import find_standing_samples
 from analysis.cycles.cycle_parts import IDLE_S
-from analysis.cycles.cycles_without_mass import holes, lost_cycles, price_kg, uncounted_cycles
+from analysis.cycles.cycles_without_mass import (
+    find_channel_gaps_ns,
+    lost_cycles,
+    uncounted_cycles,
+    unweighed_load_kg,
+)
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build
-from analysis.model.windows import runs_of
+from analysis.model.windows import runs_of_flagged_samples
 
 _NO_SCALE: Final = ShiftScale()
 
@@ -37,7 +42,7 @@ class LabelTotal(NamedTuple):
     payload_u_kg: float
 
 
-def shift(
+def sum_shift(
     cycles: pl.DataFrame,
     excitation: pl.DataFrame,
     aligned: pl.DataFrame,
@@ -51,7 +56,7 @@ def shift(
         aligned: where nothing was recorded.
         scale: of the payloads.
     """
-    gaps = holes(excitation, aligned)
+    gaps = find_channel_gaps_ns(excitation, aligned)
     lost, more = lost_cycles(cycles, gaps), uncounted_cycles(cycles, excitation, aligned)
     t_ns = excitation["t_ns"].to_numpy()
     duration_s = float(t_ns[-1] - t_ns[0]) / NS_PER_S if t_ns.size else 0.0
@@ -88,7 +93,7 @@ def shift(
 def recount_shift(
     summary: pl.DataFrame, cycles: pl.DataFrame, rejected: Collection[int] = ()
 ) -> pl.DataFrame:
-    """The same with other cycles: calibrated ones, or without some that a reviewer rejects.
+    """Sum the shift again with other cycles: calibrated ones, or without rejected ones.
 
     Args:
         summary: frame `shift`.
@@ -115,13 +120,13 @@ def recount_shift(
 
 
 def total_payload(row: Mapping[str, Any]) -> dict[str, float]:
-    """What was dumped in the shift: counted, uncounted and lost, under one uncertainty.
+    """Total dumped in the shift: counted, uncounted and lost, with one uncertainty.
 
     What is common to all payloads is common to those that are priced by them.
     """
     counted_kg, lost_kg = row["payload_kg"], row["lost_kg"] or 0.0
     number_u = row["uncounted_cycles_u"] or 0.0
-    more_kg, more_u_kg = price_kg(
+    more_kg, more_u_kg = unweighed_load_kg(
         row["uncounted_cycles"] or 0.0, number_u, row["payload_mean_kg"], row["payload_std_kg"]
     )
     total_kg = counted_kg + more_kg + lost_kg
@@ -144,7 +149,7 @@ def sum_cycles(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any
     out = pl.col("cycle").is_in(list(rejected))
     counted = cycles.filter(pl.col("counted") & ~out)
     payload, back = counted["payload_kg"], counted["carry_back_kg"]
-    random_kg = _random_kg(counted)
+    random_kg = _random_payload_u_kg(counted)
     common_kg = float(counted["payload_u_shared_kg"].sum())
     return {
         "cycles": cycles.height,
@@ -155,21 +160,21 @@ def sum_cycles(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any
         "payload_u_random_kg": random_kg,
         "payload_u_common_kg": common_kg,
         "payload_u_kg": float(np.hypot(random_kg, common_kg)),
-        "payload_mean_kg": _number(payload.mean()),
-        "payload_std_kg": _number(payload.std()),
-        "carry_back_mean_kg": _number(back.mean()),
-        "arriving_1": _number(counted["arriving_1"].mean()),
-        "arriving_u_1": _number(counted["arriving_u_1"].mean()),
+        "payload_mean_kg": _finite_or_none(payload.mean()),
+        "payload_std_kg": _finite_or_none(payload.std()),
+        "carry_back_mean_kg": _finite_or_none(back.mean()),
+        "arriving_1": _finite_or_none(counted["arriving_1"].mean()),
+        "arriving_u_1": _finite_or_none(counted["arriving_u_1"].mean()),
         # that of the cleanest is in all of them, and not known apart
-        "carry_back_u_kg": _number(counted["carry_back_u_kg"].mean()),
+        "carry_back_u_kg": _finite_or_none(counted["carry_back_u_kg"].mean()),
     }
 
 
-def _number(value: object) -> float | None:
+def _finite_or_none(value: object) -> float | None:
     return value if isinstance(value, float) else None
 
 
-def _random_kg(counted: pl.DataFrame) -> float:
+def _random_payload_u_kg(counted: pl.DataFrame) -> float:
     """The random part of the sum of payloads."""
     weight: dict[int, float] = {}
     u_kg: dict[int, float] = {}
@@ -197,14 +202,14 @@ def _idle_s(excitation: pl.DataFrame) -> float:
     """Time in stands that are long."""
     if excitation.is_empty():
         return 0.0
-    stands = standing(excitation)
+    stands = find_standing_samples(excitation)
     t_ns = excitation["t_ns"].to_numpy()
-    begins, ends = runs_of(stands)
+    begins, ends = runs_of_flagged_samples(stands)
     lengths = (t_ns[ends] - t_ns[begins]) / NS_PER_S
     return float(lengths[lengths > IDLE_S].sum())
 
 
-def label_totals(
+def sum_by_label(
     cycles: pl.DataFrame, labels: Sequence[str], rejected: Collection[int] = ()
 ) -> list[LabelTotal]:
     """The sum of each label, by label; none where no cycle has one.

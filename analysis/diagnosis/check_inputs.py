@@ -1,4 +1,4 @@
-"""What the checks look at: the ungated samples of straight motion and of spins.
+"""Inputs of the checks: the ungated samples of straight motion and of spins.
 
 Among it is what the log weighs against the machine's empty mass: a gear that nobody divided out, a
 force in another unit or a wrong radius multiply every mass of a log alike, and have no other
@@ -21,8 +21,8 @@ from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combine
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import yaw_speeding_sign
-from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, unknown_factors
-from analysis.weighing.mass_budget import budget
+from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, factors_without_uncertainty
+from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Bools, Floats
 
@@ -95,7 +95,7 @@ class EmptyMassDifference:
 
     @property
     def possible_causes(self) -> list[str]:
-        """What a factor like this comes from."""
+        """Possible causes of such a factor."""
         if self.factor <= 0.0:
             return ["a force of the wrong sign"]
         times = max(self.factor, 1.0 / self.factor)
@@ -178,7 +178,7 @@ class CheckInputs:
     noise: pl.DataFrame | None = None
     left_out: Mapping[str, ExcludedStretches] = field(default_factory=dict[str, ExcludedStretches])
 
-    def has(self, *columns: str) -> bool:
+    def has_columns(self, *columns: str) -> bool:
         """Whether the log has all of these columns."""
         return set(columns) <= set(self.excitation.columns)
 
@@ -187,12 +187,12 @@ class CheckInputs:
         return self.excitation["phase"].is_in(names).fill_null(False).to_numpy()
 
     @cached_property
-    def force_by_place(self) -> Floats | None:
-        """A spring, say, as far as the answer's fit knows it, (n,): it hides the mass from others.
+    def position_dependent_force(self) -> Floats | None:
+        """Position-dependent force in N of the joint fit, such as a spring, (n,).
 
         None where there is none.
         """
-        return None if self.weighing is None else self.weighing.fit.force_by_place
+        return None if self.weighing is None else self.weighing.fit.position_dependent_force
 
     @cached_property
     def empty_mass(self) -> EmptyMassDifference | None:
@@ -209,8 +209,8 @@ class CheckInputs:
         """Straight motion, without a force that depends on the place."""
         settings = self.machine.settings
         A, f = straight_regressor(self.excitation, settings)
-        if self.force_by_place is not None:
-            f = f - self.force_by_place
+        if self.position_dependent_force is not None:
+            f = f - self.position_dependent_force
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
         welcome = () if settings.gate.exclude_braking else ("braking",)
         return AxisMotion(
@@ -254,9 +254,9 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
         return None
     fit = weighing.fit
     lightest = int(np.argmin(fit.masses_kg))
-    sources = budget(weighing, machine, fit.weights(lightest))
+    sources = budget_of_mass(weighing, machine, fit.weights_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
-    unknown = bool(unknown_factors(sources))
+    unknown = bool(factors_without_uncertainty(sources))
     scale_kg = UNKNOWN_SCALE * abs(mass_kg) if unknown else 0.0
     u_kg = float(np.linalg.norm([combine(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:

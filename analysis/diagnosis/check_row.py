@@ -1,4 +1,4 @@
-"""What a check is: a number of a log, its limits, and what failing it leads to."""
+"""A check: a number of a log, its limits, and the consequence of failing it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,11 +12,11 @@ def _applies_always(_: CheckInputs, __: AxisMotion) -> bool:
     return True
 
 
-def _no_limit(_: CheckInputs, __: AxisMotion) -> None:
+def _return_none(_: CheckInputs, __: AxisMotion) -> None:
     return None
 
 
-def _no_text(_: CheckInputs, __: AxisMotion) -> str:
+def _return_empty_text(_: CheckInputs, __: AxisMotion) -> str:
     return ""
 
 
@@ -48,17 +48,17 @@ class CheckRow:
     maximum: str | None = None
     applies: Callable[[CheckInputs, AxisMotion], bool] = _applies_always
     optional: bool = False
-    names: Callable[[CheckInputs, AxisMotion], str] = _no_text
+    names: Callable[[CheckInputs, AxisMotion], str] = _return_empty_text
     consequence: Consequence = "withhold"
-    moved_u: Callable[[CheckInputs, AxisMotion], float | None] = _no_limit
+    moved_u: Callable[[CheckInputs, AxisMotion], float | None] = _return_none
     remedy: str = ""
 
-    def text(self, inputs: CheckInputs, motion: AxisMotion) -> str:
+    def describe_number(self, inputs: CheckInputs, motion: AxisMotion) -> str:
         """The meaning, and what the number is of."""
         name = self.names(inputs, motion)
         return f"{self.meaning} ({name})" if name else self.meaning
 
-    def leads_to(self, inputs: CheckInputs, motion: AxisMotion) -> Consequence:
-        """What failing leads to in this log: in proportion to what the check names changes."""
+    def consequence_in_log(self, inputs: CheckInputs, motion: AxisMotion) -> Consequence:
+        """Consequence of failing in this log, in proportion to the mass change it names."""
         moved_u = self.moved_u(inputs, motion)
         return "tell" if moved_u is not None and moved_u <= MOVES_U else self.consequence

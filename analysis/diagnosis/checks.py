@@ -21,9 +21,9 @@ from analysis.model.schema import build, values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
-from analysis.stages.motion.phases import average_like_speed_rate, rows_of_rate_span
+from analysis.stages.motion.phases import average_like_speed_rate, speed_rate_span_rows
 from analysis.stages.noise.column_noise import ColumnNoise
-from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
+from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in_duration
 
 _CHECK: Final = "causes"
 _MEANING: Final = "named causes that invalidate a mass which no other check withholds"
@@ -53,8 +53,8 @@ def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
             "value": numbers([row.number(inputs, motion) for row, motion in judged]).fill_nan(None),
             "minimum": numbers([limits[row.minimum] if row.minimum else None for row, _ in judged]),
             "maximum": numbers([limits[row.maximum] if row.maximum else None for row, _ in judged]),
-            "meaning": [row.text(inputs, motion) for row, motion in judged],
-            "consequence": [row.leads_to(inputs, motion) for row, motion in judged],
+            "meaning": [row.describe_number(inputs, motion) for row, motion in judged],
+            "consequence": [row.consequence_in_log(inputs, motion) for row, motion in judged],
             "remedy": [row.remedy for row, _ in judged],
         }
     )
@@ -72,19 +72,19 @@ def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
-def _driving_sign(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _correlation_while_driving(inputs: CheckInputs, motion: AxisMotion) -> float:
     rate_hz = inputs.machine.settings.align.rate_hz
-    fewest = rows_in(_SHORTEST_MOVING_S, rate_hz, FEWEST_READINGS)
+    fewest = rows_in_duration(_SHORTEST_MOVING_S, rate_hz, FEWEST_READINGS)
     few = np.count_nonzero(motion.moving) < fewest
     return np.nan if few else _partial_correlation(inputs, motion)
 
 
-def _relative_std(_: CheckInputs, motion: AxisMotion) -> float:
+def _relative_std_of_ungated_mass(_: CheckInputs, motion: AxisMotion) -> float:
     fit = motion.fit
     return fit.std / abs(fit.value) if fit.value else np.inf
 
 
-def _r_squared(_: CheckInputs, motion: AxisMotion) -> float:
+def _explained_force_variance(_: CheckInputs, motion: AxisMotion) -> float:
     return motion.fit.r_squared
 
 
@@ -108,12 +108,12 @@ def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
 def rate_noise_variance(inputs: CheckInputs) -> float:
     """Variance of the wheels' acceleration by the noise of their speed, in m²/s⁴."""
     settings = inputs.machine.settings
-    known = None if inputs.noise is None else ColumnNoise.of(X, inputs.noise, settings.noise)
+    known = None if inputs.noise is None else ColumnNoise.of_axis(X, inputs.noise, settings.noise)
     if known is None:
         return 0.0
     # both ends of its span are moving means
     of_mean = float(known.covariance(settings.smooth.samples)[1, 1])
-    return 2.0 * of_mean * (settings.align.rate_hz / rows_of_rate_span(settings)) ** 2
+    return 2.0 * of_mean * (settings.align.rate_hz / speed_rate_span_rows(settings)) ** 2
 
 
 def _accepted_stretches(inputs: CheckInputs, _: AxisMotion) -> float:
@@ -131,7 +131,7 @@ def _empty_mass_shortfall_u(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if found is None else -found.difference_in_u
 
 
-def _empty_mass_difference_u(inputs: CheckInputs, _: AxisMotion) -> float:
+def _empty_mass_difference_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
     found = inputs.empty_mass
     if found is None or not found.is_informative:
         return np.nan
@@ -140,7 +140,7 @@ def _empty_mass_difference_u(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if withheld else abs(found.difference_in_u)
 
 
-def _empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
+def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
     found = inputs.empty_mass
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
     far = found is not None and found.is_informative and abs(found.difference_in_u) > limit_u
@@ -180,14 +180,14 @@ def model_checks(about: EvidenceSubject, words: AxisWords) -> tuple[CheckRow, ..
         CheckRow(
             f"{words.prefix}relative_std",
             about,
-            _relative_std,
+            _relative_std_of_ungated_mass,
             f"standard deviation of the ungated {words.parameter} over that {words.parameter}",
             maximum="relative_std_max",
         ),
         CheckRow(
             f"{words.prefix}r_squared",
             about,
-            _r_squared,
+            _explained_force_variance,
             f"share of the {force}'s variance that {words.parameter} and friction explain",
             minimum="r_squared_min",
         ),
@@ -217,7 +217,7 @@ CHECKS: Final = (
     CheckRow(
         "force_sign",
         "mass",
-        _driving_sign,
+        _correlation_while_driving,
         "correlation of acceleration and force; strongly negative: inverted sign",
         minimum="force_sign_min",
         optional=True,
@@ -231,7 +231,7 @@ CHECKS: Final = (
         "accelerometer over the derivative of the wheel speed; 1: they agree",
         minimum="acceleration_gain_min",
         maximum="acceleration_gain_max",
-        applies=lambda inputs, _: inputs.has("specific_force_x_m_s2"),
+        applies=lambda inputs, _: inputs.has_columns("specific_force_x_m_s2"),
     ),
     CheckRow(
         "accepted_stretches",
@@ -257,18 +257,18 @@ CHECKS: Final = (
         "the scale's",
         maximum="negative_payload_max_u",
         optional=True,
-        names=_empty_mass_factor,
+        names=_describe_empty_mass_factor,
         remedy=_SCALE_REMEDY,
     ),
     CheckRow(
         "empty_mass",
         "mass",
-        _empty_mass_difference_u,
+        _empty_mass_difference_in_u,
         "lightest load from the machine's empty mass, likewise; where it may be a payload, "
         "only the part beyond one",
         maximum="empty_mass_max_u",
         optional=True,
-        names=_empty_mass_factor,
+        names=_describe_empty_mass_factor,
         consequence="tell",
         remedy=_SCALE_REMEDY,
     ),
@@ -285,7 +285,9 @@ CHECKS: Final = (
         "distance of the centre of rotation in spins from the origin, m, by the accelerometer; "
         "off it, mass leaks into the inertia estimate",
         maximum="spin_centre_max_m",
-        applies=lambda inputs, _: inputs.has("specific_force_x_m_s2", "specific_force_y_m_s2"),
+        applies=lambda inputs, _: inputs.has_columns(
+            "specific_force_x_m_s2", "specific_force_y_m_s2"
+        ),
     ),
 )
 

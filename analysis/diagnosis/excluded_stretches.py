@@ -17,7 +17,7 @@ from analysis.model.machine import Machine
 from analysis.model.verdict_limits import VerdictLimits
 from analysis.model.windows import flagged_windows
 from analysis.stages.gating.gate import refuse_windows
-from analysis.stages.motion.phases import rows_of_rate_span
+from analysis.stages.motion.phases import speed_rate_span_rows
 from analysis.weighing.weigh import Weighing, mean_difference_kg
 from estimators.arrays import Bools
 
@@ -94,7 +94,7 @@ def refit_without_stretches(
     rows = np.zeros(aligned.height, np.bool_)
     named: dict[str, ExcludedStretches] = {}
     for check, spans, why in _named_stretches(signals, machine.settings.verdict):
-        held = _covered_rows(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
+        held = _rows_reached_by_spans(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
         if not held.any() or weighing is None:
             continue
         fitted = int(np.count_nonzero(held & _is_weighed(weighing)))
@@ -108,7 +108,7 @@ def refit_without_stretches(
             rows |= held
             # the moving mean and the phase look back
             seen = flagged_windows(
-                held, rows_of_rate_span(machine.settings) + machine.settings.smooth.samples
+                held, speed_rate_span_rows(machine.settings) + machine.settings.smooth.samples
             )
             gated = refuse_windows(gated, seen, why, machine.settings)
     return RefitWithoutStretches(weighing, gated, named)
@@ -137,7 +137,9 @@ def _mass_shift_u(whole: Weighing, without: Weighing | None) -> float:
     return moved_u if np.isfinite(moved_u) else np.inf
 
 
-def _covered_rows(spans: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine) -> Bools:
+def _rows_reached_by_spans(
+    spans: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine
+) -> Bools:
     """The rows of the grid that a stretch of any channel reaches, (n,)."""
     reach_ns = int(_SMEARS / machine.settings.filter.cutoff_hz * 1e9)
     held = np.zeros(unix_ns.size, np.bool_)

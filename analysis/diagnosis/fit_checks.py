@@ -7,15 +7,15 @@ import numpy as np
 
 from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
-from analysis.diagnosis.method_disagreement import disagreements
+from analysis.diagnosis.method_disagreement import compare_methods_with_joint_fit
 from analysis.model.schema import values
 from analysis.weighing.mass_budget import relative_u
-from analysis.weighing.other_motion import motion_disagreement
+from analysis.weighing.other_motion import wheel_imu_disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.wheel_kinematics import WheelKinematics
 
 
-def _value_of_weighing(
+def _make_weighing_value(
     number: Callable[[Weighing], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
     def of(inputs: CheckInputs, _: AxisMotion) -> float:
@@ -24,7 +24,7 @@ def _value_of_weighing(
     return of
 
 
-def _value_of_wheels(
+def _make_wheel_value(
     number: Callable[[WheelKinematics], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
     def of(inputs: CheckInputs, _: AxisMotion) -> float:
@@ -38,29 +38,29 @@ def _is_fitted(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.weighing is not None
 
 
-def _has_wheels(inputs: CheckInputs, _: AxisMotion) -> bool:
+def _has_wheel_kinematics(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.weighing is not None and inputs.weighing.fit.kinematics is not None
 
 
 def _relative_u(inputs: CheckInputs, _: AxisMotion) -> float:
-    """Of the load that most manoeuvres are of."""
+    """Relative uncertainty of the load with most manoeuvres."""
     weighing = inputs.weighing
     if weighing is None:
         return np.nan
     return relative_u(weighing, inputs.machine, weighing.fit.main_state)
 
 
-def expects_answer(inputs: CheckInputs, _: AxisMotion) -> bool:
+def is_answer_expected(inputs: CheckInputs, _: AxisMotion) -> bool:
     """Whether there is to be an answer: frames alone have none."""
     return inputs.totals is not None
 
 
-def _no_answer_text(inputs: CheckInputs, _: AxisMotion) -> str:
+def _reason_for_no_answer(inputs: CheckInputs, _: AxisMotion) -> str:
     return "" if inputs.weighing is not None else NOTHING_FITTED
 
 
-def _farthest_term(inputs: CheckInputs, _: AxisMotion) -> str:
-    widths = {} if inputs.weighing is None else inputs.weighing.own_fit.prior_distances
+def _name_farthest_term(inputs: CheckInputs, _: AxisMotion) -> str:
+    widths = {} if inputs.weighing is None else inputs.weighing.own_fit.distances_from_priors
     return max(widths, key=widths.__getitem__, default="")
 
 
@@ -78,13 +78,13 @@ def _between_manoeuvre_scatter(weighing: Weighing) -> float:
     return np.nan if states is None else states.birge_ratio
 
 
-def _shift_by_other_motion(inputs: CheckInputs, _: AxisMotion) -> float | None:
+def _mass_shift_by_other_motion_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
     return None if other is None else other.mass_shift_u
 
 
-def _other_motion_text(inputs: CheckInputs, _: AxisMotion) -> str:
+def _describe_other_motion(inputs: CheckInputs, _: AxisMotion) -> str:
     weighing = inputs.weighing
     if weighing is None or weighing.other_motion is None:
         return ""
@@ -94,12 +94,12 @@ def _other_motion_text(inputs: CheckInputs, _: AxisMotion) -> str:
 
 
 def _contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
-    return float(sum(each.contradicted for each in disagreements(inputs)))
+    return float(sum(each.contradicted for each in compare_methods_with_joint_fit(inputs)))
 
 
 def _gating_bias_u(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Deviations between the gated and the ungated pooled mass; NaN where both miss a spring."""
-    if inputs.totals is None or inputs.force_by_place is not None:
+    if inputs.totals is None or inputs.position_dependent_force is not None:
         return np.nan
     pooled = inputs.totals.filter(inputs.totals["method"] == "pooled")
     mass_kg, std_kg = (values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
@@ -115,7 +115,7 @@ def term_presence_check(name: str, meaning: str) -> CheckRow:
     return CheckRow(
         name,
         "mass",
-        _value_of_weighing(lambda weighing: weighing.own_fit.term_t_values.get(name, np.nan)),
+        _make_weighing_value(lambda weighing: weighing.own_fit.term_t_values.get(name, np.nan)),
         meaning,
         maximum="term_t_max",
         applies=lambda inputs, _: (
@@ -133,25 +133,25 @@ FIT_CHECKS: Final = (
         _relative_u,
         "standard uncertainty of the mass over the mass",
         maximum="relative_std_max",
-        applies=expects_answer,
-        names=_no_answer_text,
+        applies=is_answer_expected,
+        names=_reason_for_no_answer,
         remedy="more starts at different throttles and both ways, or narrower settings.priors",
     ),
     CheckRow(
         "beyond_prior",
         "mass",
-        _value_of_weighing(lambda weighing: max(weighing.own_fit.prior_distances.values())),
+        _make_weighing_value(lambda weighing: max(weighing.own_fit.distances_from_priors.values())),
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",
         maximum="beyond_prior_max",
         applies=_is_fitted,
-        names=_farthest_term,
+        names=_name_farthest_term,
         remedy="the cause that findings name, or settings.priors: what the machine may have",
     ),
     CheckRow(
         "filling",
         "mass",
-        _value_of_weighing(lambda weighing: weighing.filling.evidence),
+        _make_weighing_value(lambda weighing: weighing.filling.evidence),
         "evidence for a load that grows during every start, in standard deviations; less where it "
         "moves no mass by its uncertainty",
         maximum="filling_max",
@@ -161,7 +161,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "friction_sign",
         "mass",
-        _value_of_weighing(_friction_t_value),
+        _make_weighing_value(_friction_t_value),
         "viscous friction over its standard deviation; negative friction is unphysical",
         minimum="friction_t_min",
         applies=_is_fitted,
@@ -170,7 +170,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "channel_noise",
         "mass",
-        _value_of_weighing(lambda weighing: weighing.fit.fit.noise_share),
+        _make_weighing_value(lambda weighing: weighing.fit.fit.noise_share),
         "largest noise fraction among the fitted channels",
         maximum="channel_noise_max",
         applies=_is_fitted,
@@ -179,7 +179,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "lag",
         "mass",
-        _value_of_weighing(lambda weighing: abs(weighing.fit.lag_s)),
+        _make_weighing_value(lambda weighing: abs(weighing.fit.lag_s)),
         "estimated delay of the force, s, of either sign",
         maximum="lag_max_s",
         applies=_is_fitted,
@@ -188,37 +188,37 @@ FIT_CHECKS: Final = (
     CheckRow(
         "lag_v",
         "mass",
-        _value_of_wheels(lambda wheels: abs(wheels.delay_s[0])),
+        _make_wheel_value(lambda wheels: abs(wheels.delay_s[0])),
         "estimated delay of the speed against the accelerometer, s, of either sign",
         maximum="lag_max_s",
-        applies=_has_wheels,
+        applies=_has_wheel_kinematics,
         remedy="channels.speed_x_m_s.delay_s",
     ),
     CheckRow(
         "gain",
         "mass",
-        _value_of_wheels(lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0),
+        _make_wheel_value(lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0),
         "gain difference of wheel speed and accelerometer; either may be wrong",
         maximum="gain_max",
-        applies=_has_wheels,
+        applies=_has_wheel_kinematics,
         consequence="widen",
         remedy="machine.wheel_radius_m, machine.imu, or channels.specific_force_x_m_s2.scale",
     ),
     CheckRow(
         "wheels",
         "mass",
-        _value_of_weighing(lambda weighing: motion_disagreement(weighing.fit)),
+        _make_weighing_value(lambda weighing: wheel_imu_disagreement(weighing.fit)),
         "residual of wheel speed against accelerometer beyond noise, as a fraction of the speed",
         maximum="wheels_max",
-        applies=_has_wheels,
-        names=_other_motion_text,
-        moved_u=_shift_by_other_motion,
+        applies=_has_wheel_kinematics,
+        names=_describe_other_motion,
+        moved_u=_mass_shift_by_other_motion_u,
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
     ),
     CheckRow(
         "scatter",
         "mass",
-        _value_of_weighing(_between_manoeuvre_scatter),
+        _make_weighing_value(_between_manoeuvre_scatter),
         "scatter of manoeuvres about their load over what their noise explains",
         maximum="scatter_max",
         applies=lambda inputs, _: (
@@ -230,7 +230,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "misfit",
         "mass",
-        _value_of_weighing(lambda weighing: weighing.fit.fit.misfit_ratio),
+        _make_weighing_value(lambda weighing: weighing.fit.fit.misfit_ratio),
         "residual common to all starts, mean square over noise",
         maximum="misfit_max",
         applies=lambda inputs, _: (
@@ -242,7 +242,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "aa",
         "mass",
-        _value_of_weighing(lambda weighing: abs(weighing.curvature.t)),
+        _make_weighing_value(lambda weighing: abs(weighing.curvature.t)),
         "t-value of a force in a·|a|: the force is not linear in the acceleration",
         maximum="curvature_t_max",
         applies=_is_fitted,
@@ -252,7 +252,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "braking",
         "mass",
-        _value_of_weighing(_braking_mass_share),
+        _make_weighing_value(_braking_mass_share),
         "relative change of the mass when braking is included; the force may not see all brakes",
         maximum="braking_max",
         optional=True,

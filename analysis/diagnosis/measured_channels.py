@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.model.windows import runs_of
+from analysis.model.windows import runs_of_flagged_samples
 from analysis.stages.signals.clocks import RelativeDrift, clock_drifts, relative_drift
 from analysis.stages.signals.filters import period_ns
 from estimators.arrays import Floats, Ints
@@ -84,7 +84,9 @@ class Signals:
         """By force or motion channel: where it repeats itself while another one changes."""
         told = (*_FORCES, *_MOTION, *_BESIDE)
         looked = {name: series for name, series in self.channels.items() if name in told}
-        return {name: _repeated_readings(name, looked) for name in looked if name not in _BESIDE}
+        return {
+            name: _find_repeated_readings(name, looked) for name in looked if name not in _BESIDE
+        }
 
     @cached_property
     def limits(self) -> dict[str, dict[float, float]]:
@@ -94,7 +96,10 @@ class Signals:
         sensor clips, or an engine gives no more.
         """
         return {
-            name: {**repeated_extremes(x), **_recurring_levels(self._repeated_readings[name], x)}
+            name: {
+                **find_repeated_extremes(x),
+                **_find_recurring_levels(self._repeated_readings[name], x),
+            }
             for name, (_, x) in self.channels.items()
             if name in _FORCES
         }
@@ -115,7 +120,9 @@ class Signals:
     def standstill_spans(self) -> Spans:
         """Where every speed reads exactly 0, in ns: no channel has to change there."""
         by_speed = [
-            _zero_speed_spans(*self.channels[name]) for name in _SPEEDS if name in self.channels
+            _find_zero_speed_spans(*self.channels[name])
+            for name in _SPEEDS
+            if name in self.channels
         ]
         common = by_speed[0] if by_speed else []
         for spans in by_speed[1:]:
@@ -141,7 +148,7 @@ class Signals:
     def at_limit(self) -> dict[str, Spans]:
         """By force channel: where it stays at a limit, in ns."""
         return {
-            name: _limit_spans(list(found), *self.channels[name])
+            name: _find_spans_at_limits(list(found), *self.channels[name])
             for name, found in self.limits.items()
             if found
         }
@@ -151,7 +158,7 @@ class Signals:
         """The largest share of a force channel's readings that are at its limit."""
         return max((share for share, _ in self.clipped.values()), default=0.0)
 
-    def force_on(self, unix_ns: Ints) -> Floats | None:
+    def interpolate_force_at(self, unix_ns: Ints) -> Floats | None:
         """The unfiltered force, or the sum of both torques; None where it is derived."""
         names = [name for name in _FORCES if name in self.channels]
         if not names:
@@ -175,15 +182,15 @@ def _interpolate_at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
     return np.interp((at_ns - origin).astype(float), (t_ns - origin).astype(float), x)
 
 
-def equal_runs(x: Floats) -> tuple[Ints, Ints]:
+def find_equal_runs(x: Floats) -> tuple[Ints, Ints]:
     """First and last reading of each run of equal ones."""
     first = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
     return first, np.append(first[1:], x.size) - 1
 
 
-def long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
+def find_long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
     """Where a channel repeats one reading for long, and whether it hardly ever does otherwise."""
-    first, last = equal_runs(x)
+    first, last = find_equal_runs(x)
     long = ((t[last] - t[first]) > _FROZEN_S * 1e9) & (last - first >= _FEWEST_RUN - 1)
     runs = zip(t[first[long]], t[last[long]], x[first[long]], strict=True)
     others = int((last - first + 1)[~long].sum())
@@ -193,9 +200,9 @@ def long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
     ], never
 
 
-def _zero_speed_spans(t: Ints, x: Floats) -> Spans:
+def _find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
     """Where a speed reads exactly 0 for long, and comes to it and leaves it gradually, in ns."""
-    first, last = equal_runs(x)
+    first, last = find_equal_runs(x)
     before, after = np.abs(x[np.maximum(first - 1, 0)]), np.abs(x[np.minimum(last + 1, x.size - 1)])
     small = _BESIDE_STAND * float(np.quantile(np.abs(x), 0.98))
     stands = (x[first] == 0.0) & (before <= small) & (after <= small)
@@ -209,9 +216,9 @@ def _intersect_spans(some: Spans, others: Spans) -> Spans:
     return [(begin, end) for begin, end in pairs if begin < end]
 
 
-def _repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
+def _find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
     t, x = channels[name]
-    runs, never = long_runs(t, x)
+    runs, never = find_long_runs(t, x)
     if runs and float(np.ptp(x)) == 0.0:
         return runs if _is_dead(name, channels) else []
     # a machine that stands has no speed, one that coasts no force
@@ -251,7 +258,7 @@ def _is_changing(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -
     return abs(float(part[:half].mean() - part[half:].mean())) > least > 0.0
 
 
-def repeated_extremes(x: Floats) -> dict[float, float]:
+def find_repeated_extremes(x: Floats) -> dict[float, float]:
     """The extremes that readings pile up at, and the share of the readings at each."""
     values, counts = np.unique(x, return_counts=True)
     if values.size < 10:
@@ -263,8 +270,8 @@ def repeated_extremes(x: Floats) -> dict[float, float]:
     }
 
 
-def _recurring_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
-    """Likewise the values that long runs come back to, and few readings are beyond."""
+def _find_recurring_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
+    """Find levels to which long runs return and that few readings exceed."""
     often = Counter(run.value for run in runs)
     return {
         value: float((x == value).mean())
@@ -273,10 +280,10 @@ def _recurring_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, flo
     }
 
 
-def _limit_spans(limits: list[float], t: Ints, x: Floats) -> Spans:
+def _find_spans_at_limits(limits: list[float], t: Ints, x: Floats) -> Spans:
     from scipy.ndimage import uniform_filter1d  # slow to import
 
     near = max(round(_NEAR_S * 1e9 / period_ns(t)), _FEWEST_RUN)
     at = np.isin(x, limits).astype(np.float64)
-    first, last = runs_of(uniform_filter1d(at, near, mode="nearest") >= _AT_LIMIT)
+    first, last = runs_of_flagged_samples(uniform_filter1d(at, near, mode="nearest") >= _AT_LIMIT)
     return [(int(b), int(e)) for b, e in zip(t[first], t[last], strict=True)]

@@ -22,7 +22,7 @@ class Disagreement(NamedTuple):
     contradicted: bool
 
 
-def disagreements(inputs: CheckInputs) -> list[Disagreement]:
+def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     """Compare every method that has a mass with the joint fit.
 
     A method without nuisance terms says that they are 0, but for the Coulomb term where it is set.
@@ -34,7 +34,7 @@ def disagreements(inputs: CheckInputs) -> list[Disagreement]:
     if weighing is None or totals is None:
         return []
     fit = weighing.fit
-    modelled = _modelled_nuisances(inputs)
+    modelled = _nuisances_of_methods(inputs)
     shows = any(t > _TERM_IS_THERE for term, t in fit.term_t_values.items() if term not in modelled)
     shows = shows or bool(fit.fit.misfit.any())
     shows = shows or (fit.states is not None and fit.states.scatters)
@@ -54,7 +54,7 @@ def disagreements(inputs: CheckInputs) -> list[Disagreement]:
     return out
 
 
-def _modelled_nuisances(inputs: CheckInputs) -> set[str]:
+def _nuisances_of_methods(inputs: CheckInputs) -> set[str]:
     """The nuisances that the methods have as well: their Coulomb term, a constant one way."""
     if inputs.weighing is None or not inputs.machine.settings.forces.coulomb:
         return set()

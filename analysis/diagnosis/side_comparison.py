@@ -14,7 +14,7 @@ import polars as pl
 
 from analysis.diagnosis.measured_channels import Signals
 from analysis.model.machine import Machine
-from analysis.stages.signals.grid_rate import rows_in
+from analysis.stages.signals.grid_rate import rows_in_duration
 from estimators.arrays import Bools, Floats
 
 TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
@@ -59,7 +59,7 @@ class SideDifference:
 
     @property
     def least_difference_1(self) -> float:
-        """What the sides differ by at least, 0 where that may be noise."""
+        """Least difference of the sides; 0 if it may be noise."""
         return max(abs(self.value_1) - self.resistance_1, 0.0) if self.is_significant else 0.0
 
     @property
@@ -74,7 +74,7 @@ class SideDifference:
 
     @property
     def smaller_over_larger_1(self) -> float:
-        """What the smaller side reads of the larger one; below 0 they oppose each other."""
+        """Ratio of the smaller side to the larger; below 0 they oppose each other."""
         half = abs(self.value_1) / 2.0  # of a side that reads nothing it is 1, but for rounding
         return (1.0 - half) / (1.0 + half)
 
@@ -95,7 +95,7 @@ def side_differences(
     """
     if signals is None:
         return {}
-    size = rows_in(_MEAN_S, machine.settings.align.rate_hz)
+    size = rows_in_duration(_MEAN_S, machine.settings.align.rate_hz)
     count = excitation.height // size
     channels = signals.channels
     t_ns = excitation["t_ns"].to_numpy()[: count * size] + t0_unix_ns
@@ -154,11 +154,11 @@ def _torque_difference(
     if driving.sum() < _FEWEST:
         return None
     both_ways = np.ptp(ahead[driving]) > 0.0
-    found = difference_slope(
+    found = slope_of_difference(
         "torque", apart, mean, [*turning, *([ahead] if both_ways else [])], driving
     )
     if found is None or found.std_1 > _SURE_1:  # one throttle tells a resistance from no share
-        rough = difference_slope("torque", apart, mean, turning, driving | stands)
+        rough = slope_of_difference("torque", apart, mean, turning, driving | stands)
         found = found if rough is None else replace(rough, resistance_1=_ONE_SIDED_RESISTANCE_1)
     return found
 
@@ -167,13 +167,15 @@ def _speed_difference(
     apart: Floats, mean: Floats, push: Floats | None, driving: Bools
 ) -> dict[str, SideDifference | None]:
     """By how much faster one side turns, and by how much more in hard starts."""
-    everywhere = difference_slope("speed", apart, mean, [], driving)
+    everywhere = slope_of_difference("speed", apart, mean, [], driving)
     if push is None or driving.sum() < _FEWEST:
         return {"speed": everywhere}
     largest = float(np.quantile(push[driving], 0.95))
     soft = driving & (push < _SOFT * largest)
     hard = driving & (push > _HARD * largest)
-    in_soft, in_hard = (difference_slope("speed", apart, mean, [], rows) for rows in (soft, hard))
+    in_soft, in_hard = (
+        slope_of_difference("speed", apart, mean, [], rows) for rows in (soft, hard)
+    )
     if in_soft is None or in_hard is None:
         return {"speed": everywhere}
     more = in_hard.value_1 - in_soft.value_1
@@ -181,7 +183,7 @@ def _speed_difference(
     return {"speed": in_soft, "slip": SideDifference("slip", more, std)}
 
 
-def difference_slope(
+def slope_of_difference(
     kind: str, apart: Floats, mean: Floats, others: list[Floats], rows: Bools
 ) -> SideDifference | None:
     """The slope of the difference on the mean, with a constant and the other columns."""

@@ -13,7 +13,7 @@ from estimators.arrays import Floats
 
 
 def _raw_opposing_share(inputs: CheckInputs, motion: AxisMotion) -> float:
-    """As `opposing_share`, of the unfiltered force: a low-pass undershoots below 0."""
+    """`opposing_share` of the unfiltered force, since a low-pass undershoots below 0."""
     force = _raw_force(inputs)
     if force is None:
         return np.nan
@@ -24,7 +24,9 @@ def _raw_force(inputs: CheckInputs) -> Floats | None:
     """The unfiltered force on the grid, (n,)."""
     if inputs.signals is None:
         return None
-    return inputs.signals.force_on(inputs.excitation["t_ns"].to_numpy() + inputs.t0_unix_ns)
+    return inputs.signals.interpolate_force_at(
+        inputs.excitation["t_ns"].to_numpy() + inputs.t0_unix_ns
+    )
 
 
 def _has_signals(inputs: CheckInputs, _: AxisMotion) -> bool:
@@ -49,7 +51,7 @@ def _mass_shift_u(check: str) -> Callable[[CheckInputs, AxisMotion], float | Non
     return of
 
 
-def _refit_outcome(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
+def _make_refit_outcome(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
     """Outcome of refitting without the stretches of this check."""
 
     def of(inputs: CheckInputs, _: AxisMotion) -> str:
@@ -66,12 +68,12 @@ def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
     )
 
 
-def _one_sided_resistance(inputs: CheckInputs, _: AxisMotion) -> float:
+def _least_torque_difference(inputs: CheckInputs, _: AxisMotion) -> float:
     torque = inputs.side_differences.get("torque")
     return np.nan if torque is None else torque.least_difference_1
 
 
-def _side_text(inputs: CheckInputs, _: AxisMotion) -> str:
+def _name_unequal_quantity(inputs: CheckInputs, _: AxisMotion) -> str:
     worst = max(
         inputs.side_differences.values(), key=lambda each: each.least_difference_1, default=None
     )
@@ -95,7 +97,7 @@ SIGNAL_CHECKS: Final = (
         "time that a channel repeats its value while another changes, s",
         maximum="frozen_max_s",
         applies=_has_signals,
-        names=_refit_outcome("frozen"),
+        names=_make_refit_outcome("frozen"),
         moved_u=_mass_shift_u("frozen"),
         remedy="leave the stretch out, or mend the sensor",
     ),
@@ -106,7 +108,7 @@ SIGNAL_CHECKS: Final = (
         "fraction of a force channel's readings at a limit of the sensor or the engine",
         maximum="clipped_max",
         applies=_has_signals,
-        names=_refit_outcome("clipped"),
+        names=_make_refit_outcome("clipped"),
         moved_u=_mass_shift_u("clipped"),
         remedy="settings.gate.saturation_force_N: the force where the sensor clips",
     ),
@@ -117,14 +119,14 @@ SIGNAL_CHECKS: Final = (
         "difference of left and right on straight drives over their mean, where it is beyond noise",
         maximum="sides_max",
         optional=True,
-        names=_side_text,
+        names=_name_unequal_quantity,
         consequence="tell",
         remedy="channels.torque_left_N_m and torque_right_N_m, or the speeds: their scales",
     ),
     CheckRow(
         "one_sided",
         "mass",
-        _one_sided_resistance,
+        _least_torque_difference,
         "the same of the torques alone: more says that one of them is not measured",
         maximum="one_sided_max",
         optional=True,

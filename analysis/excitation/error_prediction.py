@@ -30,7 +30,7 @@ _ROWS: dict[Drive, list[int]] = {"straight": [0], "spin": [1], "joint": [0, 1]}
 
 
 class MeasuredSignals(NamedTuple):
-    """What the instruments give at n instants, each (n,), or the white noise a sample of each."""
+    """Sensor signals at n instants, each (n,), or their white noise per sample."""
 
     force_x_N: Floats
     torque_z_N_m: Floats
@@ -40,12 +40,12 @@ class MeasuredSignals(NamedTuple):
     yaw_rate_rad_s: Floats
 
     @classmethod
-    def of(cls, motion: Channels) -> Self:
+    def measure_motion(cls, motion: Channels) -> Self:
         """A motion as ideal instruments give it."""
         return cls(*(getattr(motion, name) for name in cls._fields))
 
 
-def noise_of(scenario: Scenario) -> MeasuredSignals:
+def sensor_noise_of_scenario(scenario: Scenario) -> MeasuredSignals:
     """The standard deviation of one sample of each channel, (17) and (18) applied."""
     sensors = scenario.sensors
     values = (
@@ -103,13 +103,13 @@ class Filters:
             (n, 2, 6) regressor and (n, 2) force and torque.
         """
         force, torque, s_x, s_y, speed, yaw_rate = (
-            _filter_columns(each, self.mean) for each in raw
+            _filter_equation_columns(each, self.mean) for each in raw
         )
-        turn = _filter_columns(raw.yaw_rate_rad_s, self.difference)
+        turn = _filter_equation_columns(raw.yaw_rate_rad_s, self.difference)
         return planar_rows.regressor(s_x, s_y, speed, yaw_rate, turn), np.stack([force, torque], -1)
 
 
-def _filter_columns(raw: Floats, weights: Floats) -> Floats:
+def _filter_equation_columns(raw: Floats, weights: Floats) -> Floats:
     return np.convolve(raw, weights[::-1], "valid")
 
 
@@ -170,7 +170,7 @@ class Prediction:
         return float(np.sqrt(left / self.variance_per_force)) if left > 0.0 else None
 
 
-def predict(
+def predict_errors(
     drive: Drive, filters: Filters, truth: MeasuredSignals, body: RigidBody, noise: MeasuredSignals
 ) -> dict[str, Prediction]:
     """Predict the mass, the yaw inertia and the centre of mass, as far as the drive fits them.
@@ -203,7 +203,7 @@ def predict(
             )
             both = np.zeros((weight.shape[0], 2))
             both[:, rows] = weight
-            shares = _variance(filters, both, phi, full, noise)
+            shares = _predict_variance_by_source(filters, both, phi, full, noise)
             predictions[name] = Prediction(
                 value=value,
                 variance_per_force=shares[0] / float(noise.force_x_N) ** 2,
@@ -226,7 +226,7 @@ def predicted_quantities(body: RigidBody) -> dict[str, tuple[float, Floats]]:
     }
 
 
-def _variance(
+def _predict_variance_by_source(
     filters: Filters, weight: Floats, phi: Floats, full: Floats, noise: MeasuredSignals
 ) -> tuple[float, float]:
     """Variance from force and torque, and from all else, of an error Σ weight (n, 2) · rows."""

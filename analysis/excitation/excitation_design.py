@@ -17,8 +17,8 @@ from analysis.excitation.error_prediction import (
     MeasuredSignals,
     Prediction,
     condition_number,
-    noise_of,
-    predict,
+    predict_errors,
+    sensor_noise_of_scenario,
 )
 from analysis.simulation import Channels, Scenario, solve_motion
 from analysis.simulation.motion.body import RigidBody
@@ -146,7 +146,7 @@ class Design:
             ],
         }
 
-    def scenario(self, base: Scenario) -> Scenario:
+    def to_scenario(self, base: Scenario) -> Scenario:
         """The best waveform as the trial of a scenario, after a short rest.
 
         Raises:
@@ -154,16 +154,16 @@ class Design:
         """
         if self.best is None:
             raise DataError("no waveform fits the yard")
-        return with_manoeuvres(base, Rest(duration_s=2.0), self.best.manoeuvre)
+        return scenario_with_manoeuvres(base, Rest(duration_s=2.0), self.best.manoeuvre)
 
 
-def with_manoeuvres(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
-    """The same scenario with these manoeuvres as its trial."""
+def scenario_with_manoeuvres(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
+    """Copy a scenario with these manoeuvres as its trial."""
     campaign = base.campaign.model_copy(update={"manoeuvres": manoeuvres})
     return base.model_copy(update={"campaign": campaign})
 
 
-def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
+def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
     """T: how long the speed (yaw rate) takes to within 2 % of its last value after a step.
 
     Half of full throttle, valve and Coulomb friction included; about four time constants.
@@ -171,7 +171,7 @@ def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
     Raises:
         DataError: friction of that axis is zero or holds the machine, so that there is no T.
     """
-    body, full = RigidBody.loaded(scenario, load_kg), scenario.full_drive
+    body, full = RigidBody.from_scenario_with_load(scenario, load_kg), scenario.full_drive
     if axis == "force":
         inertia, friction, key = body.mass_kg, body.friction_x_N_s_m, "friction_N_s_m"
         step = Excite(
@@ -184,9 +184,9 @@ def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
             torque=TorqueWave(lowest_N_m=full[1] / 2, highest_N_m=full[1] / 2),
             duration_s=_settling_time_s(inertia, friction, key, scenario),
         )
-    motion = solve_motion(with_manoeuvres(scenario, step), load_kg)
+    motion = solve_motion(scenario_with_manoeuvres(scenario, step), load_kg)
     time_s = np.linspace(0.0, step.duration_s, 20_001)[:-1]
-    driven = motion.sample(time_s)
+    driven = motion.sample_channels(time_s)
     speed = driven.speed_x_m_s if axis == "force" else driven.yaw_rate_rad_s
     if speed[-1] == 0.0:
         raise DataError(f"half of full throttle does not overcome Coulomb friction ({axis})")
@@ -199,7 +199,7 @@ def _settling_time_s(inertia: float, friction: float, key: str, scenario: Scenar
     return min(12.0 * (inertia / friction + scenario.campaign.valve_lag_s), 3600.0)
 
 
-def design(
+def design_excitation(
     scenario: Scenario,
     drive: Drive = "straight",
     accuracy: float = 0.01,
@@ -224,7 +224,7 @@ def design(
         raise DataError(
             "sensors.force_noise_N: without noise there is no signal-to-noise ratio; give it"
         )
-    response_s = {axis: response_time_s(scenario, load_kg, axis) for axis in _AXES[drive]}
+    response_s = {axis: driveline_response_time_s(scenario, load_kg, axis) for axis in _AXES[drive]}
     slowest_s = max(response_s.values())
     window_s = 2.0 * slowest_s if window_s is None else window_s
     if not slowest_s <= window_s <= _PERIOD_OVER_RESPONSE * slowest_s:
@@ -246,7 +246,7 @@ def best_score(scores: Sequence[Score], yard_m: float | None) -> Score | None:
     return min(fitting, key=lambda score: score.relative_error, default=None)
 
 
-def _manoeuvre(
+def _make_excite_manoeuvre(
     scenario: Scenario, drive: Drive, shape: Shape, ways: Ways, response_s: Mapping[str, float]
 ) -> Excite:
     force_N, torque_N_m = (full / 2.0 if drive == "joint" else full for full in scenario.full_drive)
@@ -285,17 +285,17 @@ def _score_shape(
     accuracy: float,
 ) -> Score:
     load_kg = scenario.campaign.loads_kg[0]
-    manoeuvre = _manoeuvre(scenario, drive, shape, ways, response_s)
+    manoeuvre = _make_excite_manoeuvre(scenario, drive, shape, ways, response_s)
     period_s = manoeuvre.duration_s / 2.0
-    noise, rate_hz = noise_of(scenario), scenario.sensors.rate_hz
+    noise, rate_hz = sensor_noise_of_scenario(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
     samples = round(window_s * rate_hz) + filters.margin
     # the second period is the first that repeats; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
-    motion = solve_motion(with_manoeuvres(scenario, longer), load_kg)
-    driven = motion.sample(np.arange(round(last_s * rate_hz)) / rate_hz)
-    truth = MeasuredSignals.of(driven)
+    motion = solve_motion(scenario_with_manoeuvres(scenario, longer), load_kg)
+    driven = motion.sample_channels(np.arange(round(last_s * rate_hz)) / rate_hz)
+    truth = MeasuredSignals.measure_motion(driven)
     asked = _ASKED[drive]
 
     def worst(predictions: Mapping[str, Prediction]) -> float:
@@ -305,7 +305,7 @@ def _score_shape(
     for place in range(_PLACES):
         first = round(period_s * (1.0 + place / _PLACES) * rate_hz)
         part = MeasuredSignals(*(each[first : first + samples] for each in truth))
-        windows.append((first, part, predict(drive, filters, part, motion.body, noise)))
+        windows.append((first, part, predict_errors(drive, filters, part, motion.body, noise)))
     first, part, predictions = max(windows, key=lambda window: worst(window[2]))
     repeats = slice(round(period_s * rate_hz), round(2.0 * period_s * rate_hz))
     applied = truth.torque_z_N_m if drive == "spin" else truth.force_x_N

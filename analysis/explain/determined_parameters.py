@@ -1,4 +1,4 @@
-"""What a stretch of motion determines of mass, friction and a constant force, and what not."""
+"""Which of mass, friction and constant force a stretch of motion determines."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -28,7 +28,7 @@ _FEWEST: Final = 20
 
 @dataclass(frozen=True, slots=True)
 class DeterminedParameters:
-    """What the motion determines.
+    """Parameters that the motion determines.
 
     Attributes:
         samples: that were looked at.
@@ -86,8 +86,8 @@ def determine_parameters(
 
 
 def column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Floats | None:
-    """Of acceleration and speed after the moving mean, of sign and constant: (4,)."""
-    known = ColumnNoise.of(X, noise, settings.noise)
+    """Noise of acceleration, speed, sign and constant after the moving mean, (4,)."""
+    known = ColumnNoise.of_axis(X, noise, settings.noise)
     if known is None:
         return None
     std = np.sqrt(np.maximum(np.diagonal(known.covariance(settings.smooth.samples)), 0.0))

@@ -12,8 +12,8 @@ from analysis.explain.worst_manoeuvres import (
     GateStretch,
     ManoeuvreReport,
     gate_stretches,
-    manoeuvre_at,
     reason_shares,
+    report_manoeuvre_at,
     worst_manoeuvres,
 )
 from analysis.model.answer import Answer, answer
@@ -58,7 +58,7 @@ class Finding:
     alternatives: tuple[str, ...]
 
     @classmethod
-    def of(cls, row: Mapping[str, Any]) -> "Finding":
+    def from_row(cls, row: Mapping[str, Any]) -> "Finding":
         """Read a row of `findings`."""
         # the causes bring all that looks for them; most recordings show none
         from analysis.findings import CAUSES, UNKNOWN
@@ -104,7 +104,7 @@ class Explanation:
     determined: DeterminedParameters | None
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The fields as plain JSON values."""
         return {
             "at_s": self.at_s,
             "can_weigh": self.said.verdict.can_weigh,
@@ -132,23 +132,25 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
     if at_s is not None and gate.height:
         begin, end = (round((at_s + way * AROUND_S) * NS_PER_S) for way in (-1, 1))
         stretches = gate_stretches(gate, settings, begin, end)
-    manoeuvre = None if at_s is None else manoeuvre_at(frames, at_s)
+    manoeuvre = None if at_s is None else report_manoeuvre_at(frames, at_s)
     return Explanation(
         said=answer(run),
         at_s=at_s,
-        findings=_findings(frames, at_s),
+        findings=_findings_near(frames, at_s),
         manoeuvre=manoeuvre,
         worst=worst_manoeuvres(frames) if at_s is None else (),
         gate=stretches,
         shares=reason_shares(gate),
-        determined=determine_parameters_at(run, manoeuvre, at_s),
+        determined=determine_parameters_at_moment(run, manoeuvre, at_s),
     )
 
 
-def _findings(frames: Mapping[str, pl.DataFrame], at_s: float | None) -> tuple[Finding, ...] | None:
+def _findings_near(
+    frames: Mapping[str, pl.DataFrame], at_s: float | None
+) -> tuple[Finding, ...] | None:
     if "findings" not in frames:
         return None
-    found = [Finding.of(row) for row in frames["findings"].iter_rows(named=True)]
+    found = [Finding.from_row(row) for row in frames["findings"].iter_rows(named=True)]
     if at_s is not None:
         found = [each for each in found if _is_near(each, at_s)]
     return tuple(found)
@@ -160,10 +162,10 @@ def _is_near(finding: Finding, at_s: float) -> bool:
     return finding.start_s - AROUND_S <= at_s <= finding.end_s + AROUND_S
 
 
-def determine_parameters_at(
+def determine_parameters_at_moment(
     run: Run, manoeuvre: ManoeuvreReport | None, at_s: float | None
 ) -> DeterminedParameters | None:
-    """Of the manoeuvre, or of the window that ends at the moment; else of all that is used."""
+    """Determined parameters of the manoeuvre, the window that ends at a moment, or the log."""
     excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
     settings = run.provenance.settings
     if excitation is None or not excitation.height:
@@ -180,12 +182,12 @@ def determine_parameters_at(
         accepted = gate["accepted_x"].fill_null(value=False).to_numpy()
         rows = samples_in_windows(accepted, settings.gate.window_samples)
         if not rows.any():
-            rows = _moving_rows(excitation)
+            rows = _select_moving_rows(excitation)
     else:
-        rows = _moving_rows(excitation)
+        rows = _select_moving_rows(excitation)
     return determine_parameters(excitation, rows, run.frames.get("noise"), settings)
 
 
-def _moving_rows(excitation: pl.DataFrame) -> np.ndarray:
+def _select_moving_rows(excitation: pl.DataFrame) -> np.ndarray:
     moves = pl.col("phase").cast(pl.String) != "standstill"
     return excitation.select(moves.fill_null(value=False)).to_series().to_numpy()

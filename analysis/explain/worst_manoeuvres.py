@@ -103,15 +103,19 @@ def _make_stretch(span: Mapping[str, Any], rows: pl.DataFrame, settings: Setting
     start_s, end_s, reason = span["start"] / NS_PER_S, span["end"] / NS_PER_S, str(span["reason"])
     decides = _DECIDES.get(reason)
     if reason == "negative_dependence" and "corr_x_1" in rows.columns:
-        return GateStretch(start_s, end_s, reason, "corr_x_1", _median(rows, "corr_x_1"), "> 0")
+        return GateStretch(
+            start_s, end_s, reason, "corr_x_1", _median_of_column(rows, "corr_x_1"), "> 0"
+        )
     if decides is None or decides[0] not in rows.columns:
         return GateStretch(start_s, end_s, reason)
     column, limit, sign = decides
     level = getattr(settings.gate, limit)
-    return GateStretch(start_s, end_s, reason, column, _median(rows, column), f"{sign} {level:g}")
+    return GateStretch(
+        start_s, end_s, reason, column, _median_of_column(rows, column), f"{sign} {level:g}"
+    )
 
 
-def _median(rows: pl.DataFrame, column: str) -> float | None:
+def _median_of_column(rows: pl.DataFrame, column: str) -> float | None:
     value = rows[column].median()
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
@@ -137,7 +141,7 @@ def worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[ManoeuvreRepor
     return tuple(refused[:_MOST_MANOEUVRES])
 
 
-def manoeuvre_at(frames: Mapping[str, pl.DataFrame], at_s: float) -> ManoeuvreReport | None:
+def report_manoeuvre_at(frames: Mapping[str, pl.DataFrame], at_s: float) -> ManoeuvreReport | None:
     """The manoeuvre that a moment lies in: one that has a mass, else one of the gate's."""
     for found in (_reports_by_load(frames), _reports_by_segment(frames)):
         here = [each for each in found if each.start_s <= at_s <= each.end_s]

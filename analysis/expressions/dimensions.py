@@ -19,7 +19,7 @@ _DIMENSIONLESS = ("sign",)
 def convert_to_si(
     tree: Expression, units: Mapping[str, str], registry: Any
 ) -> tuple[Expression, Any]:
-    """The same expression with every name and constant in SI units, and its dimension.
+    """Convert every name and constant of an expression to SI units; with its dimension.
 
     Args:
         tree: the expression.
@@ -40,10 +40,10 @@ def convert_to_si(
         return Number(tree.value * gain), dimension
     parts = [convert_to_si(argument, units, registry) for argument in tree.arguments]
     found = Call(tree.function, tuple(part for part, _ in parts))
-    return found, _dimension(tree, [dimension for _, dimension in parts], registry)
+    return found, _derive_dimension(tree, [dimension for _, dimension in parts], registry)
 
 
-def _dimension(tree: Call, each: list[Any], registry: Any) -> Any:
+def _derive_dimension(tree: Call, each: list[Any], registry: Any) -> Any:
     none = registry.dimensionless.dimensionality
     if tree.function == "*":
         return each[0] * each[1]
@@ -58,7 +58,7 @@ def _dimension(tree: Call, each: list[Any], registry: Any) -> Any:
         if other != values[0]:
             one, differs = expression_text(arguments[0]), expression_text(argument)
             raise ExpressionError(
-                f"{one} is {dimension_text(values[0])}, {differs} is {dimension_text(other)}: "
+                f"{one} is {format_dimension(values[0])}, {differs} is {format_dimension(other)}: "
                 f"they cannot stand in one {_WORDS.get(tree.function, tree.function)}"
             )
     return none if tree.function in (*_DIMENSIONLESS, *COMPARISONS) else values[0]
@@ -82,7 +82,7 @@ _NAMES: Final[dict[tuple[float, ...], str]] = {
 _BASE = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A"}
 
 
-def dimension_text(dimension: Any) -> str:
+def format_dimension(dimension: Any) -> str:
     """A dimension as a person reads it: by its SI unit, `in N·m`."""
     if not dimension:
         return "a pure number"
@@ -97,7 +97,7 @@ def dimension_text(dimension: Any) -> str:
 
 
 def si_gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:
-    """What turns a number in a unit into one in SI units, and its dimension."""
+    """Factor that converts a number to SI units, and its dimension."""
     import pint
 
     text = unit.replace("·", "*").replace("²", "**2").replace("°", "degree")
@@ -110,7 +110,9 @@ def si_gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:
     except (pint.PintError, AttributeError, TypeError, ValueError) as error:
         raise ExpressionError(f"{of}: no unit '{unit}'") from error
     if zero:
-        raise ExpressionError(f"{of}: '{unit}' does not begin at 0; it is of no product")
+        raise ExpressionError(
+            f"{of}: '{unit}' does not begin at 0; it cannot be a factor of a product"
+        )
     return float(base.magnitude), base.dimensionality
 
 

@@ -29,7 +29,7 @@ COMPARISONS: Final = ("<", ">", "<=", ">=")
 
 
 class ExpressionError(ValueError):
-    """What is wrong with an expression, in a line."""
+    """Fault of an expression, in a line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,26 +58,26 @@ class Call:
 Expression = Number | Name | Call
 
 
-def names(tree: Expression) -> Iterator[str]:
+def iter_channel_names(tree: Expression) -> Iterator[str]:
     """Names in an expression, from left to right, as often as they stand there."""
     if isinstance(tree, Name):
         yield tree.name
     elif isinstance(tree, Call):
         for argument in tree.arguments:
-            yield from names(argument)
+            yield from iter_channel_names(argument)
 
 
-def slopes(tree: Expression) -> Iterator[str]:
+def iter_differentiated_channels(tree: Expression) -> Iterator[str]:
     """List the channels whose derivative an expression takes."""
     if isinstance(tree, Call):
         if tree.function == SLOPE:
-            yield from names(tree)
+            yield from iter_channel_names(tree)
         for argument in tree.arguments:
-            yield from slopes(argument)
+            yield from iter_differentiated_channels(argument)
 
 
 @cache
-def parse(text: str) -> Expression:
+def parse_expression(text: str) -> Expression:
     """Parse an expression.
 
     Raises:
@@ -88,7 +88,7 @@ def parse(text: str) -> Expression:
     parser = _Parser(text)
     tree = parser.parse_sum(0)
     if parser.kind:
-        raise parser.fault("an operator")
+        raise parser.make_error("an operator")
     return tree
 
 
@@ -98,9 +98,9 @@ class _Parser:
     def __init__(self, text: str) -> None:
         self._text, self._at = text, 0
         self.kind, self.value = "", ""
-        self._next()
+        self._read_next_token()
 
-    def _next(self) -> None:
+    def _read_next_token(self) -> None:
         if not self._text[self._at :].strip():
             self.kind, self.value = "", ""
             return
@@ -112,14 +112,14 @@ class _Parser:
         self.kind, self.value = str(match.lastgroup), match[str(match.lastgroup)]
         self._at = match.end()
 
-    def fault(self, expected: str) -> ExpressionError:
+    def make_error(self, expected: str) -> ExpressionError:
         found = f"'{self.value}'" if self.kind else "the end"
         return ExpressionError(f"'{self._text}': expected {expected}, found {found}")
 
-    def _take(self, *signs: str) -> str:
+    def _take_token(self, *signs: str) -> str:
         if self.kind == "sign" and self.value in signs:
             sign = self.value
-            self._next()
+            self._read_next_token()
             return sign
         return ""
 
@@ -127,44 +127,44 @@ class _Parser:
         if depth > _DEEPEST:
             raise ExpressionError(f"brackets nest at most {_DEEPEST} deep")
         left = self._parse_product(depth)
-        while sign := self._take("+", "-"):
+        while sign := self._take_token("+", "-"):
             left = Call(sign, (left, self._parse_product(depth)))
         return left
 
     def _parse_product(self, depth: int) -> Expression:
         left = self._parse_signed(depth)
-        while sign := self._take("*", "/"):
+        while sign := self._take_token("*", "/"):
             left = Call(sign, (left, self._parse_signed(depth)))
         return left
 
     def _parse_signed(self, depth: int) -> Expression:
         negative = False
-        while sign := self._take("-", "+"):
+        while sign := self._take_token("-", "+"):
             negative ^= sign == "-"
         tree = self._parse_atom(depth)
         return Call("neg", (tree,)) if negative else tree
 
     def _parse_atom(self, depth: int) -> Expression:
         kind, value = self.kind, self.value
-        if self._take("("):
+        if self._take_token("("):
             tree = self.parse_sum(depth + 1)
             self._require_closing()
             return tree
         if kind not in ("number", "name", "slope"):
-            raise self.fault("a channel, a number or '('")
-        self._next()
+            raise self.make_error("a channel, a number or '('")
+        self._read_next_token()
         if kind == "number":
             return Number(float(value), self._parse_unit())
         if kind == "slope":
-            bracket = self._take("(")
+            bracket = self._take_token("(")
             if self.kind != "name":
-                raise self.fault("the channel that d/dt differentiates")
+                raise self.make_error("the channel that d/dt differentiates")
             tree = Name(self.value)
-            self._next()
+            self._read_next_token()
             if bracket:
                 self._require_closing()
             return Call(SLOPE, (tree,))
-        if self._take("("):
+        if self._take_token("("):
             return self._parse_call(value, depth + 1)
         return Name(value)
 
@@ -172,7 +172,7 @@ class _Parser:
         if self.kind != "unit":
             return None
         unit = self.value[1:-1].strip()
-        self._next()
+        self._read_next_token()
         return unit or None
 
     def _parse_call(self, function: str, depth: int) -> Expression:
@@ -180,7 +180,7 @@ class _Parser:
             known = ", ".join(FUNCTIONS)
             raise ExpressionError(f"no function '{function}'; known: {known}, d/dt")
         arguments = [self._parse_condition(depth) if function == "where" else self.parse_sum(depth)]
-        while self._take(","):
+        while self._take_token(","):
             arguments.append(self.parse_sum(depth))
         self._require_closing()
         fewest, most = FUNCTIONS[function]
@@ -191,11 +191,11 @@ class _Parser:
 
     def _parse_condition(self, depth: int) -> Expression:
         left = self.parse_sum(depth)
-        sign = self._take(*COMPARISONS)
+        sign = self._take_token(*COMPARISONS)
         if not sign:
-            raise self.fault("a comparison, as in where(speed_x_m_s > 0.1 [m/s], …)")
+            raise self.make_error("a comparison, as in where(speed_x_m_s > 0.1 [m/s], …)")
         return Call(sign, (left, self.parse_sum(depth)))
 
     def _require_closing(self) -> None:
-        if not self._take(")"):
-            raise self.fault("')'")
+        if not self._take_token(")"):
+            raise self.make_error("')'")

@@ -22,11 +22,11 @@ from analysis.findings.delay_causes import find_filter_delay
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_mended
-from analysis.model.physical_units import to_si
+from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.motion.phases import average_like_speed_rate
-from analysis.stages.signals.grid_rate import rows_in
+from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
 
@@ -105,7 +105,7 @@ def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
-    """The same with all of gravity on z: what is on x is none of it."""
+    """Bias of an accelerometer whose z axis carries all of gravity: its mean along x."""
     return _zero_reading_symptom(inputs, ("bias",))
 
 
@@ -176,7 +176,7 @@ def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     used &= np.isfinite(rate) & np.isfinite(ahead) & np.isfinite(left)
     if used.sum() < 200:
         return []
-    step = rows_in(LIMITS.independent_rows_s, settings.align.rate_hz)
+    step = rows_in_duration(LIMITS.independent_rows_s, settings.align.rate_hz)
     x, a, y = (each[used][::step] for each in (rate, ahead, left))
     x, a, y = x - x.mean(), a - a.mean(), y - y.mean()
     power = float(x @ x)
@@ -287,7 +287,7 @@ def in_unit_of_channel(inputs: FindingInputs, error: float) -> float:
     channel = inputs.machine.channels[ACC]
     if channel.unit is None:
         return error
-    return error / to_si(channel.unit, "m/s²")[0]
+    return error / gain_and_offset_to_si(channel.unit, "m/s²")[0]
 
 
 def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
@@ -330,7 +330,7 @@ def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
 def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
     """Frequencies, mean power after starts and at rest, (k,) each, and the number of starts."""
     rate_hz = inputs.machine.settings.align.rate_hz
-    size = rows_in(LIMITS.start_window_s, rate_hz)
+    size = rows_in_duration(LIMITS.start_window_s, rate_hz)
     if not inputs.measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
         return None
     reads = values(inputs.aligned, ACC)
@@ -369,9 +369,12 @@ def find_held_starts(inputs: FindingInputs, force: Floats, size: int) -> list[in
         np.nanquantile(np.abs(force), 0.98)
     )
     rises = np.flatnonzero(pushes[1:] & ~pushes[:-1]) + 1
-    stood, behind = rows_in(LIMITS.start_stand_s, rate_hz), rows_in(LIMITS.start_rise_s, rate_hz)
+    stood, behind = (
+        rows_in_duration(LIMITS.start_stand_s, rate_hz),
+        rows_in_duration(LIMITS.start_rise_s, rate_hz),
+    )
     # the moving mean and the phases see a start late
-    clear = rows_in(0.2, rate_hz)
+    clear = rows_in_duration(0.2, rate_hz)
     return [
         int(k) + behind
         for k in rises

@@ -1,4 +1,4 @@
-"""What the accelerometer sees of the wheels' acceleration, in whatever moves."""
+"""Fraction of the wheels' acceleration that the accelerometer measures while moving."""
 
 from typing import Final
 

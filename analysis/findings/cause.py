@@ -1,4 +1,4 @@
-"""What a cause is, and what is said of one that a log shows."""
+"""A cause, and its symptom in a log."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

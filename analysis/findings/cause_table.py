@@ -77,7 +77,7 @@ CAUSES: Final = (
     ),
     Cause(
         "unlike_sides",
-        "left and right do not push, or turn, alike: one sensor or one wheel is off",
+        "left and right differ in torque or speed: one sensor or one wheel is wrong",
         "straight drives with the torque of both sides, or with the speed of both and a gyroscope",
         channel_causes.find_unlike_sides,
         withholds=True,
@@ -160,7 +160,7 @@ CAUSES: Final = (
     Cause(
         "imu_bias",
         "the accelerometer's zero is off",
-        f"{_STILL}, the pitch and the z axis; below 6° nothing tells it from a tilt",
+        f"{_STILL}, the pitch and the z axis; below 6° it cannot be distinguished from a tilt",
         accelerometer_causes.find_accelerometer_bias,
         explains=("wheel_radius", "coulomb", "offset", "slip"),
     ),
@@ -302,7 +302,7 @@ CAUSES: Final = (
     ),
     Cause(
         "wind_up",
-        "a recursion forgets the mass while nothing tells of it",
+        "a recursion forgets the mass while the motion holds no information",
         "a method that forgets, and windows at steady speed that the gate accepts",
         setting_causes.find_wind_up,
     ),

@@ -77,7 +77,7 @@ def compare_share_with_loads(inputs: FindingInputs) -> ForceShareChange | None:
         return None
     variance = min(by_loads.variance, after.variance)
     worse = after.square_left * after.variance - by_loads.square_left * by_loads.variance
-    value = before.score_of("driveline") / square
+    value = before.remaining_score("driveline") / square
     gain = value**2 * square * before.variance / variance
     std = (variance / (square * before.variance)) ** 0.5
     return ForceShareChange(value, std, gain, worse / variance, fit.count)
@@ -104,7 +104,7 @@ def find_changing_load(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _fitted_growths(inputs: FindingInputs) -> list[Symptom]:
-    """Those that are fitted although their load grows."""
+    """Growing loads that are part of the fit."""
     found = _significant_growths(inputs)
     if not found:
         return []
@@ -121,7 +121,7 @@ def _fitted_growths(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _excluded_growths(inputs: FindingInputs) -> list[Symptom]:
-    """Those that the answer leaves out."""
+    """Growing loads that the answer excludes."""
     weighing = inputs.check_inputs.weighing
     if weighing is None or not weighing.growing:
         return []

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
-from analysis.diagnosis.measured_channels import long_runs
+from analysis.diagnosis.measured_channels import find_long_runs
 from analysis.diagnosis.side_comparison import SPEEDS, SURELY, TORQUES, SideDifference
 from analysis.findings.cause import MassChange, Symptom, strongest_symptom
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
@@ -88,7 +88,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
             f"it repeats one reading {times} {total_s[name]:.1f} s in all, while others "
             f"change{_refit_text(found)}",
             channel=name,
-            span_ns=inputs.since_start(*spans[0]),
+            span_ns=inputs.since_first_sample_ns(*spans[0]),
             change=lambda: refit_without_rows(inputs, holds),
             harmless=_is_harmless(inputs, found),
             explains=_OF_DEAD if 1e9 * total_s[name] > _DEAD_1 * (t[-1] - t[0]) else (),
@@ -111,7 +111,7 @@ def _noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, in
     if signals is None:
         return []
     limits = signals.limits.get(name, {})
-    runs, never = long_runs(*inputs.series[name])
+    runs, never = find_long_runs(*inputs.series[name])
     # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
     return [
         (run.begin_ns, run.end_ns)
@@ -229,7 +229,7 @@ def find_spikes(inputs: FindingInputs) -> list[Symptom]:
                 f"{each.unix_ns.size} single readings are off by {each.size:.3g} (median), up to "
                 f"{each.ratio:.0f} deviations",
                 channel=name,
-                span_ns=inputs.since_start(int(each.unix_ns[0]), int(each.unix_ns[-1])),
+                span_ns=inputs.since_first_sample_ns(int(each.unix_ns[0]), int(each.unix_ns[-1])),
                 change=lambda near=each.near: refit_without_rows(inputs, near),
             )
             for name, each in spikes_by_channel(inputs).items()
@@ -292,7 +292,7 @@ def are_mechanical_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: 
 
 
 def local_std(x: Floats) -> Floats:
-    """(n,) by the median of the distances within its block, and not below the log's."""
+    """Standard deviation (n,) by the median of abs(x) in each block; at least of all blocks."""
     size = x.size // _BLOCK * _BLOCK
     blocks = STD_OF_MAD * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
     # a start is sharper than what surrounds it

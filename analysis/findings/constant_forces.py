@@ -101,8 +101,8 @@ def _fit_explanation(inputs: FindingInputs) -> ConstantForces:
         variances.append(own.variance)
         left[acts, tilted, False] = own.square_left * own.variance
         square = own.information_about(friction)
-        if square > 0.0 and own.score_of(friction) * way > 0.0:
-            gain = own.score_of(friction) ** 2 / square
+        if square > 0.0 and own.remaining_score(friction) * way > 0.0:
+            gain = own.remaining_score(friction) ** 2 / square
             left[acts, tilted, True] = (own.square_left - gain) * own.variance
     cost = {of: each / min(variances) + LIMITS.cause_cost * sum(of) for of, each in left.items()}
     best = min(cost, key=lambda each: cost[each])

@@ -20,7 +20,7 @@ from analysis.findings.refit import refit_mended
 from analysis.model.schema import values
 from analysis.model.windows import flagged_windows
 from analysis.stages.motion.forces import longitudinal_force
-from analysis.stages.signals.grid_rate import rows_in
+from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.nuisances import WARMING
 from estimators.arrays import Bools, Floats
 
@@ -98,7 +98,7 @@ def _is_long_delay(seen: tuple[float, float, float]) -> bool:
 
 
 def _residual_square(force: Floats, columns: Floats, rows: Bools) -> float:
-    """What the equation of motion leaves of the force, in squares."""
+    """Sum of squares of the force that the equation of motion does not explain."""
     A, f = columns[rows], force[rows]
     left = f - A @ np.linalg.lstsq(A, f, rcond=None)[0]
     return float(left @ left)
@@ -119,7 +119,7 @@ def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> floa
 def _lag_of_force(
     force: Floats, acceleration: Floats, v: Floats, drives: Bools, step_s: float
 ) -> tuple[float, float, float]:
-    """As `_find_lag`, of a force that does not see the brakes."""
+    """Lag of a force that brakes do not act on; see `_find_lag`."""
     longest = round(LIMITS.longest_delay_s / step_s)
     inside = drives.copy()
     inside[:longest] = inside[-longest:] = False
@@ -134,7 +134,7 @@ def _lag_of_force(
 def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
     """Step in s; by channel (n,) what goes with the acceleration, less its mean; the speed `v`."""
     rate_hz = inputs.machine.settings.align.rate_hz
-    size = rows_in(LIMITS.delay_mean_s, rate_hz)
+    size = rows_in_duration(LIMITS.delay_mean_s, rate_hz)
     count = min(inputs.aligned.height, round(LIMITS.delay_searched_s * rate_hz)) // size
 
     def means(x: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""What the causes look at: the log, its verdict and its joint fit."""
+"""Inputs of the causes: the log, its verdict and its joint fit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -77,7 +77,7 @@ class FindingInputs:
     @cached_property
     def column_noise(self) -> ColumnNoiseModel | None:
         """Noise of acceleration, speed and force."""
-        found = ColumnNoise.of(X, self.noise, self.machine.settings.noise)
+        found = ColumnNoise.of_axis(X, self.noise, self.machine.settings.noise)
         return None if found is None else CachedNoise(found)
 
     @cached_property
@@ -87,7 +87,7 @@ class FindingInputs:
 
     @cached_property
     def resting_samples(self) -> Bools:
-        """Those of them with no motion near, (n,): a machine swings after it has stopped."""
+        """Standstill samples, (n,), without motion near: a machine swings after it has stopped."""
         near = ~self.standing_samples
         after, before = (
             round(s * self.machine.settings.align.rate_hz)
@@ -112,14 +112,14 @@ class FindingInputs:
 
     @property
     def force_channel(self) -> str | None:
-        """What names the force: its channel, or that of the left torque."""
+        """Channel that stands for the force: its own, or that of the left torque."""
         return next(
             iter(self.measured_channels("force_x_N", "torque_left_N_m", "torque_right_N_m")), None
         )
 
     @property
     def speed_channels(self) -> tuple[str, ...]:
-        """What the speed is read from."""
+        """Channels that measure the speed."""
         return self.measured_channels(*SPEEDS, "position_x_m")
 
     def channel_of(self, topic: str) -> str | None:
@@ -127,8 +127,8 @@ class FindingInputs:
         names = (*self.measured_equation_channels, *self.machine.channels)
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
 
-    def since_start(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
-        """The same in ns since the first aligned sample."""
+    def since_first_sample_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
+        """Convert two unix stamps to ns since the first aligned sample."""
         t0 = self.check_inputs.t0_unix_ns
         return int(begin_unix_ns) - t0, int(end_unix_ns) - t0
 
@@ -138,7 +138,7 @@ class FindingInputs:
         return ~self.standing_samples[np.minimum(indices_of_stamps(t, unix_ns), t.size - 1)]
 
     def newtons_per_unit(self, channel: str) -> float:
-        """The longitudinal force in N that one of a force channel stands for (17)."""
+        """Longitudinal force in N per unit of a force channel, by equation (17) of the paper."""
         body = self.machine.machine
         if channel == "force_x_N":
             return 1.0 / body.force_share
@@ -177,7 +177,7 @@ class FindingInputs:
         return self.standstill_level_of(values(self.aligned, column))
 
     def standstill_level_of(self, x: Floats) -> tuple[float, float]:
-        """Likewise of (n,) values: of means of half a second, which hardly know of each other."""
+        """Standstill level of (n,) values, by nearly independent means over half a second."""
         x = x[self.resting_samples]
         x = x[np.isfinite(x)]
         size = max(round(LIMITS.stand_block_s * self.machine.settings.align.rate_hz), 1)

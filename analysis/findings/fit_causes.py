@@ -1,4 +1,4 @@
-"""What the joint fit finds besides mass and friction, each against what chance gives."""
+"""Causes by terms of the joint fit besides mass and friction, each against chance."""
 
 import math
 from dataclasses import replace
@@ -13,7 +13,7 @@ from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, search_likelihood
 from analysis.findings.refit import refit_mended
-from analysis.model.physical_units import to_si
+from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.gating.digging import SURELY
 from analysis.weighing.motion_samples import MotionSamples
@@ -110,7 +110,7 @@ def _zeroing_advice(inputs: FindingInputs, name: str, reads: float) -> str:
     if channel.unit is None:
         return f"{channel.offset - reads:.6g}"
     unit = next(column.unit for column in CHANNEL_COLUMNS if column.name == name)
-    gain, _ = to_si(channel.unit, unit)
+    gain, _ = gain_and_offset_to_si(channel.unit, unit)
     return f"{channel.offset - reads / gain:.6g}"
 
 
@@ -280,7 +280,7 @@ def _share_change_text(value: float, std: float) -> str:
 
 
 def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
-    """The same where the answer has loads that take turns with the direction."""
+    """Find a gain drift where loads of the answer alternate with the driving direction."""
     found = compare_share_with_loads(inputs)
     if found is None or found.worse > LIMITS.indistinguishable_gain:
         return []
@@ -302,7 +302,7 @@ def relative_mass_u(inputs: FindingInputs) -> float:
     weighing = inputs.check_inputs.weighing
     if weighing is None:
         return float("inf")
-    parts = weighing.fit.parts_kg(weighing.fit.weights(weighing.fit.main_state))
+    parts = weighing.fit.parts_kg(weighing.fit.weights_of_state(weighing.fit.main_state))
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
     return u_kg / abs(weighing.fit.mass_kg)
@@ -326,7 +326,7 @@ def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.fit
     if fit is None:
         return []
-    parts = fit.parts_kg(fit.weights(fit.main_state))
+    parts = fit.parts_kg(fit.weights_of_state(fit.main_state))
     by_term = {term.name: parts[term.name] for term in fit.terms}
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)

@@ -65,7 +65,7 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
     motion = explain_constant_force(inputs).motion or fit.motion
     near = is_near_spike(inputs)
     if near.any():  # a spike is no motion, whatever it looks like
-        motion = renumber_stretches(motion.exclude(near))
+        motion = renumber_stretches(motion.exclude_samples(near))
         if not motion.used.any():  # there are spikes all along
             return {}
     taken: list[str] = []
@@ -231,7 +231,7 @@ def score_causes(
         square = sum(part.information_about(name) for part in parts)
         if not square > 0.0:
             continue
-        value = sum(part.score_of(name) for part in parts) / square
+        value = sum(part.remaining_score(name) for part in parts) / square
         out[name] = PickedCause(name, value, square**-0.5, value**2 * square, ())
     return out
 

@@ -13,8 +13,8 @@ from analysis.findings.cause import MassChange
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.fitted_stretches import begins
-from analysis.weighing.joint_fit import refit
+from analysis.weighing.fitted_stretches import first_of_stretch
+from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
 from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
@@ -30,7 +30,9 @@ def refit_without_rows(inputs: FindingInputs, rows: Bools) -> MassChange | None:
         inputs: the log.
         rows: (n,) grid samples that say nothing.
     """
-    return refit_from_scratch(inputs, lambda motion: motion.exclude(rows), LIMITS.cut_start_u)
+    return refit_from_scratch(
+        inputs, lambda motion: motion.exclude_samples(rows), LIMITS.cut_start_u
+    )
 
 
 def refit_from_scratch(
@@ -64,7 +66,7 @@ def refit_mended(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> 
     if before is None or after is None:
         return None
     kg = after - before
-    of_noise = fit.parts_kg(fit.weights(fit.main_state))["noise"]
+    of_noise = fit.parts_kg(fit.weights_of_state(fit.main_state))["noise"]
     return MassChange(
         kg,
         float(
@@ -92,7 +94,7 @@ def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     priors = inputs.machine.settings.priors
     known = is_wheel_agreement_kept(fit.motion, motion)
     # of a long log a part says as much of what a cause does
-    motion = renumber_stretches(motion.first_stretches(LIMITS.refit_max_stretches))
+    motion = renumber_stretches(motion.cut_to_first_stretches(LIMITS.refit_max_stretches))
     if motion.used.sum() < LIMITS.refit_min_samples or not motion.drives:
         return None
     motion = motion.near_fitted(LIMITS.refit_reach_s)
@@ -106,7 +108,7 @@ def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     if known:
         inputs.kept["wheels"] = wheels
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
-    found = refit_from_parameters(begun, noise, priors, known=known).mass_kg
+    found = refit_warm_started(begun, noise, priors, known=known).mass_kg
     return found if np.isfinite(found) else None
 
 
@@ -134,7 +136,7 @@ def _differ_by_constant(old: Floats, new: Floats) -> bool:
     return float(np.ptp(new - old)) < LIMITS.zero_shift_m_s2
 
 
-def refit_from_parameters(
+def refit_warm_started(
     begun: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, *, known: bool
 ) -> JointFit:
     """Fit from another one's parameters on; its lag by the first stretches where there are more.
@@ -145,23 +147,23 @@ def refit_from_parameters(
         priors: of the nuisances.
         known: whether neither force nor speed changes, and with them no lag.
     """
-    part = begun.motion.first_stretches(LIMITS.refit_pilot_stretches)
+    part = begun.motion.cut_to_first_stretches(LIMITS.refit_pilot_stretches)
     if part is begun.motion or not part.drives:
-        return refit(begun, noise, priors, rounds=LIMITS.refit_rounds - known)
+        return refit_with_changes(begun, noise, priors, rounds=LIMITS.refit_rounds - known)
     if known:
-        return refit(begun, noise, priors)
+        return refit_with_changes(begun, noise, priors)
     states = None if begun.states is None else begun.states.among(part)
-    pilot = refit(replace(begun, motion=part, states=states), noise, priors)
+    pilot = refit_with_changes(replace(begun, motion=part, states=states), noise, priors)
     if abs(pilot.found.lag_s - begun.found.lag_s) > LIMITS.refit_lag_moves_s:
-        pilot = refit(pilot, noise, priors)
+        pilot = refit_with_changes(pilot, noise, priors)
     theta = begun.theta.copy()
     theta[begun.count] = pilot.viscous
-    return refit(replace(begun, found=pilot.found, theta=theta), noise, priors)
+    return refit_with_changes(replace(begun, found=pilot.found, theta=theta), noise, priors)
 
 
 def renumber_stretches(motion: MotionSamples) -> MotionSamples:
     """The motion with its stretches numbered anew: what was left out may have cut some in two."""
-    parts = np.where(motion.used, np.cumsum(begins(motion.group)) - 1, -1)
+    parts = np.where(motion.used, np.cumsum(first_of_stretch(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
     short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)
-    return replace(motion, group=parts.astype(np.int64)).exclude(short)
+    return replace(motion, group=parts.astype(np.int64)).exclude_samples(short)

@@ -1,4 +1,4 @@
-"""What mass and friction leave of the force: coloured, of uneven size, or swinging.
+"""Causes by the residual of the force: coloured, of uneven size, or oscillating.
 
 The same sum of channels is looked at while the machine stands, where it holds the instruments'
 noise alone; its spectrum while it drives is compared with that.
@@ -26,7 +26,7 @@ class Spectra(NamedTuple):
 
 
 def residual_spectra(inputs: FindingInputs) -> Spectra | None:
-    """Of f - m a - b v; None where there is too little of either, or nothing fast on the grid."""
+    """Spectra of f - m a - b v; None if standstill or motion is too short, or the grid too slow."""
     if "spectra" in inputs.kept:
         return inputs.kept["spectra"]  # type: ignore[return-value]
     inputs.kept["spectra"] = found = _compute_residual_spectra(inputs)

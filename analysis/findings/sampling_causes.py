@@ -32,7 +32,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
                 f"{holes.size} gaps, the longest {steps[longest] / 1e9:.2f} s, together "
                 f"{missing:.1%} of the log",
                 channel=name,
-                span_ns=inputs.since_start(t[longest], t[longest + 1]),
+                span_ns=inputs.since_first_sample_ns(t[longest], t[longest + 1]),
             )
         )
     return strongest_symptom(found)
@@ -152,7 +152,7 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
                 f"header stamps of {topic} jump by {1e3 * jump_s:.1f} ± {1e3 * std_s:.1f} ms "
                 "against log time",
                 channel=inputs.channel_of(topic),
-                span_ns=inputs.since_start(when, when),
+                span_ns=inputs.since_first_sample_ns(when, when),
             )
         )
     return strongest_symptom(found)
@@ -184,7 +184,7 @@ def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> str:
-    """Of two clocks that run apart, the one of the force where there is one."""
+    """The channel to blame for two clocks that diverge: that of the force, if it is one of them."""
     force = inputs.force_channel
     topic = None if force is None else inputs.machine.channels[force].topic
     return slower if slower == topic else faster
@@ -232,6 +232,6 @@ def _largest_step(level: Floats) -> tuple[int, float, float]:
 
 
 def line_residual_share(level: Floats) -> float:
-    """What a line leaves of its scatter."""
+    """Fraction of scatter about a line that remains after fitting it."""
     x = np.arange(level.size, dtype=np.float64)
     return float(np.std(level - np.polyval(np.polyfit(x, level, 1), x)))

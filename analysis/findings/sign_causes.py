@@ -11,7 +11,7 @@ from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_from_scratch, refit_mended
 from analysis.model.schema import values
-from analysis.stages.signals.grid_rate import rows_in
+from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
 
@@ -130,7 +130,7 @@ def find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     straight = inputs.check_inputs.straight_motion
     if not straight.known.any():
         return []
-    fewest = rows_in(
+    fewest = rows_in_duration(
         LIMITS.unsigned_braking_s,
         inputs.machine.settings.align.rate_hz,
         LIMITS.unsigned_min_samples,
@@ -174,7 +174,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     used = np.isfinite(turns) & np.isfinite(rate) & ~inputs.standing_samples
     if used.sum() < 200:
         return []
-    step = rows_in(LIMITS.independent_rows_s, inputs.machine.settings.align.rate_hz)
+    step = rows_in_duration(LIMITS.independent_rows_s, inputs.machine.settings.align.rate_hz)
     x, y = rate[used][::step], turns[used][::step]
     if float(np.sqrt((x**2).mean())) < LIMITS.turn_rad_s or not y.any():
         return []

@@ -34,7 +34,7 @@ def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
 
 
 def unexplained_symptom(judged: pl.DataFrame, shown: Collection[str]) -> Symptom | None:
-    """What fails and none of the causes accounts for; None where each does.
+    """Failed checks that no cause explains; None if each is explained.
 
     Args:
         judged: `verdict`.

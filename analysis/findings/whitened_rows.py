@@ -188,13 +188,13 @@ def _force_rate(force: Floats, rate_hz: float) -> Floats:
 
 @dataclass(frozen=True)
 class ProjectedEquation:
-    """One equation without what its base and the causes that were taken explain.
+    """A whitened regression equation with base columns and accepted causes projected out.
 
     Attributes:
-        information: by cause, what is left about its parameter.
-        score: by cause, what is left along it.
-        square_left: the sum of squares that is left, over the variance of a row's noise.
-        variance: of that noise, for sums of many rows.
+        information: the remaining XᵀX, by candidate cause.
+        score: the remaining Xᵀy, by candidate cause.
+        square_left: the remaining sum of squares, over the variance of a row's noise.
+        variance: of a row's noise, for sums of many rows.
     """
 
     information: dict[str, float]
@@ -261,13 +261,13 @@ class ProjectedEquation:
         """The information that is left about a cause."""
         return self.information.get(name, 0.0)
 
-    def score_of(self, name: str) -> float:
-        """What is left, along a cause."""
+    def remaining_score(self, name: str) -> float:
+        """Remaining Xᵀy of a candidate cause."""
         return self.score.get(name, 0.0)
 
 
 def variance_of(noise: Floats) -> float:
-    """Of a row, times what correlation makes of a sum of them; not below that of the channels."""
+    """Variance of a row, scaled for correlated sums; at least that of the channels' noise."""
     own = float(noise @ noise) / max(noise.size, 1)
     if not own > 0.0:
         return 1.0

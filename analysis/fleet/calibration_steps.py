@@ -41,7 +41,7 @@ class FleetCalibration(BaseModel):
     covariance: tuple[float, float, float]
     centre_kg: float
 
-    def estimate_at(self, mass_kg: float) -> tuple[float, float]:
+    def estimate_at_mass(self, mass_kg: float) -> tuple[float, float]:
         """The estimate m̂ of a mass by the line, and its variance in kg²."""
         level, both, own = self.covariance
         off = mass_kg - self.centre_kg
@@ -49,7 +49,7 @@ class FleetCalibration(BaseModel):
 
 
 class LineChange(NamedTuple):
-    """What moved from one calibration to the next.
+    """Change from one calibration to the next.
 
     Attributes:
         before: the earlier one.
@@ -73,7 +73,7 @@ class LineChange(NamedTuple):
         return abs(self.zero_kg) > self.zero_limit_kg or abs(self.scale_1) > self.scale_limit_1
 
 
-def fleet_calibration(
+def fit_fleet_calibration(
     machine: str, evidence: str, days: tuple[dt.date, dt.date], line: "Calibration"
 ) -> FleetCalibration:
     """A machine's calibration by the id of its evidence, and its first and last day."""
@@ -104,7 +104,7 @@ def line_changes(calibrations: Sequence[FleetCalibration]) -> list[LineChange]:
 
 def _change_of_line(before: FleetCalibration, after: FleetCalibration) -> LineChange:
     middle = (before.centre_kg + after.centre_kg) / 2.0
-    (old, old_kg2), (new, new_kg2) = before.estimate_at(middle), after.estimate_at(middle)
+    (old, old_kg2), (new, new_kg2) = before.estimate_at_mass(middle), after.estimate_at_mass(middle)
     slope = np.sqrt(before.covariance[2] + after.covariance[2]) / abs(before.c1_1)
     return LineChange(
         before,

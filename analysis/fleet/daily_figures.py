@@ -1,4 +1,4 @@
-"""What a machine's days say of its zero, its scale and its friction; tonnes by week."""
+"""Zero, scale and friction of a machine by day, and tonnes by week."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -8,7 +8,7 @@ import polars as pl
 UNDATED: Final = "undated"
 
 
-def daily_figures(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
+def make_daily_figures(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
     """A row a machine and day, in time.
 
     Args:

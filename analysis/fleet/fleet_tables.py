@@ -17,7 +17,7 @@ from analysis.model.verdict import Verdict
 KEPT: Final = ("loads", "segments", "cycles", "findings")
 
 
-def _float(name: str, unit: str, meaning: str) -> Column:
+def _declare_float_column(name: str, unit: str, meaning: str) -> Column:
     return Column(name, pl.Float64, unit, meaning)
 
 
@@ -30,7 +30,7 @@ OF_RESULT: Final = (
 )
 RESULTS: Final = Frame(
     "results",
-    "a row a recording: what it gave, and what it was made of",
+    "a row for each recording: its results and inputs",
     (
         Column("source", pl.String, "1", "where the log was"),
         Column("log_sha256", pl.String, "1", "digests of its files, by commas"),
@@ -44,26 +44,37 @@ RESULTS: Final = Frame(
         Column("failed_checks", pl.String, "1", "checks that failed, by commas"),
         Column("losses", pl.Int64, "1", "losses of the log"),
         Column("first_loss", pl.String, "1", "the first of them, in a sentence"),
-        _float("duration_s", "s", "from the first sample to the last"),
-        _float("gap_s", "s", "of that without a recording"),
-        _float("idle_s", "s", "of that in stands of more than half a minute"),
-        _float("longest_gap_at_s", "s", "where the longest gap begins (null: no gap)"),
-        _float("accepted_1", "1", "share of the time that the gate accepted"),
+        _declare_float_column("duration_s", "s", "from the first sample to the last"),
+        _declare_float_column("gap_s", "s", "of that without a recording"),
+        _declare_float_column("idle_s", "s", "of that in stands of more than half a minute"),
+        _declare_float_column(
+            "longest_gap_at_s", "s", "where the longest gap begins (null: no gap)"
+        ),
+        _declare_float_column("accepted_1", "1", "share of the time that the gate accepted"),
         Column("cycles", pl.Int64, "1", "cycles that were seen"),
         Column("cycles_counted", pl.Int64, "1", "cycles in the sum"),
-        Column("cycles_without_mass", pl.Int64, "1", "cycles of which no start tells it"),
-        _float("payload_kg", "kg", "sum of payloads"),
-        _float("payload_u_random_kg", "kg", "its random standard uncertainty"),
-        _float("payload_u_common_kg", "kg", "its common standard uncertainty"),
-        _float("payload_u_kg", "kg", "standard uncertainty, both"),
+        Column(
+            "cycles_without_mass", pl.Int64, "1", "cycles without a start that determines the mass"
+        ),
+        _declare_float_column("payload_kg", "kg", "sum of payloads"),
+        _declare_float_column("payload_u_random_kg", "kg", "its random standard uncertainty"),
+        _declare_float_column("payload_u_common_kg", "kg", "its common standard uncertainty"),
+        _declare_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
         Column("scale_from", pl.String, "1", "what tells the scale of payloads"),
-        Column("scale_unknown", pl.String, "1", "whose u nothing tells, of the payloads"),
-        _float("gain_1", "1", "empty machine in the log over that of the machine file"),
-        _float("gain_u_1", "1", "its standard uncertainty"),
-        _float("lost_cycles", "1", "cycles expected where nothing was recorded"),
-        _float("lost_kg", "kg", "what they would have carried"),
-        _float("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
-        _float("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
+        Column(
+            "scale_unknown",
+            pl.String,
+            "1",
+            "scale sources of the payloads without a stated uncertainty",
+        ),
+        _declare_float_column(
+            "gain_1", "1", "empty machine in the log over that of the machine file"
+        ),
+        _declare_float_column("gain_u_1", "1", "its standard uncertainty"),
+        _declare_float_column("lost_cycles", "1", "cycles expected where nothing was recorded"),
+        _declare_float_column("lost_kg", "kg", "what they would have carried"),
+        _declare_float_column("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
+        _declare_float_column("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
         Column("calibration", pl.String, "1", "id of the evidence in use (empty: none)"),
         Column("not_calibrated_for", pl.String, "1", "what the log says against it (empty: none)"),
         Column("results_fingerprint", pl.String, "1", "of all frames of the replay"),
@@ -75,7 +86,7 @@ GATE_SHARES: Final = Frame(
     "a row a reason of the gate: its share of the recorded time",
     (
         Column("reason", pl.String, "1", "accepted, or why not"),
-        _float("share_1", "1", "share of the time"),
+        _declare_float_column("share_1", "1", "share of the time"),
     ),
 )
 QUALITY: Final = Frame(
@@ -84,9 +95,11 @@ QUALITY: Final = Frame(
     (
         Column("topic", pl.String, "1", "its name"),
         Column("messages", pl.Int64, "1", "messages that were read"),
-        _float("rate_hz", "Hz", "one over the median period"),
-        _float("longest_s", "s", "longest time between two messages"),
-        _float("late_1", "1", "share of messages more than one and a half periods late"),
+        _declare_float_column("rate_hz", "Hz", "one over the median period"),
+        _declare_float_column("longest_s", "s", "longest time between two messages"),
+        _declare_float_column(
+            "late_1", "1", "share of messages more than one and a half periods late"
+        ),
     ),
 )
 #: Every table, `results` last: a result is there when its row of it is.
@@ -142,7 +155,7 @@ def tables_of_run(run: Run, more: Mapping[str, pl.DataFrame]) -> dict[str, pl.Da
 
 
 def result_row(run: Run) -> dict[str, object]:
-    """What a run says of its recording, by the columns of `results` that it knows."""
+    """Results of a run, by the columns of `results` that it determines."""
     about, frames = run.provenance, run.frames
     verdict = Verdict.of(frames["verdict"])
     shift = frames["shift"].row(0, named=True)

@@ -158,18 +158,18 @@ def _chart_quantity(part: pl.DataFrame, signal: ChartedQuantity, limit: float) -
         str(part["calibration"].first()),
         tuple(part["day"].to_list()),
         tuple(float(value) for value in raw),
-        control_chart(values, limit),
+        make_control_chart(values, limit),
     )
 
 
-def control_chart(values: Floats, limit: float) -> ControlChart:
+def make_control_chart(values: Floats, limit: float) -> ControlChart:
     """Chart values.
 
     Args:
         values: (n,) in time, without NaN.
         limit: of the sums, from `chart_limit`.
     """
-    innovation = innovations(whiten_series(values))
+    innovation = standardise_innovations(whiten_series(values))
     up, down = np.zeros(values.size), np.zeros(values.size)
     flagged: int | None = None
     begins = [0, 0]
@@ -199,7 +199,7 @@ def whiten_series(values: Floats) -> Floats:
     return values - alike * before
 
 
-def innovations(values: Floats) -> Floats:
+def standardise_innovations(values: Floats) -> Floats:
     """(n,) of each value against those before it, standard normal while nothing drifts."""
     found = np.zeros(values.size)
     if values.size < _FIRST:
@@ -240,11 +240,13 @@ def chart_limit(run_length: float) -> float:
     # either sum alone has twice the run length
     while high - low > 1e-3:
         middle = (low + high) / 2.0
-        low, high = (middle, high) if run_length_of(middle) < 2.0 * run_length else (low, middle)
+        low, high = (
+            (middle, high) if average_run_length(middle) < 2.0 * run_length else (low, middle)
+        )
     return (low + high) / 2.0
 
 
-def run_length_of(limit: float, shift: float = 0.0) -> float:
+def average_run_length(limit: float, shift: float = 0.0) -> float:
     """Average run length of one sum from 0, of normal values.
 
     Args:

@@ -23,7 +23,7 @@ _OF_SPINS: Final = tuple(name for pair in Z.parameters for name in pair)
 
 @dataclass(frozen=True, slots=True)
 class AnswerRow:
-    """What the methods say of the whole log; of the joint fit where the log has one load.
+    """Estimates by method for the whole log; also the joint fit if the log has one load.
 
     Attributes:
         quantities: by name and unit (`mass_kg`, `mass_std_kg`, …), then by method; None where it is
@@ -45,7 +45,7 @@ class AnswerRow:
         """A number; None where there is none."""
         return self.quantities.get(quantity, {}).get(method)
 
-    def has(self, quantity: str) -> bool:
+    def has_quantity(self, quantity: str) -> bool:
         """Whether any method has a number for it."""
         return any(value is not None for value in self.quantities.get(quantity, {}).values())
 
@@ -90,7 +90,7 @@ class AnswerRow:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a run says, and what it is worth.
+    """Answer of a run with its uncertainty.
 
     Attributes:
         rows: of the whole log; none of a run without masses.
@@ -125,7 +125,7 @@ class Answer:
     findings: Sequence[Mapping[str, Any]] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values; a mass of the log is there where it has one load."""
+        """The answer as plain JSON values; a log with one load has a mass of its own."""
         one = self.rows[0].quantities if len(self.rows) == 1 else {}
         several = {"no_mass_for": f"{len(self.loads)} loads"} if len(self.loads) > 1 else {}
         return {

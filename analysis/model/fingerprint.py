@@ -92,19 +92,19 @@ def _column_digest(series: pl.Series) -> str:
     for part in (series[begin : begin + _ROWS] for begin in range(0, series.len(), _ROWS)):
         if series.null_count():
             nulls.update(np.packbits(part.is_null().to_numpy()).data)
-        for array in _arrays(part):
+        for array in _iter_value_arrays(part):
             values.update(_little_endian(array).data)
-    about = [series.name, *_describe_value(series.dtype)]
+    about = [series.name, *_describe_dtype(series.dtype)]
     return _json_digest([about, values.hexdigest(), nulls.hexdigest()])
 
 
-def _describe_value(dtype: pl.DataType) -> list[Any]:
+def _describe_dtype(dtype: pl.DataType) -> list[Any]:
     if isinstance(dtype, pl.Enum):
         return ["Enum", dtype.categories.to_list()]
     return [str(dtype)]
 
 
-def _arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
+def _iter_value_arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
     """Yield the bytes of a column's values as arrays, zero or empty where a value is null."""
     dtype = part.dtype
     if isinstance(dtype, pl.Enum):
@@ -115,9 +115,9 @@ def _arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
     elif dtype == pl.Boolean:
         yield np.packbits(_fill_null(part, value=False).to_numpy())
     elif dtype.is_temporal():
-        yield from _arrays(part.to_physical())
+        yield from _iter_value_arrays(part.to_physical())
     else:
-        texts = part if dtype == pl.String else _texts(part)
+        texts = part if dtype == pl.String else _write_values_as_text(part)
         encoded = "".join(_fill_null(texts, "").to_list()).encode()
         yield _fill_null(texts.str.len_bytes().cast(pl.UInt64), 0).to_numpy()
         yield np.frombuffer(encoded, np.uint8)
@@ -128,7 +128,7 @@ def _fill_null(part: pl.Series, value: float | str) -> pl.Series:
     return part.fill_null(value) if part.null_count() else part
 
 
-def _texts(part: pl.Series) -> pl.Series:
+def _write_values_as_text(part: pl.Series) -> pl.Series:
     """Write the values of a dtype that no recording holds (nested, binary, decimal) as text."""
     written = [None if value is None else repr(value) for value in part.to_list()]
     return pl.Series(part.name, written, dtype=pl.String)

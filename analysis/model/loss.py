@@ -8,7 +8,7 @@ from estimators.errors import one_line
 # no pydantic: importing it takes as long as opening a log does
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss:
-    """What was recorded and is missing, altered or not provably there, in a sentence.
+    """A loss: recorded data that is missing, altered or not provably there, in a sentence.
 
     `topic` is empty for a whole file.
     """

@@ -18,7 +18,13 @@ from pydantic import (
     model_validator,
 )
 
-from analysis.expressions.parse import Expression, ExpressionError, names, parse, slopes
+from analysis.expressions.parse import (
+    Expression,
+    ExpressionError,
+    iter_channel_names,
+    iter_differentiated_channels,
+    parse_expression,
+)
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.model.settings import Settings
 from analysis.model.strict_config import STRICT
@@ -68,7 +74,7 @@ class ImuMounting(BaseModel):
 
 
 class Body(BaseModel):
-    """What is known of the machine itself, with standard uncertainties (`..._u_...`)."""
+    """Known properties of the machine, with standard uncertainties (`..._u_...`)."""
 
     model_config = STRICT
 
@@ -145,7 +151,7 @@ class LogSection(BaseModel):
 
     @model_serializer(mode="wrap")
     def _given_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """What is given: keys of later versions change no machine file of an earlier one."""
+        """Keep the given keys only, so that a later version's keys change no earlier file."""
         return {name: value for name, value in handler(self).items() if value is not None}
 
 
@@ -185,13 +191,15 @@ class Channel(BaseModel):
         """The arithmetic of `derive = "torque_N_m / 0.35 [m]"`; None where it is another form."""
         if self.derive is None or self.derivative_of or self.mean_of or self.angle_of:
             return None
-        return parse(self.derive.strip())
+        return parse_expression(self.derive.strip())
 
     @property
     def differentiates(self) -> bool:
         """Whether it is made by a derivative."""
         tree = self.expression if self.derive and not self.derivative_of else None
-        return self.derivative_of is not None or (tree is not None and any(slopes(tree)))
+        return self.derivative_of is not None or (
+            tree is not None and any(iter_differentiated_channels(tree))
+        )
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -204,7 +212,11 @@ class Channel(BaseModel):
     def sources(self) -> tuple[str, ...]:
         """The channels that this one is derived from."""
         if self.expression is not None:
-            return tuple(dict.fromkeys(n for n in names(self.expression) if n not in BODY_NUMBERS))
+            return tuple(
+                dict.fromkeys(
+                    n for n in iter_channel_names(self.expression) if n not in BODY_NUMBERS
+                )
+            )
         return self.mean_of or ((self.derivative_of,) if self.derivative_of else ())
 
     @model_validator(mode="after")
@@ -285,7 +297,9 @@ class Machine(BaseModel):
             for source in channel.sources:
                 if source not in self.channels:
                     raise ValueError(f"channels.{name}: '{source}' is not among the channels")
-            for key in names(channel.expression) if channel.expression is not None else ():
+            for key in (
+                iter_channel_names(channel.expression) if channel.expression is not None else ()
+            ):
                 if key in BODY_NUMBERS and getattr(self.machine, key) is None:
                     raise ValueError(f"channels.{name}: machine.{key} is not given")
         self.derivation_order()
@@ -321,7 +335,10 @@ class Machine(BaseModel):
                 "channels.torque_right_N_m"
             )
         if "force_x_N" not in self.channels and self.machine.wheel_radius_m is None:
-            raise ValueError("wheel torques need machine.wheel_radius_m to become a force (17)")
+            raise ValueError(
+                "wheel torques need machine.wheel_radius_m to become a force "
+                "(equation 17 of the paper)"
+            )
         if "speed_x_m_s" not in self.channels:
             raise ValueError(
                 "no speed: give channels.speed_x_m_s, if need be derived: "
@@ -344,7 +361,7 @@ class Machine(BaseModel):
 
     @property
     def differentiates_wheels(self) -> bool:
-        """Likewise of a speed that wheels measure, which may slip; a position does not."""
+        """Whether acceleration is differentiated from wheel speed, which may slip."""
         return self.differentiates_speed and self.channels["speed_x_m_s"].derivative_of is None
 
     def derivation_order(self) -> list[str]:

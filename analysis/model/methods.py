@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class FeedKind(Enum):
-    """What a method is fed."""
+    """Kind of samples that a method is fed."""
 
     WINDOWS = "every accepted window"
     SETTLED = "each sample once, of the accepted windows that no braking follows within sight"
@@ -40,7 +40,7 @@ class LogSummary(Enum):
     """How a method's estimates become one for the log."""
 
     MEAN = "the mean of its windows, weighted by 1/std²"
-    LAST = "its last state, which stands for all before it"
+    LAST = "its last state, which holds all samples before it"
     POOL = "one fit over every accepted sample"
 
 
@@ -78,7 +78,7 @@ class AxisNoise:
 
 
 class EstimatorModule(Protocol):
-    """What every module of an estimator has."""
+    """Interface of an estimator module."""
 
     @property
     def trace(self) -> "Callable[..., Trace]":

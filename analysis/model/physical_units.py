@@ -24,19 +24,19 @@ _UNREADABLE = (
 
 
 @cache
-def _registry() -> Any:
+def _make_registry() -> Any:
     import pint
 
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
 
 
-def registry() -> Any:
+def unit_registry() -> Any:
     """Pint's registry of units."""
-    return _registry()
+    return _make_registry()
 
 
 @cache
-def to_si(unit: str, si: str) -> tuple[float, float]:
+def gain_and_offset_to_si(unit: str, si: str) -> tuple[float, float]:
     """Gain and offset that turn a number in `unit` into one in `si` (as the schema writes it).
 
     Raises:
@@ -47,7 +47,7 @@ def to_si(unit: str, si: str) -> tuple[float, float]:
         return 1.0, 0.0  # pint takes half a second to load its units
     import pint
 
-    registry = _registry()
+    registry = _make_registry()
     try:
         zero, one = (registry.Quantity(x, unit).to(target).magnitude for x in (0.0, 1.0))
     except pint.DimensionalityError as error:
@@ -165,7 +165,7 @@ _PREFIXES: Final = "cdhkmnpu"
 _SUFFIX_WORDS: Final = 3
 
 
-def unit_behind(name: str) -> tuple[str, str | None]:
+def split_unit_from_name(name: str) -> tuple[str, str | None]:
     """A name without the unit behind it, and the unit: `speed_kmh`, `left_Mz_Nm`, `motor_rpm`."""
     words = re.split(r"[_\s.]+", name)
     for count in range(min(_SUFFIX_WORDS, len(words) - 1), 0, -1):

@@ -58,23 +58,29 @@ class PriorSettings(BaseModel):
         0.05, gt=0, description="prior of Coulomb friction where the log drives both ways, a share"
     )
     direction_weight_share: float = Field(
-        0.02, gt=0, description="and as a share of the machine's weight, likewise"
+        0.02, gt=0, description="and as a share of the machine's weight"
     )
     ground_share: float = Field(
         0.01,
         gt=0,
-        description="prior of what differs between the ground where loaded starts begin and where "
+        description="prior of the difference in ground between the places where loaded starts and "
         "empty ones do, as a share of the machine's weight",
     )
     ground_uneven_share: float = Field(
         0.01,
         gt=0,
-        description="prior of how the ground's force differs from start to start, likewise",
+        description=(
+            "prior of the difference in ground force from start to start, as a share of the "
+            "machine's weight"
+        ),
     )
     ground_change_share: float = Field(
         0.005,
         gt=0,
-        description="prior of the change of the ground's force over ten metres, likewise",
+        description=(
+            "prior of the change in ground force over ten metres, as a share of the machine's "
+            "weight"
+        ),
     )
     ground_route_share: float = Field(
         0.01,

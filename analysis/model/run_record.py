@@ -65,7 +65,7 @@ class Run:
         )
 
     def with_fingerprint(self) -> Self:
-        """The same run with the fingerprint of its frames in its provenance."""
+        """Copy the run with the fingerprint of its frames in its provenance."""
         about = self.provenance
         digests = [each.sha256 for each in about.inputs]
         taken = fingerprint(

@@ -66,7 +66,7 @@ class SmoothSettings(BaseModel):
 
 
 class ForcesSettings(BaseModel):
-    """What the equation of straight motion (7) is made of."""
+    """Settings of the equation of straight motion (7)."""
 
     model_config = STRICT
 
@@ -222,7 +222,7 @@ class Settings(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _values_are_in_a_stage(cls, content: Any) -> Any:
+    def _check_stages(cls, content: Any) -> Any:
         """Name the stage of a value that was given without one."""
         if not isinstance(content, Mapping):
             return content
@@ -256,7 +256,7 @@ class Settings(BaseModel):
         return getattr(getattr(self, part), key)
 
     def with_changes(self, changes: Mapping[str, Any]) -> Self:
-        """The same settings but for `changes`, by dotted name: `{"gate.window_samples": 400}`.
+        """Copy the settings with changes by dotted name: `{"gate.window_samples": 400}`.
 
         Raises:
             ValidationError: no such setting, or a value that it does not take.

@@ -61,13 +61,13 @@ class Check:
         return above or below
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values: a row of the frame `verdict`."""
+        """The check as plain JSON values: a row of the frame `verdict`."""
         return asdict(self)
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the checks of a log say together."""
+    """Verdict of all checks of a log."""
 
     checks: tuple[Check, ...] = ()
 
@@ -124,7 +124,7 @@ class Verdict:
         return tuple(each for each in self.checks if each.is_near)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The fields as plain JSON values."""
         return {
             "can_weigh": self.can_weigh,
             "tells_inertia": self.can_tell_inertia,

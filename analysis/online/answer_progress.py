@@ -59,7 +59,7 @@ class AnswerProgress:
 
     @property
     def percent(self) -> float | None:
-        """Of the information that the aim takes: its square over that of the uncertainty."""
+        """Information gained towards the target, in percent: (target / uncertainty)²."""
         if self.until_u_kg is None:
             return None
         if self.u_kg is None:
@@ -115,7 +115,7 @@ def target_u_kg(body: Body, until_u_kg: float | None) -> float | None:
 
 
 def missing_text(missing: int | None, reverse: int | None) -> str:
-    """What excitation is missing, in words; empty where none is, or nobody knows.
+    """Missing excitation in words; empty if none is missing or it is unknown.
 
     Args:
         missing: manoeuvres.

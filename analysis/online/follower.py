@@ -73,7 +73,7 @@ class _RowTimeline:
             self.breaks.append((self.rows, place))
         self.rows += 1
 
-    def of(self, row: int) -> int:
+    def time_of_row_ns(self, row: int) -> int:
         begin, place = next(each for each in reversed(self.breaks) if each[0] <= row)
         return round((place + row - begin) * self.step_ns)
 
@@ -154,16 +154,16 @@ class Follower:
         return [report for row in self.rows(is_whole=is_whole) for report in row.reports]
 
     def rows(self, *, is_whole: bool = False) -> list[FollowedRow]:
-        """The same row by row, with decisions and estimates."""
-        table = self.log.rows(is_whole=is_whole)
+        """Yield the rows that are complete, each with its decisions and estimates."""
+        table = self.log.take_new_rows(is_whole=is_whole)
         found: list[FollowedRow] = []
         if table is not None:
-            found += [self._step(row) for row in table.iter_rows(named=True)]
+            found += [self._step_row(row) for row in table.iter_rows(named=True)]
         if is_whole and self._state is not None:
-            found += self._finish(self._state)
+            found += self._finish_rows(self._state)
         return found
 
-    def _step(self, row: Mapping[str, Any]) -> FollowedRow:
+    def _step_row(self, row: Mapping[str, Any]) -> FollowedRow:
         state, times = self._begin_stages()
         t_ns = int(row["t_ns"])
         times.add(t_ns)
@@ -175,28 +175,28 @@ class Follower:
         self.newest |= estimates
         spun = self._time_estimates(stepped.spin.estimates) if stepped.spin else {}
         second = t_ns // 1_000_000_000
-        reports = [self._report("manoeuvre")] if self._update_mass(estimates) else []
-        reports += [self._report("spin")] if self._update_inertia(spun) else []
+        reports = [self._make_report("manoeuvre")] if self._update_mass(estimates) else []
+        reports += [self._make_report("spin")] if self._update_inertia(spun) else []
         if second > self._second and not reports:
-            reports.append(self._report("second"))
+            reports.append(self._make_report("second"))
         self._second = second
         spin_gate = stepped.spin.gate if stepped.spin else None
         return FollowedRow(
             t_ns, row["phase"], stepped.gate, estimates, tuple(reports), row, spin_gate, spun
         )
 
-    def _finish(self, state: OnlineState) -> Iterator[FollowedRow]:
+    def _finish_rows(self, state: OnlineState) -> Iterator[FollowedRow]:
         t_ns, phase = self._now
         for axis, late in finish(state):
             found = self._time_estimates(late)
             if axis is X:
                 self.newest |= found
-                reports = (self._report("manoeuvre"),) if self._update_mass(found) else ()
+                reports = (self._make_report("manoeuvre"),) if self._update_mass(found) else ()
                 yield FollowedRow(t_ns, phase, None, found, reports)
             else:
-                reports = (self._report("spin"),) if self._update_inertia(found) else ()
+                reports = (self._make_report("spin"),) if self._update_inertia(found) else ()
                 yield FollowedRow(t_ns, phase, None, {}, reports, spin_estimates=found)
-        yield FollowedRow(t_ns, phase, None, {}, (self._report("end"),))
+        yield FollowedRow(t_ns, phase, None, {}, (self._make_report("end"),))
 
     def _begin_stages(self) -> tuple[OnlineState, _RowTimeline]:
         if self._state is None or self._times is None:
@@ -210,7 +210,9 @@ class Follower:
         self, found: Mapping[str, TimedEstimate]
     ) -> dict[str, tuple[int, Estimate]]:
         assert self._times is not None
-        return {name: (self._times.of(row), each) for name, (row, each) in found.items()}
+        return {
+            name: (self._times.time_of_row_ns(row), each) for name, (row, each) in found.items()
+        }
 
     def _update_mass(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
         if "pooled" not in estimates:
@@ -238,7 +240,7 @@ class Follower:
         if not self._directions or (speed < 0.0) != (self._directions[-1][1] < 0.0):
             self._directions.append((t_ns, speed))
 
-    def _report(self, event: Event) -> OnlineReport:
+    def _make_report(self, event: Event) -> OnlineReport:
         basis, gate, last = self.log.basis, self.last_gate, self.last_mass
         assert basis is not None
         t_ns, phase = self._now

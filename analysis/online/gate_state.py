@@ -13,9 +13,9 @@ import numpy as np
 from analysis.model.axes import Axis, X, Z
 from analysis.model.schema import PHASES
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import slipping, without_gravity
-from analysis.stages.gating.gate_rules import UNKNOWN, decide, is_braking, row_flags
-from analysis.stages.motion.phases import TURNS, rows_of_rate_span, yaw_speeding_sign
+from analysis.stages.gating.gate import find_slipping_samples, subtract_gravity
+from analysis.stages.gating.gate_rules import UNKNOWN, decide_windows, flag_rows, is_braking
+from analysis.stages.motion.phases import TURNS, speed_rate_span_rows, yaw_speeding_sign
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.incremental import WindowState, window_statistics
 from estimators.methods.ls import WindowStatistics
@@ -50,7 +50,7 @@ class GateRow:
     reason: str
     ksg_nat: float = float("nan")
 
-    def columns(self, axis: Axis = X) -> dict[str, float]:
+    def gate_columns(self, axis: Axis = X) -> dict[str, float]:
         """The numbers by their columns in `gate`."""
         letter = axis.letter
         return {
@@ -64,7 +64,7 @@ class GateRow:
 
 @dataclass(frozen=True, slots=True)
 class GateState:
-    """What the gate remembers.
+    """State of the gate.
 
     Attributes:
         axis: straight motion or spins.
@@ -99,18 +99,18 @@ class GateState:
 def start_gate(axis: Axis, settings: Settings) -> GateState:
     """Before the first row."""
     nothing = np.zeros(1, np.bool_)
-    reasons = row_flags(axis, np.zeros(1, np.uint8), np.zeros(1), nothing, nothing, settings.gate)
+    reasons = flag_rows(axis, np.zeros(1, np.uint8), np.zeros(1), nothing, nothing, settings.gate)
     return GateState(
         axis=axis,
         row=-1,
         first_whole=None,
         last=dict.fromkeys(("gap", *reasons), _NEVER),
-        accelerations=(float("nan"),) * rows_of_rate_span(settings) if axis is X else (),
-        yaw_rates=(float("nan"),) * (rows_of_rate_span(settings) + 1) if axis is Z else (),
+        accelerations=(float("nan"),) * speed_rate_span_rows(settings) if axis is X else (),
+        yaw_rates=(float("nan"),) * (speed_rate_span_rows(settings) + 1) if axis is Z else (),
         known=False,
         kind=None,
         segment_id=-1,
-        braking_lag=rows_of_rate_span(settings) + settings.smooth.samples
+        braking_lag=speed_rate_span_rows(settings) + settings.smooth.samples
         if settings.gate.exclude_braking
         else 1,
     )
@@ -146,7 +146,7 @@ def step_gate(
             settings.gate.ksg_neighbours,
         )
 
-    decided = decide(
+    decided = decide_windows(
         now.axis,
         window_statistics(window, noise) if complete else _INCOMPLETE,
         np.array([now.first_whole is None or now.row < now.first_whole + samples - 1]),
@@ -187,7 +187,7 @@ def append_row(
     else:
         yaw_rates = (*yaw_rates[1:], cell_value(row["yaw_rate_rad_s"]))
         slows = yaw_speeding_sign(np.array(yaw_rates), settings)[-1:] < 0
-    flags = row_flags(axis, phase, sample[-1:], slows, slips, settings.gate)
+    flags = flag_rows(axis, phase, sample[-1:], slows, slips, settings.gate)
     happens = {"gap": missing, **{why: bool(flag[0]) for why, flag in flags.items()}}
     kind = None
     if known:
@@ -211,13 +211,13 @@ def _find_slip(
     row: Mapping[str, Any], accelerations: tuple[float, ...], settings: Settings
 ) -> Bools:
     rate = np.array([cell_value(row["speed_rate_x_m_s2"])])
-    return slipping(rate, np.array(accelerations), settings)
+    return find_slipping_samples(rate, np.array(accelerations), settings)
 
 
 def _machine_acceleration(row: Mapping[str, Any]) -> float:
     pitch = np.array([cell_value(row["pitch_rad"])]) if "pitch_rad" in row else None
     measured = np.array([cell_value(row.get("specific_force_x_m_s2"))])
-    return float(without_gravity(measured, pitch)[0])
+    return float(subtract_gravity(measured, pitch)[0])
 
 
 def cell_value(value: float | None) -> float:

@@ -15,12 +15,12 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import HINTS
-from analysis.stages.motion.forces import forces
-from analysis.stages.motion.phases import rows_of_rate_span
+from analysis.stages.motion.forces import compute_excitation
+from analysis.stages.motion.phases import speed_rate_span_rows
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.signals.align import Origin, align_on, find_origin
-from analysis.stages.signals.derive import derive, read_measured
-from analysis.stages.signals.grid_rate import at_own_rate
+from analysis.stages.signals.align import Origin, align_on_grid, find_origin
+from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.signals.grid_rate import machine_at_rate_of_log
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
 
@@ -38,7 +38,7 @@ _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 
 @dataclass(frozen=True, slots=True)
 class LogBasis:
-    """What the first seconds of a log tell, and what stays so.
+    """Facts fixed by the first seconds of a log.
 
     Attributes:
         machine: with the grid's rate, the window and the moving mean.
@@ -107,7 +107,7 @@ class GrowingLog:
         if samples.height:
             self._new.setdefault(topic, []).append(samples)
 
-    def rows(self, *, is_whole: bool = False) -> pl.DataFrame | None:
+    def take_new_rows(self, *, is_whole: bool = False) -> pl.DataFrame | None:
         """The rows of `excitation` that can be known by now and were not given yet.
 
         Args:
@@ -122,7 +122,7 @@ class GrowingLog:
             self._merge()
             if self.basis is None and not self._find_basis(is_whole=is_whole):
                 return None
-            return self._next_rows(is_whole=is_whole)
+            return self._make_next_rows(is_whole=is_whole)
         except DataError:
             # too few samples, or none that is a number: more may come
             if is_whole and self.basis is None:
@@ -166,14 +166,14 @@ class GrowingLog:
                 missing = ", ".join(t for t in self.topics if t not in self._raw)
                 raise DataError(f"nothing came of the topics {missing}")
             return False
-        head = first_seconds(self._raw)
+        head = take_first_seconds(self._raw)
         if head is None:
             if not is_whole:
                 return False
             head = self._raw
         placed, labels, _ = assign_timestamps(head)
-        read, _ = read_measured(placed, self.machine)
-        machine, notes = at_own_rate(read, self.machine)
+        read, _ = read_measured_channels(placed, self.machine)
+        machine, notes = machine_at_rate_of_log(read, self.machine)
         channels, _ = derive(read, machine)
         self.basis = LogBasis(
             machine,
@@ -187,20 +187,20 @@ class GrowingLog:
         }
         return True
 
-    def _next_rows(self, *, is_whole: bool) -> pl.DataFrame | None:
+    def _make_next_rows(self, *, is_whole: bool) -> pl.DataFrame | None:
         assert self.basis is not None
         machine = self.basis.machine
         settings = machine.settings
-        read, _ = read_measured(self._raw, machine)
+        read, _ = read_measured_channels(self._raw, machine)
         channels, _ = derive(read, machine)
         # the mean, the speed rate over it, and an acceleration averaged over the span of that
-        looks_back = settings.smooth.samples + 2 * rows_of_rate_span(settings) + 2
+        looks_back = settings.smooth.samples + 2 * speed_rate_span_rows(settings) + 2
         step_ns = 1e9 / settings.align.rate_hz
         after_ns = self._last_t_ns - round(looks_back * step_ns)
-        aligned = align_on(channels, machine, self.basis.origin, after_ns, is_whole=is_whole)
+        aligned = align_on_grid(channels, machine, self.basis.origin, after_ns, is_whole=is_whole)
         if aligned.is_empty() or int(aligned["t_ns"][-1]) <= self._last_t_ns:
             return None
-        rows = forces(smooth(aligned, settings.smooth), machine)
+        rows = compute_excitation(smooth(aligned, settings.smooth), machine)
         rows = rows[int(np.searchsorted(rows["t_ns"].to_numpy(), self._last_t_ns, side="right")) :]
         self._last_t_ns = int(rows["t_ns"][-1])
         self._drop_old_samples()
@@ -235,7 +235,7 @@ def sort_by_time(frame: pl.DataFrame, key: str) -> pl.DataFrame:
     return frame if frame[key].is_sorted() else frame.sort(key, maintain_order=True)
 
 
-def first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame] | None:
+def take_first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame] | None:
     """The first seconds of every topic, up to one time; None where one has fewer.
 
     However much a look finds on disk, a log has one head: who follows it again begins alike.
@@ -251,7 +251,7 @@ def first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]
 
 
 def log_time_offset_ns(frame: pl.DataFrame, label: str) -> int | None:
-    """What is taken off log times; None where the header's stamps place a topic.
+    """Offset subtracted from log times; None if header stamps place a topic.
 
     Header stamps that scatter are told by their label: log time, although they are there.
     """

@@ -101,10 +101,10 @@ class OnlineState:
 
 
 class AxisStep(NamedTuple):
-    """What one row leads to on an axis.
+    """Result of one row on an axis.
 
     Attributes:
-        gate: what the gate saw in the window that ends here, and what it decided.
+        gate: statistics of the window that ends here, and the gate's decision.
         estimates: by method; the windowed ones at every accepted row, the recursive ones when
             that row has settled, `pooled` when a manoeuvre is over.
     """
@@ -114,7 +114,7 @@ class AxisStep(NamedTuple):
 
 
 class OnlineStep(NamedTuple):
-    """What one row leads to.
+    """Result of one row.
 
     Attributes:
         state: to step on from.
@@ -134,7 +134,7 @@ class OnlineStep(NamedTuple):
 
     @property
     def estimates(self) -> Mapping[str, TimedEstimate]:
-        """Those of straight motion."""
+        """Estimates of straight motion."""
         return self.straight.estimates
 
 

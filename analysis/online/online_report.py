@@ -1,4 +1,4 @@
-"""What is told of a machine while it drives: the last mass, how sure, how old, and if it is valid.
+"""Reports while driving: the last mass, its uncertainty, its age and whether it is valid.
 
 A number is given only with its validity: what is not valid or merely old is null.
 """
@@ -115,12 +115,12 @@ def report_schema() -> dict[str, Any]:
     return {
         "title": "payscope.OnlineReport",
         "type": "object",
-        "properties": {each.name: _json_type(each.type) for each in fields(OnlineReport)},
+        "properties": {each.name: _describe_json_type(each.type) for each in fields(OnlineReport)},
         "required": [each.name for each in fields(OnlineReport)],
     }
 
 
-def _json_type(annotation: Any) -> dict[str, Any]:
+def _describe_json_type(annotation: Any) -> dict[str, Any]:
     """The JSON type of a field: a word among some, or a number or text that may be null."""
     choices = get_args(annotation)
     if get_origin(annotation) is Literal:

@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.method_errors import run_errors
+from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
 from analysis.paper import printed_numbers
 from analysis.paper.confidence_intervals import mean_intervals
 from analysis.paper.replayed_campaign import ReplayedCampaign
@@ -26,7 +26,7 @@ class Figure5:
     highest_nat: Mapping[str, float]
 
 
-def figure_5(campaign: ReplayedCampaign) -> Figure5:
+def make_figure_5(campaign: ReplayedCampaign) -> Figure5:
     """Force, acceleration, speed and index of one start and stop."""
     frames, about = campaign.replayed.frames, campaign.replayed.provenance
     trial = campaign.trials.row(0, named=True)
@@ -51,15 +51,15 @@ def figure_5(campaign: ReplayedCampaign) -> Figure5:
     return Figure5(series, highest_nat)
 
 
-def loads_of(campaign: ReplayedCampaign) -> pl.DataFrame:
+def masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFrame:
     """A row a method and load of one campaign, for Figures 6 to 8.
 
     Returns:
         The frame `calibration` with, r.m.s. over the load's trials in kg, `rms_kg` (every load in
         the fit) and `rms_left_out_kg`.
     """
-    estimates = campaign.estimates()
-    errors = run_errors(estimates).group_by("method", "load_kg").agg(
+    estimates = campaign.estimate_by_method_and_trial()
+    errors = calibrated_errors_of_runs(estimates).group_by("method", "load_kg").agg(
         rms_kg=(pl.col("error_kg") ** 2).mean().sqrt(),
         rms_left_out_kg=(pl.col("error_left_out_kg") ** 2).mean().sqrt(),
     )  # fmt: skip
@@ -68,11 +68,11 @@ def loads_of(campaign: ReplayedCampaign) -> pl.DataFrame:
     )
 
 
-LOADS: Final = Extract(CAMPAIGNS, loads_of)
+LOADS: Final = Extract(CAMPAIGNS, masses_by_method_and_load)
 
 
 def _all_loads(extracts: Extracts) -> pl.DataFrame:
-    return pl.concat(extracts.results(LOADS), how="vertical_relaxed")
+    return pl.concat(extracts.results_of_extract(LOADS), how="vertical_relaxed")
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class Figure6:
     implied_kg: tuple[float, float]
 
 
-def figure_6(extracts: Extracts) -> Figure6:
+def make_figure_6(extracts: Extracts) -> Figure6:
     """Average the raw masses over the campaigns."""
     means = mean_intervals(
         _all_loads(extracts),
@@ -123,7 +123,7 @@ class Figure7:
     scatter_kg: Mapping[str, float]
 
 
-def figure_7(extracts: Extracts) -> Figure7:
+def make_figure_7(extracts: Extracts) -> Figure7:
     """Average the calibrated masses over the campaigns."""
     spread = pl.col("estimate_std_kg") * pl.col("alpha_1")
     table = mean_intervals(
@@ -147,7 +147,7 @@ class Figure8:
     middle_1: float
 
 
-def figure_8(extracts: Extracts) -> Figure8:
+def make_figure_8(extracts: Extracts) -> Figure8:
     """Average the r.m.s. errors by load and method over the campaigns."""
     table = mean_intervals(
         _all_loads(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"]
@@ -163,4 +163,4 @@ def figure_8(extracts: Extracts) -> Figure8:
     )
 
 
-FIGURE_5: Final = Extract(START, figure_5)
+FIGURE_5: Final = Extract(START, make_figure_5)

@@ -13,8 +13,8 @@ from analysis.paper.confidence_intervals import lowest_errors, mean_intervals
 from analysis.paper.replayed_campaign import (
     ERRORS,
     ReplayedCampaign,
-    errors,
-    regate,
+    calibrated_mass_errors,
+    replay_with_gate,
     trial_bound_kg,
 )
 from analysis.paper.simulated_sources import CAMPAIGNS, CHAINED_CAMPAIGNS, Extract, Extracts
@@ -57,7 +57,7 @@ class Table2:
 def fitted_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
     """Fit (19) to a campaign: a row a method, `chain`, `alpha_1` and `beta_kg`."""
     return (
-        calibrate_methods(campaign.estimates())
+        calibrate_methods(campaign.estimate_by_method_and_trial())
         .group_by("method", maintain_order=True)
         .agg(pl.lit(chain).alias("chain"), pl.col("alpha_1", "beta_kg").first())
     )
@@ -67,10 +67,11 @@ IDEAL_LINES: Final = Extract(CAMPAIGNS, partial(fitted_lines, chain="ideal"))
 CHAINED_LINES: Final = Extract(CHAINED_CAMPAIGNS, partial(fitted_lines, chain="front_axle"))
 
 
-def table_2(extracts: Extracts) -> Table2:
+def make_table_2(extracts: Extracts) -> Table2:
     """Average the lines over the campaigns."""
     lines = pl.concat(
-        [*extracts.results(IDEAL_LINES), *extracts.results(CHAINED_LINES)], how="vertical_relaxed"
+        [*extracts.results_of_extract(IDEAL_LINES), *extracts.results_of_extract(CHAINED_LINES)],
+        how="vertical_relaxed",
     )
     means = mean_intervals(lines, ["chain", "method"], ["alpha_1", "beta_kg"])
     printed = pl.DataFrame({"method": printed_numbers.METHODS, **printed_numbers.TABLE_2}).rename(
@@ -134,9 +135,11 @@ def errors_over(
     """Repeat gate and estimators with each value of a setting: a row a value and method."""
     frames: list[pl.DataFrame] = []
     for value in values:
-        again = regate(campaign, campaign.settings.with_changes({f"gate.{setting}": value}))
+        again = replay_with_gate(
+            campaign, campaign.settings.with_changes({f"gate.{setting}": value})
+        )
         frames.append(
-            errors(again).with_columns(
+            calibrated_mass_errors(again).with_columns(
                 pl.lit(float(value)).alias(setting), bound_kg=pl.lit(trial_bound_kg(again))
             )
         )
@@ -154,16 +157,18 @@ OVER_WINDOWS: Final = Extract(
 )
 
 
-def table_3(extracts: Extracts) -> SweptTable:
+def make_table_3(extracts: Extracts) -> SweptTable:
     """Average the errors by threshold over the campaigns."""
     return _make_swept_table(
-        extracts.results(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG
+        extracts.results_of_extract(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG
     )
 
 
-def table_4(extracts: Extracts) -> SweptTable:
+def make_table_4(extracts: Extracts) -> SweptTable:
     """Average the errors by window length over the campaigns."""
-    return _make_swept_table(extracts.results(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG)
+    return _make_swept_table(
+        extracts.results_of_extract(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG
+    )
 
 
 def _make_swept_table(

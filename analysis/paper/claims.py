@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.method_errors import run_errors
+from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
@@ -85,11 +85,11 @@ def campaign_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
     """
     rls = campaign.settings.with_changes({"trace.methods": ("rls",)})
     without: tuple[Fed, ...] = ("no braking", "ungated")
-    estimates = {"gated": campaign.estimates()} | {
-        how: accept_windows(campaign, how, rls).estimates() for how in without
+    estimates = {"gated": campaign.estimate_by_method_and_trial()} | {
+        how: accept_windows(campaign, how, rls).estimate_by_method_and_trial() for how in without
     }
     return pl.concat(
-        run_errors(masses)
+        calibrated_errors_of_runs(masses)
         .group_by("method", maintain_order=True)
         .agg(
             pl.lit(how).alias("fed"),
@@ -174,10 +174,10 @@ class Buffers:
     rls_kg: tuple[float, float]
 
 
-def claims(extracts: Extracts) -> Claims:
+def compare_claims(extracts: Extracts) -> Claims:
     """Compare every claim with windows, campaigns and cruises."""
     means = mean_intervals(
-        pl.concat(extracts.results(CAMPAIGN_ERRORS), how="vertical_relaxed"),
+        pl.concat(extracts.results_of_extract(CAMPAIGN_ERRORS), how="vertical_relaxed"),
         ["method", "fed"],
         ["rms_kg", "rms_left_out_kg", "mean_abs_kg"],
     )
@@ -185,18 +185,20 @@ def claims(extracts: Extracts) -> Claims:
     windows = extracts.single_result(TEN_SECONDS).filter(
         pl.col("method").is_in(printed_numbers.METHODS)
     )
-    buffer = _buffer_rows(pl.concat(extracts.results(OVER_WINDOWS), how="vertical_relaxed"))
+    buffer = _make_buffer_rows(
+        pl.concat(extracts.results_of_extract(OVER_WINDOWS), how="vertical_relaxed")
+    )
     rows = [
         *buffer,
         *(claim_row("rms", "trial", row, "rms_left_out_kg") for row in gated.iter_rows(named=True)),
         claim_row("rms", "constant", {"found": printed_numbers.CONSTANT_KG}, "found"),
-        *(_window_row(row) for row in windows.iter_rows(named=True)),
+        *(_make_window_row(row) for row in windows.iter_rows(named=True)),
         *(
             claim_row("experiment", "trial", row, "mean_abs_kg")
             for row in gated.iter_rows(named=True)
         ),
-        *_cruise_rows(np.array(extracts.results(CRUISE_ERRORS))),
-        *_campaign_rows(means),
+        *_make_cruise_rows(np.array(extracts.results_of_extract(CRUISE_ERRORS))),
+        *_make_campaign_rows(means),
     ]
     frame = pl.DataFrame(rows, infer_schema_length=None).with_columns(
         of_mass_percent=pl.col("found_kg") / printed_numbers.MASS_KG * 100.0,
@@ -222,12 +224,12 @@ def claims(extracts: Extracts) -> Claims:
         experiment_mass_percent=_value_range(experiment["of_mass_percent"]),
         experiment_range_percent=_value_range(experiment["of_load_range_percent"]),
         reduced=tuple(share >= 100.0 * printed_numbers.REDUCTION for share in smaller),
-        saved_by=what_saves_rls(means),
+        saved_by=find_remedy_of_rls(means),
         buffer=_compare_buffers(frame.filter(pl.col("claim") == "buffer")),
     )
 
 
-def _buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
+def _make_buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
     """Errors of OLS and RLS by window length, and what each keeps of the samples."""
     means = mean_intervals(
         campaigns.filter(pl.col("method").is_in(["ls", "rls"])),
@@ -273,13 +275,13 @@ def claim_row(claim: str, of: str, row: Mapping[str, Any], name: str) -> dict[st
     }
 
 
-def _window_row(row: Mapping[str, Any]) -> dict[str, Any]:
+def _make_window_row(row: Mapping[str, Any]) -> dict[str, Any]:
     half = _NORMAL * row["bias_std_kg"]
     ends = {"bias_kg_low": row["bias_kg"] - half, "bias_kg_high": row["bias_kg"] + half}
     return claim_row("simulation", "window", {**row, **ends}, "bias_kg")
 
 
-def _cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
+def _make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
     """Findings from errors (cruises, 4), a column each of `CRUISE_FED`."""
     rng = np.random.default_rng(0)
     found = [rms_interval(errors, rng) for errors in errors_kg.T]
@@ -301,7 +303,7 @@ def _cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
     ]
 
 
-def _campaign_rows(means: pl.DataFrame) -> list[dict[str, Any]]:
+def _make_campaign_rows(means: pl.DataFrame) -> list[dict[str, Any]]:
     rls = means.filter(pl.col("method") == "rls")
     ungated_kg = rls.filter(pl.col("fed") == "ungated")["rms_left_out_kg"][0]
     rows: list[dict[str, Any]] = []
@@ -318,7 +320,7 @@ def _reduction_percent(error_kg: float, ungated_kg: float) -> float:
     return 100.0 * (1.0 - error_kg / ungated_kg)
 
 
-def what_saves_rls(means: pl.DataFrame) -> Literal["nothing", "refusing braking", "the index"]:
+def find_remedy_of_rls(means: pl.DataFrame) -> Literal["nothing", "refusing braking", "the index"]:
     """Compare RLS on short starts: gated, without braking, ungated."""
     rls = means.filter(pl.col("method") == "rls")
     by_fed = dict(rls.select("fed", "rms_left_out_kg").iter_rows())

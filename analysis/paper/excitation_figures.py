@@ -36,12 +36,12 @@ class Figure2:
     unsettled_1: float
 
 
-def figure_2(campaign: ReplayedCampaign) -> Figure2:
+def make_figure_2(campaign: ReplayedCampaign) -> Figure2:
     """Force, acceleration and speed under the triangle."""
     truth = campaign.trials.row(0, named=True)
     constant_s = truth["mass_kg"] / truth["friction_N_s_m"]
     return Figure2(
-        frame=_plot_rows(campaign.replayed.frames["excitation"]).select(
+        frame=_select_plotted_rows(campaign.replayed.frames["excitation"]).select(
             "t_s", "force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s"
         ),
         constant_s=constant_s,
@@ -77,7 +77,7 @@ class Figure3:
     window_samples: int
 
 
-def figure_3(campaign: ReplayedCampaign) -> Figure3:
+def make_figure_3(campaign: ReplayedCampaign) -> Figure3:
     """Mass and friction over time under the triangular force."""
     rate_hz = campaign.settings.align.rate_hz
     settings = campaign.settings.with_changes(
@@ -91,7 +91,7 @@ def figure_3(campaign: ReplayedCampaign) -> Figure3:
     estimates = estimates_from_complete_windows(campaign, settings).replayed.frames
     truth = campaign.trials.row(0, named=True)
     series = pl.concat(
-        _plot_rows(estimates[f"estimates/{method}"]).select(
+        _select_plotted_rows(estimates[f"estimates/{method}"]).select(
             "t_s",
             pl.lit(method).alias("method"),
             "mass_kg",
@@ -106,8 +106,8 @@ def figure_3(campaign: ReplayedCampaign) -> Figure3:
     return Figure3(
         frame=series,
         true_mass_kg=truth["mass_kg"],
-        rms_kg=_rms(series, "mass_kg", "true_mass_kg"),
-        converging=convergence_rms(series),
+        rms_kg=_rms_error_by_method(series, "mass_kg", "true_mass_kg"),
+        converging=rms_error_after_convergence(series),
         memory_samples=(1.0 + settings.trace.forgetting) / (1.0 - settings.trace.forgetting),
         window_samples=settings.gate.window_samples,
     )
@@ -132,7 +132,7 @@ class Figure4:
     bias_kg_m2: Mapping[str, float]
 
 
-def figure_4(campaign: ReplayedCampaign) -> Figure4:
+def make_figure_4(campaign: ReplayedCampaign) -> Figure4:
     """Yaw inertia and friction over time under a triangular torque, by the yaw row of (8)."""
     excitation = campaign.replayed.frames["excitation"]
     A = planar_rows.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
@@ -147,7 +147,7 @@ def figure_4(campaign: ReplayedCampaign) -> Figure4:
     noise = (*A[standing].std(axis=0), f[standing].std())
     truth = campaign.trials.row(0, named=True)
     series = pl.concat(
-        _spin_series(method, _trace(method, A, f, window, complete, noise), excitation)
+        _spin_series(method, _trace_estimates(method, A, f, window, complete, noise), excitation)
         for method in printed_numbers.METHODS
     ).with_columns(
         true_inertia_z_kg_m2=pl.lit(truth["inertia_z_kg_m2"]),
@@ -160,7 +160,7 @@ def figure_4(campaign: ReplayedCampaign) -> Figure4:
         frame=series,
         true_inertia_z_kg_m2=truth["inertia_z_kg_m2"],
         true_friction_z_N_m_s=truth["friction_z_N_m_s"],
-        rms_kg_m2=_rms(series, "inertia_z_kg_m2", "true_inertia_z_kg_m2"),
+        rms_kg_m2=_rms_error_by_method(series, "inertia_z_kg_m2", "true_inertia_z_kg_m2"),
         bias_kg_m2=dict(biases.iter_rows()),
     )
 
@@ -175,7 +175,7 @@ def estimates_from_complete_windows(
     return reestimate(campaign, gated.with_columns(accepted_x=shown), settings)
 
 
-def _trace(
+def _trace_estimates(
     method: str, A: Floats, f: Floats, window: int, complete: np.ndarray, noise: tuple[float, ...]
 ) -> Trace:
     match method:
@@ -190,7 +190,7 @@ def _trace(
 
 
 def _spin_series(method: str, traced: Trace, excitation: pl.DataFrame) -> pl.DataFrame:
-    return _plot_rows(
+    return _select_plotted_rows(
         pl.DataFrame(
             {
                 "t_ns": excitation["t_ns"].to_numpy()[traced.index],
@@ -204,12 +204,12 @@ def _spin_series(method: str, traced: Trace, excitation: pl.DataFrame) -> pl.Dat
     ).drop("t_ns")
 
 
-def _plot_rows(frame: pl.DataFrame) -> pl.DataFrame:
+def _select_plotted_rows(frame: pl.DataFrame) -> pl.DataFrame:
     seconds = frame.with_columns(t_s=pl.col("t_ns") / 1e9)
     return seconds.filter(pl.col("t_s") <= _SHOWN_S)
 
 
-def _rms(series: pl.DataFrame, value: str, true: str) -> dict[str, float]:
+def _rms_error_by_method(series: pl.DataFrame, value: str, true: str) -> dict[str, float]:
     """R.m.s. error of each method over the whole figure."""
     errors = series.group_by("method", maintain_order=True).agg(
         ((pl.col(value) - pl.col(true)) ** 2).mean().sqrt()
@@ -217,7 +217,7 @@ def _rms(series: pl.DataFrame, value: str, true: str) -> dict[str, float]:
     return dict(errors.iter_rows())
 
 
-def convergence_rms(series: pl.DataFrame) -> dict[str, Rms]:
+def rms_error_after_convergence(series: pl.DataFrame) -> dict[str, Rms]:
     """R.m.s. error of LS and RLS at first, and later."""
     squares = series.with_columns(
         square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,
@@ -232,6 +232,6 @@ def convergence_rms(series: pl.DataFrame) -> dict[str, Rms]:
     return {method: Rms(rms[method, True], rms[method, False]) for method in ("ls", "rls")}
 
 
-FIGURE_2: Final = Extract(LINEAR, figure_2)
-FIGURE_3: Final = Extract(LINEAR, figure_3)
-FIGURE_4: Final = Extract(ROTATION, figure_4)
+FIGURE_2: Final = Extract(LINEAR, make_figure_2)
+FIGURE_3: Final = Extract(LINEAR, make_figure_3)
+FIGURE_4: Final = Extract(ROTATION, make_figure_4)

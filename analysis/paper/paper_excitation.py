@@ -56,7 +56,7 @@ class SteadyDrive:
     friction_N_s_m: float
     motion: Floats
 
-    def windows(
+    def measure_windows(
         self,
         sensors: SimulatedSensors,
         samples: int,
@@ -90,7 +90,7 @@ class SteadyDrive:
         return mass_bounds_kg(noise_N, *sums)
 
 
-def with_waveforms(
+def scenario_with_waveforms(
     scenario: Scenario, *, force: ForceWave | None, torque: TorqueWave | None
 ) -> Scenario:
     """The scenario with one run without load, under these waveforms for five periods."""
@@ -110,10 +110,10 @@ def steady_drive(scenario: Scenario, force: ForceWave | None = None) -> SteadyDr
         force: the waveform.
     """
     force = force or ForceWave()
-    motion = solve_motion(with_waveforms(scenario, force=force, torque=None), 0.0)
+    motion = solve_motion(scenario_with_waveforms(scenario, force=force, torque=None), 0.0)
     steps = round(force.period_s * scenario.sensors.rate_hz * PHASES)
     time_s = force.period_s * (_SETTLED_PERIODS + np.arange(steps) / steps)
-    true = motion.sample(time_s)
+    true = motion.sample_channels(time_s)
     return SteadyDrive(
         motion.body.mass_kg,
         motion.body.friction_x_N_s_m,

@@ -11,8 +11,8 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.campaign_readings import run_estimates
-from analysis.calibration.campaign.method_errors import rms_errors, run_errors
+from analysis.calibration.campaign.campaign_readings import average_readings_by_run
+from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs, rms_errors
 from analysis.model.run_record import Run
 from analysis.model.settings import Settings
 from analysis.paper.cramer_rao import equation_noise, mass_bounds_kg
@@ -45,12 +45,12 @@ class ReplayedCampaign:
         """The settings of the replay."""
         return self.replayed.provenance.settings
 
-    def estimates(self) -> pl.DataFrame:
+    def estimate_by_method_and_trial(self) -> pl.DataFrame:
         """One mass a method and trial."""
-        return run_estimates(self.replayed, self.trials)
+        return average_readings_by_run(self.replayed, self.trials)
 
 
-def regate(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
+def replay_with_gate(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
     """Repeat gate and estimators with other settings; nothing before the gate changes."""
     excitation = campaign.replayed.frames["excitation"]
     return reestimate(campaign, gate(excitation, settings), settings)
@@ -74,15 +74,15 @@ def reestimate(
     return replace(campaign, replayed=replayed)
 
 
-def errors(campaign: ReplayedCampaign) -> pl.DataFrame:
+def calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
     """Errors of the calibrated masses.
 
     Returns:
         A row a method: `method`, `runs` (that gave a mass), and in kg, r.m.s., `run_kg` and
         `run_left_out_kg` over single trials, `mean_kg` and `mean_left_out_kg` over load means.
     """
-    estimates = campaign.estimates()
-    single = run_errors(estimates).group_by("method", maintain_order=True).agg(
+    estimates = campaign.estimate_by_method_and_trial()
+    single = calibrated_errors_of_runs(estimates).group_by("method", maintain_order=True).agg(
         pl.col("mass_kg").count().alias("runs"),
         (pl.col("error_kg") ** 2).mean().sqrt().alias("run_kg"),
         (pl.col("error_left_out_kg") ** 2).mean().sqrt().alias("run_left_out_kg"),

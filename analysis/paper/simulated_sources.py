@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
 from analysis.model.machine import Channel, Machine
-from analysis.paper.paper_excitation import SteadyDrive, steady_drive, with_waveforms
+from analysis.paper.paper_excitation import SteadyDrive, scenario_with_waveforms, steady_drive
 from analysis.paper.replayed_campaign import ReplayedCampaign
 from analysis.paper.torque_chain import TorqueChain, record_through_chain
 from analysis.simulation import Scenario, SimulatedLog
@@ -59,9 +59,9 @@ class Study:
     campaigns: int
     replay: Callable[[Scenario, Machine, Chain], ReplayedCampaign]
 
-    def seeded(self, number: int) -> Scenario:
+    def scenario_of_repetition(self, number: int) -> Scenario:
         """The scenario of a repetition."""
-        return self.scenario.seeded(self.scenario.sensors.seed + number)
+        return self.scenario.with_seed(self.scenario.sensors.seed + number)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Source(Generic[S]):
 
 @dataclass(frozen=True, eq=False)
 class Extract(Generic[S, T]):
-    """What is kept of each repetition of a source."""
+    """Data kept of each repetition of a source."""
 
     source: Source[S]
     make: Callable[[S], T]
@@ -91,7 +91,7 @@ class Extracts:
         """Keep the extract of another repetition."""
         self._made.setdefault(extract, []).append(made)
 
-    def results(self, extract: Extract[Any, T]) -> list[T]:
+    def results_of_extract(self, extract: Extract[Any, T]) -> list[T]:
         """What the extract made of every repetition."""
         return self._made[extract]
 
@@ -108,12 +108,12 @@ class Repetition(NamedTuple):
     take: Callable[[], None]
 
 
-def with_paper_noise(machine: Machine) -> Machine:
+def machine_with_paper_noise(machine: Machine) -> Machine:
     """The machine, its noise not from the log but as the paper has it."""
     return machine.model_copy(update={"settings": machine.settings.with_changes(PAPER_NOISE)})
 
 
-def repetitions(
+def plan_repetitions(
     needs: Iterable[Extract[Any, Any]], study: Study, extracts: Extracts
 ) -> list[Repetition]:
     """Plan the work: every repetition of every source that is needed.
@@ -170,7 +170,7 @@ def _replay_seeded_campaign(study: Study, number: int) -> ReplayedCampaign:
         {"gate.window_samples": WINDOW_SAMPLES, "gate.threshold_nat": THRESHOLD_NAT}
     )
     machine = study.machine.model_copy(update={"settings": settings})
-    return study.replay(study.seeded(number), machine, _unchanged_log)
+    return study.replay(study.scenario_of_repetition(number), machine, _unchanged_log)
 
 
 def _chained_campaign(study: Study, number: int) -> ReplayedCampaign:
@@ -178,17 +178,19 @@ def _chained_campaign(study: Study, number: int) -> ReplayedCampaign:
     printed = study.machine.machine.model_copy(update={"force_share": 1.0})
     machine = study.machine.model_copy(update={"machine": printed})
     return study.replay(
-        study.seeded(number), machine, lambda log: record_through_chain(log, TorqueChain())
+        study.scenario_of_repetition(number),
+        machine,
+        lambda log: record_through_chain(log, TorqueChain()),
     )
 
 
 def _drive_straight(study: Study, _: int) -> ReplayedCampaign:
-    driven = with_waveforms(study.scenario, force=ForceWave(), torque=None)
+    driven = scenario_with_waveforms(study.scenario, force=ForceWave(), torque=None)
     return study.replay(driven, study.machine, _unchanged_log)
 
 
 def _drive_spin(study: Study, _: int) -> ReplayedCampaign:
-    driven = with_waveforms(study.scenario, force=None, torque=TorqueWave())
+    driven = scenario_with_waveforms(study.scenario, force=None, torque=TorqueWave())
     yaw = {"yaw_acc_rad_s2": Channel(derive="d/dt yaw_rate_rad_s")}
     machine = study.machine.model_copy(update={"channels": {**study.machine.channels, **yaw}})
     return study.replay(driven, machine, _unchanged_log)
@@ -199,7 +201,7 @@ def _replay_start(study: Study, _: int) -> ReplayedCampaign:
 
 
 def _replay_cruise(study: Study, number: int) -> ReplayedCampaign:
-    short = one_start_scenario(study.seeded(number))
+    short = one_start_scenario(study.scenario_of_repetition(number))
     campaign = short.campaign.model_copy(update={"cruise_s": CRUISE_S})
     return study.replay(
         short.model_copy(update={"campaign": campaign}), study.machine, _unchanged_log
@@ -212,23 +214,23 @@ def one_start_scenario(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"campaign": campaign})
 
 
-def _campaign_count(study: Study) -> int:
+def _count_campaigns(study: Study) -> int:
     return study.campaigns
 
 
-def _cruise_count(study: Study) -> int:
+def _count_cruises(study: Study) -> int:
     return max(study.windows // _WINDOWS_A_CRUISE, 2)
 
 
 #: The steady oscillation under the paper's triangle, for windows without a gate.
 OSCILLATION: Final = Source("windows", _make_steady_study)
 #: Campaigns of section 4.3, with an ideal torque chain and with one that would explain Table 2.
-CAMPAIGNS: Final = Source("campaign", _replay_seeded_campaign, _campaign_count)
-CHAINED_CAMPAIGNS: Final = Source("torque chain", _chained_campaign, _campaign_count)
+CAMPAIGNS: Final = Source("campaign", _replay_seeded_campaign, _count_campaigns)
+CHAINED_CAMPAIGNS: Final = Source("torque chain", _chained_campaign, _count_campaigns)
 #: The excitations of Figures 2 to 4.
 LINEAR: Final = Source("linear motion", _drive_straight)
 ROTATION: Final = Source("rotation", _drive_spin)
 #: One start and stop.
 START: Final = Source("start and stop", _replay_start)
 #: A start, and a long cruise.
-CRUISES: Final = Source("cruise", _replay_cruise, _cruise_count)
+CRUISES: Final = Source("cruise", _replay_cruise, _count_cruises)

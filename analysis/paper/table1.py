@@ -76,7 +76,7 @@ class Table1:
     scaled: Mapping[str, Any]
 
 
-def table_1(extracts: Extracts) -> Table1:
+def make_table_1(extracts: Extracts) -> Table1:
     """Compare the errors of all lengths with the printed ones."""
     table = pl.concat([extracts.single_result(extract) for extract in AT_LENGTH.values()])
     beside = table.filter(pl.col("paper_kg").is_not_null())
@@ -132,7 +132,7 @@ def _has_reached_bound(largest: float, rms: tuple[float, float, float]) -> bool 
     return True if max(largest, high) <= _NEAR else None
 
 
-def window_errors(
+def errors_by_window_length(
     drive: SteadyDrive,
     sensors: SimulatedSensors,
     windows: int,
@@ -193,7 +193,9 @@ def errors_in_raw_units(
 ) -> pl.DataFrame:
     """`window_errors` at 2 s and a noise under which total least squares needs scaled columns."""
     noisier = sensors.model_copy(update={"force_noise_N": 150.0, "acc_noise_m_s2": 0.03})
-    return window_errors(drive, noisier, windows, windows_s=(2.0,), methods=("tls", "tls_raw"))
+    return errors_by_window_length(
+        drive, noisier, windows, windows_s=(2.0,), methods=("tls", "tls_raw")
+    )
 
 
 def _errors_kg(
@@ -212,7 +214,7 @@ def _errors_kg(
     errors: dict[str, list[Floats]] = {method: [] for method in methods}
     for first in range(0, windows, block):
         count = min(block, windows - first)
-        seen = drive.windows(sensors, samples, smooth_samples, count, rng)
+        seen = drive.measure_windows(sensors, samples, smooth_samples, count, rng)
         bounds.append(np.stack([seen.bound_kg, seen.strict_bound_kg]))
         for method in methods:
             errors[method].append(_masses_kg(method, seen, sensors) - drive.mass_kg)
@@ -252,7 +254,7 @@ def _masses_kg(method: str, seen: MeasuredWindows, sensors: SimulatedSensors) ->
 
 
 def _errors_at_length(study: SteadyStudy, window_s: float) -> pl.DataFrame:
-    return window_errors(study.drive, study.sensors, study.windows, windows_s=(window_s,))
+    return errors_by_window_length(study.drive, study.sensors, study.windows, windows_s=(window_s,))
 
 
 def _study_raw_units(study: SteadyStudy) -> pl.DataFrame:

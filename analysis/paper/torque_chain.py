@@ -16,7 +16,7 @@ from analysis.simulation import SimulatedLog
 
 @dataclass(frozen=True, slots=True)
 class TorqueChain:
-    """What lies between the drive force and the torque that is recorded; all assumed.
+    """Assumed transfer between the drive force and the recorded torque.
 
     Attributes:
         empty_share_1: share of the empty machine's weight on the front axle.

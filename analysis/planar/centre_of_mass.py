@@ -20,17 +20,17 @@ from analysis.model.settings import Settings
 from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.planar.planar_budget import (
+    list_uncertainty_sources,
     quantity_gradient,
     standard_uncertainty,
-    uncertainty_sources_of,
 )
 from analysis.planar.planar_motion import make_drive
 from analysis.planar.planar_regressor import Regressor
 from analysis.planar.planar_samples import Plane, collect_plane, plane_noise
-from analysis.planar.planar_terms import TERMS, terms_of
+from analysis.planar.planar_terms import TERMS, terms_of_drive
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
-from analysis.stages.gating.segments import manoeuvres
+from analysis.stages.gating.segments import number_manoeuvres
 from estimators.arrays import Bools, Floats, Ints
 from estimators.planar import base_parameters
 from estimators.planar.base_estimate import BaseEstimate, Prior
@@ -54,7 +54,7 @@ _STAGES: Final = ((X, _FORCE, (0, 4)), (Z, _TORQUE, (1, 5)))
 
 @dataclass(frozen=True, slots=True)
 class PlanarLog:
-    """What every fit of a log needs."""
+    """Inputs of every fit of a log."""
 
     plane: Plane
     excitation: pl.DataFrame
@@ -110,7 +110,7 @@ def fit_arcs(
     """Each arc that lasts a window, and all of them as one fit."""
     plane, settings = log.plane, log.machine.settings
     steady = plane.usable & (log.excitation["phase"] == "arc").fill_null(False).to_numpy()
-    arc_id = np.where(steady, manoeuvres(log.excitation, settings), -1)
+    arc_id = np.where(steady, number_manoeuvres(log.excitation, settings), -1)
     ids, begins, counts = np.unique(arc_id[steady], return_index=True, return_counts=True)
     lasting = counts >= settings.gate.window_samples
     if not lasting.any():
@@ -131,13 +131,13 @@ def fit_arcs(
         of = np.full(arc_id.size, -1)
         of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
         fitted = fit_in_rounds(log, of, start, known, _BOTH if both else _FORCE)
-        row = _planar_row(kind, log, of >= 0, fitted, known.names)
+        row = _make_fit_row(kind, log, of >= 0, fitted, known.names)
         reason = "accepted"
         if not np.isfinite(row["com_x_m"]):
             reason = "ill_conditioned"
         elif not row["predicted_std_com_m"] <= settings.planar.threshold_std_com_m:
             reason = "low_information"
-        yield _determined_row(row, reason, withheld=not verdict.can_weigh)
+        yield _withhold_undetermined(row, reason, withheld=not verdict.can_weigh)
 
 
 def prior_from_axis(
@@ -148,7 +148,7 @@ def prior_from_axis(
     rows: slice,
     columns: tuple[int, ...],
 ) -> Prior:
-    """What straight motion or spins tell an arc, with the terms that only they have."""
+    """Prior for an arc by straight motion or spins, with the terms that only these have."""
     nothing = Prior.around_zero({}, 2)
     if axis is Z and not log.plane.has_torque:
         return nothing
@@ -184,7 +184,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Na
         plane.motion, plane.f, PARAMETERS, of, noise=plane_noise(plane, used)
     ).coefficients
     fitted = fit_in_rounds(log, of, start, Prior.around_zero({}, 2), _BOTH)
-    row = _planar_row("joint", log, used, fitted, ())
+    row = _make_fit_row("joint", log, used, fitted, ())
     estimate = fitted.estimate
     variance = np.var(plane.f, axis=0, where=used[:, None])
     # of a force that never changes nothing is explained
@@ -194,7 +194,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Na
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
     believed = is_fit_plausible(plane, estimate, row, settings) and not verdict.is_contradicted
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
-    return _determined_row(row, reason, withheld=not believed), fitted
+    return _withhold_undetermined(row, reason, withheld=not believed), fitted
 
 
 def is_fit_plausible(
@@ -262,12 +262,14 @@ def fit_with_coefficients(
     part = slice(int(where[0]), int(where[-1]) + 1)
     of_columns = np.array(columns)
     drive = make_drive(log.plane, log.excitation, log.machine, coefficients)
-    terms = terms_of(drive, "xz"[rows])
+    terms = terms_of_drive(drive, "xz"[rows])
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known.names}
     noise = plane_noise(log.plane, segment_id >= 0)[rows][:, of_columns]
     prior = prior_for_rows(known, rows, names).joined_with(Prior.around_zero(width, noise.shape[0]))
-    regressor = Regressor.of(drive.cut(part), of_columns, [term for term, _ in terms], rows)
+    regressor = Regressor.from_drive(
+        drive.cut_to_slice(part), of_columns, [term for term, _ in terms], rows
+    )
     fitted = base_parameters.fit(
         regressor,
         log.plane.f[part, rows],
@@ -290,10 +292,10 @@ def prior_for_rows(known: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
     )
 
 
-def _planar_row(
+def _make_fit_row(
     kind: str, log: PlanarLog, used: Bools, fitted: NamedEstimate, known: tuple[str, ...]
 ) -> dict[str, Any]:
-    """What a fit says, by column."""
+    """Make the row of a fit, by column."""
     estimate, plane = fitted.estimate, log.plane
     found = estimate.identifiability
     t_ns = plane.t_ns[used]
@@ -339,9 +341,9 @@ def _planar_row(
 
 
 def missing_machine_values(fitted: NamedEstimate, gradients: list[Floats], machine: Machine) -> str:
-    """What the machine file should state and does not, for any of these quantities."""
+    """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
-    each = [uncertainty_sources_of(fitted.estimate, g, fitted.priors, machine) for g in told]
+    each = [list_uncertainty_sources(fitted.estimate, g, fitted.priors, machine) for g in told]
     names = (name for found in each for name in unknown_scale(found))
     return ", ".join(dict.fromkeys(names))
 
@@ -369,7 +371,7 @@ def uncertainty_rows(
         else:
             moment = _MOMENTS["xy".index(quantity[4])]
             gradient = fitted.estimate.slope(moment, "mass_kg")[1]
-        found = uncertainty_sources_of(fitted.estimate, gradient, fitted.priors, machine)
+        found = list_uncertainty_sources(fitted.estimate, gradient, fitted.priors, machine)
         total = combine(found)
         parts += [
             {
@@ -387,7 +389,7 @@ def uncertainty_rows(
     return parts
 
 
-def _determined_row(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
+def _withhold_undetermined(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
     """The row with its outcome: no number of a fit that is refused or withheld."""
     row = {**row, "reason": reason, "withheld": withheld}
     if withheld or reason != "accepted":

@@ -1,4 +1,4 @@
-"""What the uncertainty of inertia, moments and centre of mass is made of."""
+"""Uncertainty budget of inertia, moments and centre of mass."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -31,7 +31,7 @@ def quantity_gradient(estimate: BaseEstimate, name: str) -> Floats:
     return np.array([float(each == name) for each in estimate.parameters])
 
 
-def uncertainty_sources_of(
+def list_uncertainty_sources(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> list[UncertaintySource]:
     """Every source of uncertainty of a quantity, the largest first, the unknown ones last.
@@ -97,8 +97,8 @@ def machine_parts(
 def standard_uncertainty(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> float:
-    """Of a quantity with everything that is known; NaN where the motion does not determine it."""
+    """Standard uncertainty of a quantity, all sources; NaN if the motion does not determine it."""
     at = np.flatnonzero(gradient)
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")
-    return combine(uncertainty_sources_of(estimate, gradient, terms, machine))
+    return combine(list_uncertainty_sources(estimate, gradient, terms, machine))

@@ -79,29 +79,29 @@ class Drive:
 
     @property
     def mass_kg(self) -> float:
-        """As the fit before has it, or as the file has it where that told none."""
-        told = self._coefficient("mass_kg")
+        """Mass by the previous fit, or by the machine file if that determined none."""
+        told = self._coefficient_of_term("mass_kg")
         return told if told > 0.0 else self.machine.machine.empty_mass_kg or 0.0
 
     @property
     def inertia_z_kg_m2(self) -> float:
-        """Of that fit, 0 where it told none; and so on."""
-        return self._coefficient("inertia_z_kg_m2")
+        """Inertia by the previous fit, 0 if it determined none."""
+        return self._coefficient_of_term("inertia_z_kg_m2")
 
     @property
     def moment_x_kg_m(self) -> float:
         """First moment ahead."""
-        return self._coefficient("first_moment_x_kg_m")
+        return self._coefficient_of_term("first_moment_x_kg_m")
 
     @property
     def moment_y_kg_m(self) -> float:
         """First moment to the left."""
-        return self._coefficient("first_moment_y_kg_m")
+        return self._coefficient_of_term("first_moment_y_kg_m")
 
     @property
     def turning_friction(self) -> float:
         """Viscous friction of turning, in N·m·s."""
-        return self._coefficient("friction_z_N_m_s")
+        return self._coefficient_of_term("friction_z_N_m_s")
 
     @property
     def half_track_m(self) -> float:
@@ -110,17 +110,19 @@ class Drive:
 
     @property
     def weight(self) -> float:
-        """Of the machine, in N."""
+        """Weight of the machine, in N."""
         return self.mass_kg * self.gravity_m_s2
 
-    def _coefficient(self, name: str) -> float:
+    def _coefficient_of_term(self, name: str) -> float:
         return float(self.coefficients[_AT[name]])
 
-    def cut(self, part: slice) -> "Drive":
-        """The same of a slice of samples."""
-        return replace(self, plane=self.plane.cut(part), of_samples=self.of_samples[:, part])
+    def cut_to_slice(self, part: slice) -> "Drive":
+        """Cut the drive to a slice of samples."""
+        return replace(
+            self, plane=self.plane.cut_to_slice(part), of_samples=self.of_samples[:, part]
+        )
 
-    def motion(self, part: slice) -> TurningSamples:
+    def turning_samples(self, part: slice) -> TurningSamples:
         """The samples of a slice."""
         moved = self.plane.motion
         return TurningSamples(
@@ -190,6 +192,6 @@ def make_drive(
 
 
 def robust_maximum(x: Floats, used: Bools) -> float:
-    """What the samples reach without their outliers; a little where they are none or 0."""
+    """Maximum of the samples without outliers; a small number if there are none or all are 0."""
     found = float(np.quantile(np.abs(x[used]), _REACHES)) if used.any() else 0.0
     return max(found, 1e-6)

@@ -30,7 +30,9 @@ class Regressor:
     mixtures: Floats
 
     @classmethod
-    def of(cls, drive: Drive, columns: Ints, terms: Sequence[Term], axes: slice) -> "Regressor":
+    def from_drive(
+        cls, drive: Drive, columns: Ints, terms: Sequence[Term], axes: slice
+    ) -> "Regressor":
         """Work out the mixtures once."""
         mixtures = np.zeros((2, len(PARAMETERS), len(terms)))
         for number, term in enumerate(terms):
@@ -41,14 +43,14 @@ class Regressor:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Of the regressor."""
+        """Shape of the regressor."""
         rows = len(range(2)[self.axes])
         return self.drive.plane.motion.speed.size, rows, self.columns.size + len(self.terms)
 
     def __getitem__(self, part: slice) -> Floats:
         """The regressor of a slice of samples, (m, rows, columns)."""
         plain = self.drive.plane.motion[part]
-        motion = self.drive.motion(part)
+        motion = self.drive.turning_samples(part)
         more = np.einsum("nkc,kct->nkt", plain, self.mixtures)
         for number, term in enumerate(self.terms):
             for axis, column in enumerate(term.columns(motion)):

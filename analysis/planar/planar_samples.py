@@ -46,7 +46,7 @@ class Plane:
     has_torque: bool
     noise: Mapping[str, float]
 
-    def cut(self, part: slice) -> "Plane":
+    def cut_to_slice(self, part: slice) -> "Plane":
         """A slice of the log, which shares its memory."""
         return Plane(
             t_ns=self.t_ns[part],

@@ -83,7 +83,7 @@ def unseen_gravity(m: TurningSamples, along: Floats, across: Floats) -> Columns:
     return m.drive.mass_kg * x, m.drive.moment_x_kg_m * y - m.drive.moment_y_kg_m * x
 
 
-def _slip(m: TurningSamples) -> Columns:
+def _slip_columns(m: TurningSamples) -> Columns:
     slips = np.abs(m.speed) * np.abs(m.force)
     sideways = None
     if not measures_sideways(m.drive.machine) and m.drive.mass_kg:
@@ -92,18 +92,18 @@ def _slip(m: TurningSamples) -> Columns:
     return along, sideways
 
 
-def _gyro_bias(m: TurningSamples) -> Columns:
+def _gyro_bias_columns(m: TurningSamples) -> Columns:
     sideways = 0.0 if measures_sideways(m.drive.machine) else m.drive.moment_x_kg_m
     return -2.0 * m.drive.moment_x_kg_m * m.yaw_rate, sideways * m.speed + m.drive.turning_friction
 
 
-def _gyro_gain(d: Drive) -> Mixture:
+def _gyro_gain_columns(d: Drive) -> Mixture:
     sideways = 0.0 if measures_sideways(d.machine) else d.moment_x_kg_m
     turned = {_INERTIA: d.inertia_z_kg_m2, _FRICTION_Z: d.turning_friction, _MOMENT_X: sideways}
     return {_MOMENT_X: 2.0 * d.moment_x_kg_m, _MOMENT_Y: d.moment_y_kg_m}, turned
 
 
-def _acc_gain(d: Drive) -> Mixture:
+def _accelerometer_gain_columns(d: Drive) -> Mixture:
     sideways = d.moment_x_kg_m if measures_sideways(d.machine) else 0.0
     return {_MASS: d.mass_kg}, {_MOMENT_X: sideways, _MOMENT_Y: d.moment_y_kg_m}
 
@@ -113,21 +113,21 @@ def turning_torque_term(m: TurningSamples, moment_kg_m: float) -> Columns:
     return None, moment_kg_m * m.yaw_rate**2
 
 
-def _lateral_arm(d: Drive) -> Mixture:
+def _lateral_arm_columns(d: Drive) -> Mixture:
     # the sideways force, in proportion to the mass: m s_y + mc_x ω̇
     return {}, {_MOMENT_X: d.mass_kg, _INERTIA: d.moment_x_kg_m}
 
 
-def _imu_x(d: Drive) -> Mixture:
+def _imu_x_columns(d: Drive) -> Mixture:
     sideways = d.moment_x_kg_m if measures_sideways(d.machine) else 0.0
     return {_MOMENT_X: -d.mass_kg}, {_INERTIA: -sideways}
 
 
-def _imu_y(d: Drive) -> Mixture:
+def _imu_y_columns(d: Drive) -> Mixture:
     return {_MOMENT_Y: -d.mass_kg}, {_INERTIA: -d.moment_y_kg_m}
 
 
-def _imu_width(drive: Drive, _: PriorSettings) -> float:
+def _imu_position_prior_std(drive: Drive, _: PriorSettings) -> float:
     return IMU_POSITION.u(drive.machine) or 0.0
 
 
@@ -227,7 +227,7 @@ TERMS: Final = (
         "where the ground's sideways force acts, ahead of the origin",
         "an accelerometer whose place is known: the force then tells the centre of mass alone",
         "z",
-        mixture=_lateral_arm,
+        mixture=_lateral_arm_columns,
     ),
     Term(
         "turning_drift",
@@ -270,7 +270,7 @@ TERMS: Final = (
     ),
     Term(
         "slip_acceleration",
-        _slip,
+        _slip_columns,
         lambda d, s: d.mass_kg * s.wheel_slip / d.largest_force,
         "longitudinal slip: wheels gain speed that the machine does not",
         "an accelerometer on the body",
@@ -281,7 +281,7 @@ TERMS: Final = (
         "slope_along",
         lambda m: unseen_gravity(m, np.cos(m.heading_rad), -np.sin(m.heading_rad)),
         lambda d, s: s.const_weight_share * d.gravity_m_s2,
-        "a slope along where the log begins, of which no channel tells",
+        "a slope along the machine where the log begins, which no channel measures",
         "level ground; an accelerometer, or channels of pitch and roll",
         "xz",
         _has_unknown_slope,
@@ -290,7 +290,7 @@ TERMS: Final = (
         "slope_across",
         lambda m: unseen_gravity(m, np.sin(m.heading_rad), np.cos(m.heading_rad)),
         lambda d, s: s.const_weight_share * d.gravity_m_s2,
-        "a slope across where the log begins, of which no channel tells",
+        "a slope across the machine where the log begins, which no channel measures",
         "level ground; an accelerometer, or channels of pitch and roll",
         "xz",
         _has_unknown_slope,
@@ -303,11 +303,11 @@ TERMS: Final = (
         "an accelerometer that is calibrated",
         "xz",
         measures_force,
-        mixture=_acc_gain,
+        mixture=_accelerometer_gain_columns,
     ),
     Term(
         "yaw_rate_bias",
-        _gyro_bias,
+        _gyro_bias_columns,
         lambda _, s: s.yaw_rate_bias_rad_s,
         "bias of the gyroscope",
         "a gyroscope that is zeroed at a stand",
@@ -320,37 +320,37 @@ TERMS: Final = (
         "gain of the gyroscope",
         "turning a known angle",
         "xz",
-        mixture=_gyro_gain,
+        mixture=_gyro_gain_columns,
     ),
     Term(
         f"{IMU_POSITION.name}_x",
         # ω² times mc_y is left out of the yaw torque: so small a part must not tell the place
         lambda _: (None, None),
-        _imu_width,
+        _imu_position_prior_std,
         f"{IMU_POSITION.meaning}, ahead",
         IMU_POSITION.remedy,
         "xz",
         IMU_POSITION.applies,
         IMU_POSITION,
-        _imu_x,
+        _imu_x_columns,
     ),
     Term(
         f"{IMU_POSITION.name}_y",
         lambda m: turning_torque_term(
             m, m.drive.moment_x_kg_m if measures_sideways(m.drive.machine) else 0.0
         ),
-        _imu_width,
+        _imu_position_prior_std,
         f"{IMU_POSITION.meaning}, to the left",
         IMU_POSITION.remedy,
         "xz",
         IMU_POSITION.applies,
         IMU_POSITION,
-        _imu_y,
+        _imu_y_columns,
     ),
 )
 
 
-def terms_of(drive: Drive, axes: str = "xz") -> tuple[tuple[Term, float], ...]:
+def terms_of_drive(drive: Drive, axes: str = "xz") -> tuple[tuple[Term, float], ...]:
     """The terms of a drive that any of the axes has, each with the width of its prior."""
     found: list[tuple[Term, float]] = []
     for term in TERMS:

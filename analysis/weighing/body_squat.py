@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.fitted_stretches import begins, ends
+from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
 from analysis.weighing.motion_samples import Floats, MotionSamples, rolling_fraction
-from analysis.weighing.pitch_squat import fit_instrumental_variables, squat_products
+from analysis.weighing.pitch_squat import fit_instrumental_variables, pitch_squat_cross_products
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.numerics.autocorrelation import student_factor
@@ -128,8 +128,11 @@ def _stretch_rows(
     delay_s, slip_1_N = (wheels.delay_s[0], wheels.slip_1_N[0]) if known else (0.0, 0.0)
     in_time = motion.shift_speed(delay_s)
     ground = in_time.speed * rolling_fraction(in_time.speed, motion.force, slip_1_N)
-    relative = loads.at(motion.unit)
-    first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
+    relative = loads.relative_load_of(motion.unit)
+    first, last = (
+        np.flatnonzero(first_of_stretch(motion.group)),
+        np.flatnonzero(last_of_stretch(motion.group)),
+    )
     found: list[_Stretch] = []
     for begin, end in zip(first.tolist(), (last + 1).tolist(), strict=True):
         means = (end - begin) // LIMITS.squat_mean_samples
@@ -157,8 +160,8 @@ def _estimate_by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[flo
     assert motion.specific_force is not None
     assert motion.without_gravity is not None
     gravity = motion.specific_force - motion.without_gravity
-    squats = squat_products(gravity, motion)
-    relative = loads.at(motion.unit)[squats.first]
+    squats = pitch_squat_cross_products(gravity, motion)
+    relative = loads.relative_load_of(motion.unit)[squats.first]
     if relative.size < LIMITS.squat_min_stretches or np.ptp(relative) == 0.0:
         return None
     # beside the share and the rate, the share that grows with the load

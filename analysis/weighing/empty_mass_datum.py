@@ -18,7 +18,7 @@ import numpy as np
 
 from analysis.model.machine import Body, Machine
 from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combine, largest_first
-from analysis.weighing.mass_budget import budget
+from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS
@@ -46,7 +46,7 @@ _CARRIED: Final = UncertaintySource(
 )
 
 
-def ticket_notes(body: Body, begin_ns: int) -> list[str]:
+def note_weighbridge_tickets(body: Body, begin_ns: int) -> list[str]:
     """That the empty machine was weighed on another day than that of the log.
 
     Args:
@@ -67,7 +67,7 @@ def ticket_notes(body: Body, begin_ns: int) -> list[str]:
     ]
 
 
-def unknown_factors(sources: Sequence[UncertaintySource]) -> list[str]:
+def factors_without_uncertainty(sources: Sequence[UncertaintySource]) -> list[str]:
     """The unknown factors that an empty machine determines."""
     return [s.name for s in sources if s.u is None and s.name not in _BY_LOAD]
 
@@ -94,18 +94,18 @@ class EmptyMachine:
 
     @cached_property
     def rotating_kg(self) -> float:
-        """What the log weighs, with what only turns."""
+        """Weighed mass including rotating mass, in kg."""
         return float(self.weights @ self.weighing.fit.masses_kg) - self.carried_kg[0]
 
     @cached_property
     def sources(self) -> list[UncertaintySource]:
-        """What its uncertainty is made of."""
-        found = budget(self.weighing, self.machine, self.weights)
+        """Sources of its uncertainty."""
+        found = budget_of_mass(self.weighing, self.machine, self.weights)
         return [*found, replace(_CARRIED, u=self.carried_kg[1])]
 
     @cached_property
     def _stated_kg(self) -> float | None:
-        """What the machine file states, with what only turns."""
+        """Empty mass stated in the machine file, including rotating mass, in kg."""
         empty_kg = self._body.empty_mass_kg
         return None if empty_kg is None else empty_kg + self._body.rotating_mass_kg
 
@@ -115,7 +115,9 @@ class EmptyMachine:
         stated_kg = self._stated_kg
         if stated_kg is None:
             return ""
-        scale_kg = UNKNOWN_SCALE * self.rotating_kg if unknown_factors(self.sources) else 0.0
+        scale_kg = (
+            UNKNOWN_SCALE * self.rotating_kg if factors_without_uncertainty(self.sources) else 0.0
+        )
         u_kg = float(np.hypot(combine(self.sources), scale_kg))
         allowed_kg = LIMITS.empty_mass_agreement_u * float(
             np.hypot(u_kg, self._body.empty_mass_u_kg or 0.0)
@@ -139,7 +141,7 @@ class EmptyMachine:
         u_1 = float(np.linalg.norm([u_kg, stated_u_kg, turns_u_kg])) / stated_kg
         return self.rotating_kg / stated_kg, u_1
 
-    def datum(self, payloads: Floats) -> "Datum | None":
+    def make_datum(self, payloads: Floats) -> "Datum | None":
         """Relate payloads to the empty machine; None if that adds nothing.
 
         Args:
@@ -159,23 +161,27 @@ class EmptyMachine:
                 by_kg * stated_u_kg,
             )
 
-        if unknown_factors(self.sources):
+        if factors_without_uncertainty(self.sources):
             found = datum_of_share(in_ratio)
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
-        own_kg2 = self._variance(payloads)
+        own_kg2 = self._variance_of_weighted_sum(payloads)
         empty_kg2 = combine(self.sources) ** 2
-        ratio_kg2 = self._variance(payloads - in_ratio * sum_kg * self.weights)
-        together_kg2 = own_kg2 + (in_ratio * sum_kg) ** 2 * self._variance(self.weights) - ratio_kg2
+        ratio_kg2 = self._variance_of_weighted_sum(payloads - in_ratio * sum_kg * self.weights)
+        together_kg2 = (
+            own_kg2
+            + (in_ratio * sum_kg) ** 2 * self._variance_of_weighted_sum(self.weights)
+            - ratio_kg2
+        )
         together_kg2 /= 2.0 * in_ratio * sum_kg
         by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
         found = datum_of_share(float(np.clip(by_kg, 0.0, in_ratio)))
-        if found.scale_1 <= 0.0 or combine(found.sources(payloads)) ** 2 >= own_kg2:
+        if found.scale_1 <= 0.0 or combine(found.payload_sources(payloads)) ** 2 >= own_kg2:
             return None
         return found
 
-    def _variance(self, weights: Floats) -> float:
-        return combine(budget(self.weighing, self.machine, weights)) ** 2
+    def _variance_of_weighted_sum(self, weights: Floats) -> float:
+        return combine(budget_of_mass(self.weighing, self.machine, weights)) ** 2
 
 
 @dataclass(frozen=True)
@@ -194,7 +200,7 @@ class Datum:
     scale_1: float
     ticket_1: float
 
-    def weights(self, payload: Floats) -> Floats:
+    def weights_of_masses(self, payload: Floats) -> Floats:
         """(masses,) by which errors of the masses are in a payload, over its factor.
 
         Args:
@@ -203,7 +209,7 @@ class Datum:
         payload_kg = float(payload @ self.empty.weighing.fit.masses_kg)
         return payload - self.by_kg * payload_kg * self.empty.weights
 
-    def sources(self, payload: Floats) -> list[UncertaintySource]:
+    def payload_sources(self, payload: Floats) -> list[UncertaintySource]:
         """What the uncertainty of a payload, in kg, is made of; the largest first.
 
         Args:
@@ -211,8 +217,8 @@ class Datum:
         """
         empty = self.empty
         payload_kg = abs(float(payload @ empty.weighing.fit.masses_kg))
-        found = budget(empty.weighing, empty.machine, self.weights(payload))
-        known = unknown_factors(found)
+        found = budget_of_mass(empty.weighing, empty.machine, self.weights_of_masses(payload))
+        known = factors_without_uncertainty(found)
         kept = [
             replace(each, u=None if each.u is None else each.u * abs(self.scale_1))
             for each in found
@@ -226,3 +232,19 @@ class Datum:
                 replace(_CARRIED, u=bucket_kg * abs(self.scale_1)),
             ]
         )
+
+
+def payload_sources(
+    weighing: Weighing, machine: Machine, datum: Datum | None, weights: Floats
+) -> list[UncertaintySource]:
+    """What the uncertainty of a sum of masses, in kg, is made of, with the datum if there is one.
+
+    Args:
+        weighing: of the log.
+        machine: scale and its uncertainties.
+        datum: payloads by the empty machine.
+        weights: (masses,) of the sum.
+    """
+    if datum is None:
+        return budget_of_mass(weighing, machine, weights)
+    return datum.payload_sources(weights)

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from analysis.stages.signals.grid_rate import rows_in
+from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.motion_samples import (
@@ -15,8 +15,8 @@ from analysis.weighing.motion_samples import (
     Floats,
     Ints,
     MotionSamples,
-    begins,
-    ends,
+    first_of_stretch,
+    last_of_stretch,
     rolling_fraction,
 )
 from analysis.weighing.nuisances import Moments, Nuisance
@@ -28,7 +28,7 @@ from estimators.numerics.group_sums import NoiseMoments
 from estimators.threads import map_in_threads
 
 
-def are_possible(mass_kg: Floats) -> Bools:
+def are_masses_possible(mass_kg: Floats) -> Bools:
     """(n,) which masses a machine can have beside the others: none carries its own mass."""
     return (mass_kg > 0.0) & (mass_kg < LIMITS.max_mass_over_median * np.median(mass_kg))
 
@@ -49,12 +49,14 @@ class RelativeLoads:
     weight_shares: tuple[float, float]
 
     @classmethod
-    def of(cls, unit: Ints, mass_kg: Floats, weight_shares: tuple[float, float]) -> Self | None:
+    def from_masses(
+        cls, unit: Ints, mass_kg: Floats, weight_shares: tuple[float, float]
+    ) -> Self | None:
         """Relate (units,) masses to their mean; None where they are no masses.
 
         One that is none is taken for a usual one: it would be the contrast of all loads.
         """
-        mass_kg = np.where(are_possible(mass_kg), mass_kg, np.median(mass_kg))
+        mass_kg = np.where(are_masses_possible(mass_kg), mass_kg, np.median(mass_kg))
         reference_kg = float(np.mean(mass_kg))
         if not reference_kg > 0.0:
             return None
@@ -65,16 +67,18 @@ class RelativeLoads:
         )
         return cls(unit, value, weight_shares)
 
-    def contrast_at(self, unit: Ints) -> Floats:
-        """The same over the root mean square of all manoeuvres'."""
-        return self.at(unit) / max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
+    def standardised_load_of(self, unit: Ints) -> Floats:
+        """Relative load of these manoeuvres, over the root mean square of all."""
+        return self.relative_load_of(unit) / max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
 
-    def loaded_at(self, unit: Ints) -> Bools:
+    def is_loaded_in(self, unit: Ints) -> Bools:
         """Whether samples of these manoeuvres haul, (n,)."""
-        return self.at(unit) > float(np.quantile(self.value, LIMITS.load_contrast_quantiles).mean())
+        return self.relative_load_of(unit) > float(
+            np.quantile(self.value, LIMITS.load_contrast_quantiles).mean()
+        )
 
-    def at(self, unit: Ints) -> Floats:
-        """Of samples of these manoeuvres, (n,); one that is not known goes with the one before."""
+    def relative_load_of(self, unit: Ints) -> Floats:
+        """Relative load of samples of these manoeuvres, (n,); unknown ones take the one before."""
         place = np.searchsorted(self.unit, unit, "right") - 1
         return self.value[place.clip(0, self.unit.size - 1)]
 
@@ -138,8 +142,8 @@ class FitRows:
     shortest: int
     terms: tuple[Nuisance, ...]
 
-    def of(self, terms: tuple[Nuisance, ...]) -> "FitRows":
-        """The same with the columns of some of the terms."""
+    def select_terms(self, terms: tuple[Nuisance, ...]) -> "FitRows":
+        """Select the columns of some of the terms."""
         if terms == self.terms:
             return self
         at = np.array([0, 1, *(2 + self.terms.index(term) for term in terms)])
@@ -166,7 +170,7 @@ class FitColumns:
     rate_hz: float
 
     @classmethod
-    def of(
+    def from_motion(
         cls,
         motion: MotionSamples,
         noise: ColumnNoiseModel,
@@ -175,14 +179,16 @@ class FitColumns:
     ) -> Self:
         """Make the columns; the arguments are those of `averages`."""
         pieces = map_in_threads(
-            lambda piece: _make_columns(piece, noise, terms, found), list(motion.pieces)
+            lambda piece: _make_piece_columns(piece, noise, terms, found), list(motion.pieces)
         )
         return cls(pieces, terms, found, motion.rate_hz)
 
-    def average(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
+    def average_to_rows(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
         """Average them over so many samples."""
         pieces = map_in_threads(lambda piece: _average_piece(piece, samples), self.pieces)
-        return _weigh_rows(pieces, noise, self.terms, samples, self.found.uneven_1_s, self.rate_hz)
+        return _weigh_piece_rows(
+            pieces, noise, self.terms, samples, self.found.uneven_1_s, self.rate_hz
+        )
 
 
 def average_columns(
@@ -203,13 +209,13 @@ def average_columns(
     """
     # a piece at a time: the columns of a whole shift are many
     pieces = map_in_threads(
-        lambda piece: _average_piece(_make_columns(piece, noise, terms, found), samples),
+        lambda piece: _average_piece(_make_piece_columns(piece, noise, terms, found), samples),
         list(motion.pieces),
     )
-    return _weigh_rows(pieces, noise, terms, samples, found.uneven_1_s, motion.rate_hz)
+    return _weigh_piece_rows(pieces, noise, terms, samples, found.uneven_1_s, motion.rate_hz)
 
 
-def _weigh_rows(
+def _weigh_piece_rows(
     pieces: list["_PieceMeans"],
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
@@ -250,7 +256,7 @@ def _weigh_rows(
         group,
         np.concatenate([piece.raw.direction for piece in pieces]),
         NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
-        max(rows_in(LIMITS.shortest_stretch_s, rate_hz) // mean_stride(samples), 6),
+        max(rows_in_duration(LIMITS.shortest_stretch_s, rate_hz) // mean_stride(samples), 6),
         terms,
     )
 
@@ -272,7 +278,7 @@ def _whiten_constants(A: Floats, f: Floats, group: Ints, ratio: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _PieceColumns:
-    """Of a piece: (terms + 3, n) columns, the force behind them, and the stretch of each sample."""
+    """Columns of a piece, (terms + 3, n), with its force and the stretch of each sample."""
 
     values: Floats
     group: Ints
@@ -281,7 +287,7 @@ class _PieceColumns:
 
 @dataclass(frozen=True, slots=True)
 class _PieceMeans:
-    """Of a piece: columns, force, stretch and length of each mean, and its last sample."""
+    """Means of a piece: columns, force, stretch and length of each, and its last sample."""
 
     A: Floats
     f: Floats
@@ -290,7 +296,7 @@ class _PieceMeans:
     raw: Moments
 
 
-def _make_columns(
+def _make_piece_columns(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
@@ -309,7 +315,7 @@ def _make_columns(
     loads = found.relative_loads
     if found.swing.lever_s2 and motion.specific_force is not None:
         # springs give way in proportion to the mass
-        by_load = 1.0 if loads is None else 1.0 + loads.at(motion.unit)
+        by_load = 1.0 if loads is None else 1.0 + loads.relative_load_of(motion.unit)
         swing_m_s2 = found.swing.swing_m_s2(motion.specific_force, motion.rate_hz)
         acceleration = acceleration - by_load * swing_m_s2
     wheels, zeros = motion.wheel_acceleration, np.zeros(speed.size)
@@ -324,8 +330,8 @@ def _make_columns(
         motion.direction,
         motion.progress,
         _samples_since_start(motion.group) / motion.rate_hz,
-        zeros if loads is None else loads.at(motion.unit),
-        zeros if loads is None else loads.contrast_at(motion.unit),
+        zeros if loads is None else loads.relative_load_of(motion.unit),
+        zeros if loads is None else loads.standardised_load_of(motion.unit),
         motion.place_1,
         _distance_from_start(motion),
         *_route_positions(motion, found),
@@ -345,7 +351,9 @@ def _average_piece(piece: _PieceColumns, samples: int) -> _PieceMeans:
     """Average the columns of a piece, not weighted."""
     kept = np.flatnonzero(_thin_stretches(piece.group, mean_stride(samples)))
     means, count = trailing_group_means(piece.values, piece.group, samples, kept)
-    return _PieceMeans(means[:, :-1], means[:, -1], piece.group[kept], count, piece.raw.at(kept))
+    return _PieceMeans(
+        means[:, :-1], means[:, -1], piece.group[kept], count, piece.raw.select_rows(kept)
+    )
 
 
 def mean_stride(samples: int) -> int:
@@ -356,7 +364,7 @@ def mean_stride(samples: int) -> int:
 def _samples_since_start(group: Ints) -> Ints:
     """How many samples of its stretch are before each, (n,)."""
     row = np.arange(group.size)
-    return row - np.maximum.accumulate(np.where(begins(group), row, 0))
+    return row - np.maximum.accumulate(np.where(first_of_stretch(group), row, 0))
 
 
 def _distance_from_start(motion: MotionSamples) -> Floats:
@@ -375,13 +383,13 @@ def _route_positions(motion: MotionSamples, found: PreviousEstimates) -> tuple[F
 
 def _drop_first_samples(group: Ints, lag: int) -> Ints:
     """The stretches without their first samples, whose force is from before the break-away."""
-    return np.where((_samples_since_start(group) >= lag) | ends(group), group, -1)
+    return np.where((_samples_since_start(group) >= lag) | last_of_stretch(group), group, -1)
 
 
 def _thin_stretches(group: Ints, stride: int) -> Bools:
     """Every so many-th sample of each stretch, and the last of one that has fewer."""
     since = _samples_since_start(group)
-    short = ends(group) & (since < stride - 1)
+    short = last_of_stretch(group) & (since < stride - 1)
     return (group >= 0) & ((since % stride == stride - 1) | short)
 
 
@@ -406,7 +414,7 @@ def _force_rate(force: Floats, rate_hz: float, noise_N: float, *, whole: bool) -
             wheels' acceleration is all of it, and without small values masses were 0.3 % off where
             wheels slip by 2 %.
     """
-    half = rows_in(LIMITS.force_rate_half_width_s, rate_hz)
+    half = rows_in_duration(LIMITS.force_rate_half_width_s, rate_hz)
     steps = (
         np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
     )
@@ -425,7 +433,7 @@ def _noise_moments(
     which: Ints,
     weight: Floats,
 ) -> tuple[Floats, Floats]:
-    """What noise of acceleration, speed and force adds to AᵀA and Aᵀf, by stretch.
+    """Noise terms of AᵀA and Aᵀf by acceleration, speed and force, by stretch.
 
     Args:
         terms: the nuisances.

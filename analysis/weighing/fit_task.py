@@ -16,7 +16,7 @@ from analysis.weighing.joint_result import (
     term_index,
 )
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
-from analysis.weighing.load_states import LoadStates, stretch_units
+from analysis.weighing.load_states import LoadStates, unit_of_each_stretch
 from analysis.weighing.log_effects import NARROW
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import (
@@ -62,9 +62,9 @@ class FitTask:
     states: LoadStates | None
     uneven_1_s: float = 0.0
 
-    def first_stretches(self, stretches: int) -> "FitTask":
-        """The same up to the end of so many stretches."""
-        motion = self.motion.first_stretches(stretches)
+    def cut_to_first_stretches(self, stretches: int) -> "FitTask":
+        """Cut the task to its first stretches."""
+        motion = self.motion.cut_to_first_stretches(stretches)
         states = None if self.states is None else self.states.among(motion)
         return replace(self, motion=motion, states=states)
 
@@ -72,12 +72,12 @@ class FitTask:
     def initial_estimates(self) -> PreviousEstimates:
         """Estimates before the first round."""
         return PreviousEstimates(
-            slip_1_N=(self._wheels_slip() or (0.0, 0.0))[0],
+            slip_1_N=(self._do_wheels_slip() or (0.0, 0.0))[0],
             motion_gain=self._squat_gain(),
             swing=self._swing(),
             speed_late_s=self._speed_late_s(),
             relative_loads=(loads := self._relative_loads()),
-            route=self._route(loads),
+            route=self._find_route(loads),
             uneven_1_s=self.uneven_1_s,
         )
 
@@ -128,7 +128,7 @@ class FitTask:
             if not np.isfinite(solution.theta).all():
                 break
             cost = self._slip_cost(solution.theta, solution, self.terms)
-            if cost.slip_1_N is not None and self._wheels_slip() is None:
+            if cost.slip_1_N is not None and self._do_wheels_slip() is None:
                 known = replace(known, slip_1_N=cost.slip_1_N[0])
             known, moved = self._update_estimates(known, solution.theta, shift=shift)
             if number and moved < LIMITS.lag_tolerance_s:
@@ -166,18 +166,20 @@ class FitTask:
         masses_kg = states.means_kg if masses_kg is None else masses_kg
         splits = (split_const_by_weight, split_coulomb_by_weight)
         shares = [split(self.motion, self.priors).expected for split in splits]
-        return RelativeLoads.of(states.unit, masses_kg[states.membership], (shares[0], shares[1]))
+        return RelativeLoads.from_masses(
+            states.unit, masses_kg[states.membership], (shares[0], shares[1])
+        )
 
-    def _route(self, loads: RelativeLoads | None) -> Route | None:
+    def _find_route(self, loads: RelativeLoads | None) -> Route | None:
         """Between where these loads are loaded and dumped."""
         if loads is None:
             return None
-        return Route.of(self.motion, loads.unit, loads.loaded_at(loads.unit))
+        return Route.of(self.motion, loads.unit, loads.is_loaded_in(loads.unit))
 
     def _update_estimates(
         self, before: PreviousEstimates, theta: Floats, *, shift: bool
     ) -> tuple[PreviousEstimates, float]:
-        """What a round found, and how far the lag moved by it."""
+        """Update the estimates by a round, and return how far the lag moved."""
         masses = theta.size - 1 - len(self.terms)
         names = (term.name for term in self.terms)
         by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
@@ -198,11 +200,11 @@ class FitTask:
             ),
             slip_s_m=by_name["slip"],
             relative_loads=(loads := self._relative_loads(theta[:masses])),
-            route=self._route(loads),
+            route=self._find_route(loads),
         )
         return after, abs(late_s)
 
-    def units(self, fit: JointFit, rows: FitRows) -> GroupEffects:
+    def group_effects_of_fit(self, fit: JointFit, rows: FitRows) -> GroupEffects:
         """What each manoeuvre says of its mass, by what a fit found and the rows of that."""
         mean, std = self._round_priors(self._slip_cost(fit.theta, fit.solution, fit.terms))
         if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
@@ -220,7 +222,7 @@ class FitTask:
             rows.noise,
             np.append(0.0, mean),
             np.append(np.inf, std),
-            np.unique(stretch_units(self.motion), return_inverse=True)[1],
+            np.unique(unit_of_each_stretch(self.motion), return_inverse=True)[1],
         )
 
     def _speed_late_s(self) -> float:
@@ -230,7 +232,7 @@ class FitTask:
         return wheels.delay_s[0] if wheels is not None and told else 0.0
 
     def _squat_gain(self) -> float:
-        """What is added to the acceleration's own part: its squat, where the pitch shows it."""
+        """Addition to the acceleration's own part: its squat, if the pitch shows it."""
         told = self.wheels is not None and self.motion.by_accelerometer
         return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
 
@@ -247,8 +249,8 @@ class FitTask:
             self._narrow_slip(cost, mean, std)
             if self.motion.wheel_acceleration is not None:
                 at = term_index("slip_acceleration", self.terms)
-                self._take_slip(at, cost.mass_kg, self._wheels_slip(), mean, std)
-        for place, term in self._learnt_places():
+                self._accept_slip_term(at, cost.mass_kg, self._do_wheels_slip(), mean, std)
+        for place, term in self._indices_of_learnt_terms():
             mean[place], std[place] = term.mean, term.std
         return mean, std
 
@@ -278,7 +280,7 @@ class FitTask:
         if self.states is not None and self.states.load_returns:
             std[term_index("gain_drift", self.terms)] *= NARROW
 
-    def _learnt_places(self) -> list[tuple[int, LearntTerm]]:
+    def _indices_of_learnt_terms(self) -> list[tuple[int, LearntTerm]]:
         """Where the terms are of which a calibration says something; slip the wheels say better."""
         learnt: dict[str, LearntTerm] = {**self.priors.learnt}
         by_wheels = self.wheels is not None and self.wheels.is_consistent
@@ -289,10 +291,10 @@ class FitTask:
         ]
 
     def _prior_means(self, mean: Floats, moved_s: float) -> PriorMeans:
-        """Those of a round, whose force was moved back by so much."""
+        """Means of the priors in a round whose force was moved by a delay."""
         mean, mean_u = mean.copy(), np.zeros(len(self.terms))
         mean[term_index("lag", self.terms)] += moved_s
-        for place, term in self._learnt_places():
+        for place, term in self._indices_of_learnt_terms():
             mean_u[place] = term.mean_u
         return PriorMeans(mean, mean_u)
 
@@ -305,14 +307,14 @@ class FitTask:
             std[at],
             LIMITS.min_slip_std_fraction * self.priors.wheel_slip / self.motion.largest_speed,
         )
-        self._take_slip(at, -friction, self._wheels_slip() or cost.slip_1_N, mean, std)
+        self._accept_slip_term(at, -friction, self._do_wheels_slip() or cost.slip_1_N, mean, std)
 
-    def _wheels_slip(self) -> tuple[float, float] | None:
+    def _do_wheels_slip(self) -> tuple[float, float] | None:
         """The slip and its standard deviation in 1/N, where wheels and accelerometer tell it."""
         wheels = self.wheels
         return wheels.slip_1_N if wheels is not None and wheels.is_consistent else None
 
-    def _take_slip(
+    def _accept_slip_term(
         self, at: int, cost: float, slip: tuple[float, float] | None, mean: Floats, std: Floats
     ) -> None:
         """Set the prior of a term that is so many times the slip, where that is told."""

@@ -7,13 +7,15 @@ from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.windows import flagged_windows
 from analysis.stages.gating.gate import accepted_samples, braking_within_sight
-from analysis.stages.gating.segments import manoeuvres
+from analysis.stages.gating.segments import number_manoeuvres
 from analysis.stages.motion.phases import stopping_samples
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
 
-def path_places(speed: Floats, used: Bools, silences: Ints, rate_hz: float) -> tuple[Floats, float]:
+def path_positions(
+    speed: Floats, used: Bools, silences: Ints, rate_hz: float
+) -> tuple[Floats, float]:
     """Where the machine is on its path, (n,), and how long that is, in m.
 
     What it did while the log was silent nobody knows: each record is centred on its own path.
@@ -28,7 +30,7 @@ def path_places(speed: Floats, used: Bools, silences: Ints, rate_hz: float) -> t
     return np.where(np.abs(place) <= length, place, 0.0) / (length or 1.0), length
 
 
-def count_standstills(excitation: pl.DataFrame) -> Ints:
+def running_standstill_count(excitation: pl.DataFrame) -> Ints:
     """How often the machine has come to stand, or was not seen, up to each sample, (n,)."""
     stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
@@ -64,7 +66,7 @@ def fitted_manoeuvres(
     settings = machine.settings
     without = settings.gate.exclude_braking or not braking
     accepted = accepted_samples(excitation, gated, settings)
-    segment_id = manoeuvres(excitation, settings)
+    segment_id = number_manoeuvres(excitation, settings)
     informative = np.unique(segment_id[accepted & (segment_id >= 0)])
     phase = excitation["phase"]
     welcome = [] if without else ["braking"]
@@ -87,12 +89,12 @@ def driving_directions(group: Ints, speed: Floats) -> Floats:
     return out
 
 
-def begins(group: Ints) -> Bools:
+def first_of_stretch(group: Ints) -> Bools:
     """Which samples are the first of their stretch, (n,)."""
     return (group >= 0) & (np.append(-1, group[:-1]) != group)
 
 
-def ends(group: Ints) -> Bools:
+def last_of_stretch(group: Ints) -> Bools:
     """Which samples are the last of their stretch, (n,)."""
     return (group >= 0) & (np.append(group[1:], -1) != group)
 
@@ -100,7 +102,7 @@ def ends(group: Ints) -> Bools:
 def cut_stretches(group: Ints, unit: Ints) -> Ints:
     """The stretches, each of one manoeuvre, numbered anew, (n,)."""
     used = group >= 0
-    cut = used & (begins(group) | np.append(False, unit[1:] != unit[:-1]))
+    cut = used & (first_of_stretch(group) | np.append(False, unit[1:] != unit[:-1]))
     return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
 
 
@@ -110,7 +112,7 @@ def trim_to_break_away(
     """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
     smooth = np.abs(_mean_of_three(speed)) > moves_m_s
     grown = group.copy()
-    for begin in np.flatnonzero(begins(group)):
+    for begin in np.flatnonzero(first_of_stretch(group)):
         first = int(begin)
         while (
             first > 0 and begin - first < look_back and smooth[first - 1] and group[first - 1] < 0
@@ -129,7 +131,7 @@ def number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
     near = flagged_windows(turns, mixed) | flagged_windows(turns[::-1], mixed + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
-    return np.where(group >= 0, np.cumsum(begins(group)) - 1, -1).astype(np.int64)
+    return np.where(group >= 0, np.cumsum(first_of_stretch(group)) - 1, -1).astype(np.int64)
 
 
 def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
@@ -140,7 +142,7 @@ def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
     used = group >= 0
     if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
         return group
-    first = np.flatnonzero(begins(group))
+    first = np.flatnonzero(first_of_stretch(group))
     fastest = np.maximum.reduceat(np.where(used, np.abs(_mean_of_three(speed)), 0.0), first)
     moves = fastest > noise_m_s
     return np.where(used & moves[group], group, -1)
@@ -151,13 +153,13 @@ def _mean_of_three(speed: Floats) -> Floats:
     return np.convolve(speed, np.ones(3) / 3.0, "same")
 
 
-def missing_rows(aligned: pl.DataFrame) -> Bools:
+def mark_missing_rows(aligned: pl.DataFrame) -> Bools:
     """Rows of the grid without information, (n,)."""
     if "left_out" not in aligned.columns:
         return np.zeros(aligned.height, np.bool_)
     return aligned["left_out"].to_numpy()
 
 
-def centred_progress(samples: int) -> Floats:
+def make_centred_progress(samples: int) -> Floats:
     """From -1/2 to 1/2 over so many samples."""
     return np.arange(samples) / max(samples, 1) - 0.5

@@ -18,7 +18,7 @@ _HALF_WAVES: Final = 8
 BY_PLACE: Final = "place"
 
 
-def _spring_column(place_1: Floats) -> Floats:
+def _make_spring_column(place_1: Floats) -> Floats:
     """A force in proportion to the place, 1 at the path's end."""
     return 2.0 * place_1
 
@@ -59,7 +59,7 @@ _OF_EVERY_LOAD: Final = (
     Nuisance(
         "spring",
         "N",
-        lambda m: _spring_column(m.place_1),
+        lambda m: _make_spring_column(m.place_1),
         lambda e, s: s.place_share * e.largest_force,
         "a force in proportion to the place on a short path, at its ends: a spring, gravity",
         "strokes at different accelerations over the same path",
@@ -75,11 +75,11 @@ PLACE: Final = (*_OF_EVERY_LOAD, *map(_load_proportional_term, _OF_EVERY_LOAD))
 def forces_by_place(place_1: Floats) -> Floats:
     """(n, terms) columns of a spring and of the half waves, at such places on the path."""
     waves = (_half_wave(place_1, half_waves) for half_waves in range(1, _HALF_WAVES + 1))
-    return np.column_stack([_spring_column(place_1), *waves])
+    return np.column_stack([_make_spring_column(place_1), *waves])
 
 
 def slopes_by_place(place_1: Floats) -> Floats:
     """(n, terms) derivatives of the same by the place."""
     numbers = np.pi * np.arange(1, _HALF_WAVES + 1)
     waves = -numbers * np.sin(numbers * (place_1[:, None] + 0.5))
-    return np.column_stack([np.full(place_1.size, _spring_column(np.ones(1))), waves])
+    return np.column_stack([np.full(place_1.size, _make_spring_column(np.ones(1))), waves])

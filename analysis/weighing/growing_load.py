@@ -20,9 +20,9 @@ from scipy.special import ndtri
 from analysis.model.settings import PriorSettings
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.weighing.fit_columns import FitRows, average_columns, mean_stride
-from analysis.weighing.joint_fit import refit
+from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit, term_index
-from analysis.weighing.load_states import sample_units, stretch_units
+from analysis.weighing.load_states import unit_of_each_sample, unit_of_each_stretch
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import FILLING
 from analysis.weighing.weighing_limits import LIMITS
@@ -91,7 +91,7 @@ def fit_filling(
         priors: of the nuisances.
         rows: of the fit and of `FILLING`, where they are at hand.
     """
-    grown = refit(fit, noise, priors, (FILLING,), rows=rows)
+    grown = refit_with_changes(fit, noise, priors, (FILLING,), rows=rows)
     names = [term.name for term in fit.terms]
     resistances = [term_index(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.count + 1 + place for place in resistances)]
@@ -128,15 +128,15 @@ def find_growing_loads(
         return ()
     motion = fit.motion if motion is None else motion
     rows = average_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)
-    unit = np.where(rows.group >= 0, stretch_units(motion)[np.maximum(rows.group, 0)], -1)
+    unit = np.where(rows.group >= 0, unit_of_each_stretch(motion)[np.maximum(rows.group, 0)], -1)
     by_unit = dict(zip(group_ids(unit).tolist(), group_rows(unit), strict=True))
     none = np.empty(0, np.int64)
-    numbers = np.unique(stretch_units(motion))
+    numbers = np.unique(unit_of_each_stretch(motion))
     parts = [by_unit.get(each, none) for each in numbers.tolist()]
     told = [part.size >= LIMITS.growth_min_rows for part in parts]
     if sum(told) < LIMITS.growth_min_manoeuvres:
         return ()
-    left = _residual(fit, rows, unit)
+    left = _residual_of_rows(fit, rows, unit)
     usual = np.median(np.abs(left[unit >= 0]))
     for part in parts:
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
@@ -170,8 +170,8 @@ def find_growing_loads(
     )
     # what no machine carries is no load, however surely the manoeuvre misses the model
     carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
-    carried &= kg > -_most_lost_kg(fit)
-    used, of_sample = np.flatnonzero(motion.used), sample_units(motion)
+    carried &= kg > -_max_plausible_loss_kg(fit)
+    used, of_sample = np.flatnonzero(motion.used), unit_of_each_sample(motion)
     return tuple(
         LoadGrowth(
             int(number[k]),
@@ -183,8 +183,8 @@ def find_growing_loads(
     )
 
 
-def _most_lost_kg(fit: JointFit) -> float:
-    """What a load may fall by: by what is carried, as far as other loads of the log tell it."""
+def _max_plausible_loss_kg(fit: JointFit) -> float:
+    """Largest plausible loss of a load in kg, by the carried mass if other loads tell it."""
     if fit.count == 1:
         return float("inf")
     return LIMITS.max_loss_load_ratio * float(np.ptp(fit.masses_kg))
@@ -199,7 +199,7 @@ def find_creeps(fit: JointFit) -> Ints:
     states, none = fit.states, np.empty(0, np.int64)
     if states is None or not states.load_returns:
         return none
-    place = np.searchsorted(states.unit, sample_units(fit.motion))
+    place = np.searchsorted(states.unit, unit_of_each_sample(fit.motion))
     top_m_s = np.zeros(states.unit.size)
     np.maximum.at(top_m_s, place, np.abs(fit.motion.speed[fit.motion.used]))
     creeps = top_m_s < LIMITS.creep_speed_ratio * np.median(top_m_s)
@@ -211,8 +211,8 @@ def find_creeps(fit: JointFit) -> Ints:
     return states.unit[between & changes]
 
 
-def _residual(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
-    """What the fit leaves of the rows, (n,) in N; anything where they are of no manoeuvre."""
+def _residual_of_rows(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
+    """Residual of the rows, (n,) in N; undefined for rows of no manoeuvre."""
     assert fit.states is not None
     place = np.searchsorted(fit.states.unit, unit).clip(0, fit.states.unit.size - 1)
     masses = fit.theta[: fit.count][fit.states.membership[place]]
@@ -236,7 +236,7 @@ def _mass_slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float
 
 
 def _row_variance(fit: JointFit, noise: ColumnNoiseModel) -> float:
-    """Of a row of the fit by the instruments' noise, added up over rows that overlap, in N²."""
+    """Variance of a row by sensor noise, summed over overlapping rows, in N²."""
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous, -1.0])
     overlap = samples / mean_stride(samples)

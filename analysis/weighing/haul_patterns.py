@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.haul_route import add_missed_visits
-from analysis.weighing.load_states import places, sample_units
-from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples, begins
+from analysis.weighing.load_states import places, unit_of_each_sample
+from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples, first_of_stretch
 from estimators.joint.group_effects import HINTED
 
 #: Two stands are at one place within this share of the usual way between turns: piles creep by a
@@ -36,7 +36,7 @@ def hauling_patterns(motion: MotionSamples) -> list[Ints]:
     change there: a machine that answers otherwise in reverse would have loads.
     """
     kind = places(motion)
-    first = np.flatnonzero(motion.used)[begins(sample_units(motion))]
+    first = np.flatnonzero(motion.used)[first_of_stretch(unit_of_each_sample(motion))]
     forwards = motion.direction[first] > 0.0
     begins_m = motion.driven_m[first]
     visits = [

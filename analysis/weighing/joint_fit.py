@@ -6,7 +6,7 @@ from typing import Final, Self
 import numpy as np
 
 from analysis.model.settings import PriorSettings
-from analysis.stages.signals.grid_rate import rows_in
+from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.body_squat import find_squat
 from analysis.weighing.fit_columns import (
     FitColumns,
@@ -58,7 +58,7 @@ class JointFitInputs:
     uneven_1_s: float = 0.0
 
     @classmethod
-    def of(
+    def prepare(
         cls,
         motion: MotionSamples,
         noise: ColumnNoiseModel,
@@ -75,19 +75,21 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
     motion = of.motion
     several = states is not None and states.count > 1
-    terms = terms_of(motion, several=several)
+    terms = applicable_terms(motion, several=several)
     whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.uneven_1_s)
-    part = whole.first_stretches(_TRIED)
+    part = whole.cut_to_first_stretches(_TRIED)
     part = part if part.motion.drives else whole
     longest = (
         int(np.median(np.bincount(motion.group[motion.used]))) / LIMITS.disjoint_means_per_stretch
     )
-    means = {rows_in(mean_s, motion.rate_hz) for mean_s in MEANS_S}
+    means = {rows_in_duration(mean_s, motion.rate_hz) for mean_s in MEANS_S}
     means = sorted(means | {*LIMITS.slow_grid_mean_rows} if 1 in means else means)
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
-    columns = FitColumns.of(part.motion, of.noise, terms, part.initial_estimates)
+    columns = FitColumns.from_motion(part.motion, of.noise, terms, part.initial_estimates)
     first = [
-        part.fit_means(samples, LIMITS.pilot_rounds, rows=columns.average(of.noise, samples))
+        part.fit_means(
+            samples, LIMITS.pilot_rounds, rows=columns.average_to_rows(of.noise, samples)
+        )
         for samples in lengths
     ]
     # a lag that is far from made up for may leave no mass at all
@@ -107,7 +109,7 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     whole = _take_slip_on_ground(of, whole, best)
     chosen = _fit_whole(whole, best.mean_samples)
     share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
-    transient = rows_in(LIMITS.transient_mean_s, motion.rate_hz)
+    transient = rows_in_duration(LIMITS.transient_mean_s, motion.rate_hz)
     misfit = chosen.fit.misfit_ratio
     swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
     if swings and transient > best.mean_samples:
@@ -118,7 +120,7 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     return replace(chosen, averaging_share=share)
 
 
-def terms_of(motion: MotionSamples, *, several: bool) -> tuple[Nuisance, ...]:
+def applicable_terms(motion: MotionSamples, *, several: bool) -> tuple[Nuisance, ...]:
     """The terms that apply to these samples; those by load only where there are several."""
     return tuple(
         term
@@ -155,11 +157,11 @@ def _wheel_kinematics(
 ) -> WheelKinematics | None:
     """Compare the wheels, or take the comparison of a calibration."""
     found = compare_wheels(motion, noise, priors)
-    return None if found is None else found.learnt(priors)
+    return None if found is None else found.apply_learnt_priors(priors)
 
 
 def _averaging_share(by_length: list[JointFit], place: int) -> float:
-    """What the mean's length does to the mass, as a share of it; 0 where noise could."""
+    """Relative effect of the mean's length on the mass; 0 if it may be noise."""
     best, longer = by_length[place], by_length[place + 1 :]
     if best.mass_kg == 0.0:
         return 0.0
@@ -188,7 +190,7 @@ def _masses_differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
     )
 
 
-def refit(
+def refit_with_changes(
     found: JointFit,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -212,7 +214,7 @@ def refit(
         priors = found.effects.narrow_left_out(priors)
     terms = (*found.terms, *extra)
     task = FitTask(found.motion, noise, priors, terms, found.kinematics, found.states)
-    rows = rows and rows.of(terms)
+    rows = rows and rows.select_terms(terms)
     fitted = task.fit_means(found.mean_samples, rounds, shift=found.shifted, begin=found, rows=rows)
     if fitted.count != found.count:
         # of other loads
@@ -236,9 +238,11 @@ def drop_unlikely_effects(
     found: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit:
     """Fit without the effects that the log is unlikely to have."""
-    likely = LikelyEffects.of(found.fit, found.count, found.terms, found.prior_std)
+    likely = LikelyEffects.weigh_choices(found.fit, found.count, found.terms, found.prior_std)
     found = replace(found, effects=likely)
-    return refit(found, noise, priors, rounds=2) if likely and likely.left_out else found
+    return (
+        refit_with_changes(found, noise, priors, rounds=2) if likely and likely.left_out else found
+    )
 
 
 def add_squat(found: JointFit, priors: PriorSettings) -> JointFit:
@@ -255,7 +259,10 @@ def add_squat(found: JointFit, priors: PriorSettings) -> JointFit:
         found = replace(found, squat=squat)
         # a squat that is not taken off makes loads of another size
         shares = loads.weight_shares
-        loads = RelativeLoads.of(states.unit, found.masses_kg[states.membership], shares) or loads
+        loads = (
+            RelativeLoads.from_masses(states.unit, found.masses_kg[states.membership], shares)
+            or loads
+        )
     return found
 
 
@@ -268,7 +275,7 @@ def add_motion_responses(
     known, count = found.found, found.count
 
     def moved(changed: PreviousEstimates, by: float) -> Floats:
-        other = refit(replace(found, found=changed), noise, priors)
+        other = refit_with_changes(replace(found, found=changed), noise, priors)
         return (other.theta[:count] - found.theta[:count]) / by
 
     later = replace(known, speed_late_s=known.speed_late_s + LIMITS.probe_delay_s)

@@ -1,4 +1,4 @@
-"""What the joint fit found: masses, nuisances, and what their uncertainty is made of."""
+"""Result of the joint fit: masses, nuisances, and the sources of their uncertainty."""
 
 import math
 from dataclasses import dataclass, replace
@@ -43,7 +43,7 @@ class PriorMeans:
 
 @dataclass(frozen=True)
 class MotionResponses:
-    """What an error of the motion moves the masses by, (masses,).
+    """Change of the masses by errors of the motion, (masses,).
 
     On level ground all masses by the same share, so that it is a share of their differences. On a
     slope that is driven up empty and down with a load, gravity's part of a specific force has no
@@ -118,11 +118,11 @@ class JointFit:
 
     @property
     def slope(self) -> float:
-        """What the resistance grows by with the speed, in N·s/m; it never falls."""
+        """Slope of resistance over speed, in N·s/m; never negative."""
         return max(resistance_slope(self.theta, self.terms, self.motion), 0.0)
 
     @property
-    def force_by_place(self) -> Floats | None:
+    def position_dependent_force(self) -> Floats | None:
         """The force that depends on the place, (n,) in N; None where there likely is none."""
         own = [k for k, term in enumerate(self.terms) if term.source == BY_PLACE]
         if not own or (self.effects is not None and BY_PLACE in self.effects.left_out):
@@ -133,7 +133,7 @@ class JointFit:
         loads, by_load_N = self.found.relative_loads, found_N[columns.shape[1] :]
         if loads is None or not by_load_N.size:
             return force
-        return force + loads.at(self.motion.unit) * (columns @ by_load_N)
+        return force + loads.relative_load_of(self.motion.unit) * (columns @ by_load_N)
 
     @property
     def shared(self) -> Floats:
@@ -150,7 +150,7 @@ class JointFit:
 
     @cached_property
     def posterior(self) -> tuple[Floats, Floats]:
-        """What the log says of the terms, (terms,), and the deviations."""
+        """Posterior mean of the terms, (terms,), and their standard deviations."""
         own = self.fit.std[self.count + 1 :]
         by_means = self._mean_sensitivities[:, self.count + 1 :]
         return self.theta[self.count + 1 :], np.sqrt(own**2 + (by_means**2).sum(axis=0))
@@ -200,7 +200,7 @@ class JointFit:
         return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
 
     @property
-    def prior_distances(self) -> dict[str, float]:
+    def distances_from_priors(self) -> dict[str, float]:
         """By term, how far it is from the mean of its prior, in widths.
 
         The lag is found anew, and one place of the ground may be anything.
@@ -216,14 +216,14 @@ class JointFit:
         """The state that most manoeuvres are of."""
         return 0 if self.states is None else int(np.bincount(self.states.membership).argmax())
 
-    def weights(self, state: int) -> Floats:
+    def weights_of_state(self, state: int) -> Floats:
         """(masses,) that pick one mass."""
         out = np.zeros(self.count)
         out[state] = 1.0
         return out
 
     def parts_kg(self, weights: Floats) -> dict[str, float]:
-        """What the standard uncertainty of a sum of masses is made of, by cause.
+        """Parts of the standard uncertainty of a sum of masses, by cause, in kg.
 
         Args:
             weights: (masses,) of each mass in the sum.
@@ -271,11 +271,11 @@ class JointFit:
         return parts
 
     def _squat_parts_kg(self, weights: Floats) -> float:
-        """What is uncertain of a gain that changes with the load, of a sum of masses in kg."""
+        """Uncertainty of a sum of masses by a gain that changes with the load, in kg."""
         return 0.0 if self.squat is None else self.squat.u_kg(weights, self.masses_kg)
 
     def _pitch_parts_kg(self, weights: Floats) -> float:
-        """What is uncertain of the squat that the pitch shows, likewise."""
+        """Uncertainty of a sum of masses by the squat that the pitch shows, in kg."""
         if self.kinematics is None or not self.motion.by_accelerometer:
             return 0.0
         # springs give way in proportion to the mass
@@ -290,14 +290,14 @@ class JointFit:
         """
         found = self.fit.responses[self.count + 1 :, : self.count].copy()
         slip = term_index("slip", self.terms)
-        alone_kg = abs(float(found[slip] @ self.weights(self.main_state)))
+        alone_kg = abs(float(found[slip] @ self.weights_of_state(self.main_state)))
         if alone_kg > 0.0:
-            known_kg = self.parts_kg(self.weights(self.main_state))["slip"]
+            known_kg = self.parts_kg(self.weights_of_state(self.main_state))["slip"]
             found[slip] *= min(known_kg / alone_kg, 1.0)
         return found
 
     def _wheel_parts_kg(self, weights: Floats, slip_kg: float) -> dict[str, float]:
-        """What slip, gain and delay, found together, do to a sum of masses, in kg.
+        """Uncertainty of a sum of masses by jointly fitted slip, gain and delay, in kg.
 
         They go together: the part of each is what is left of it once those before are known.
         """
@@ -348,7 +348,7 @@ class JointFit:
 
     @property
     def mass_kg(self) -> float:
-        """Of the state that most manoeuvres are of."""
+        """Mass of the load state with most manoeuvres."""
         return float(self.masses_kg[self.main_state])
 
     @property
@@ -362,10 +362,10 @@ class JointFit:
     @property
     def u_kg(self) -> float:
         """That mass' standard uncertainty by this log alone, without the scale."""
-        return self.sum_u_kg(self.weights(self.main_state))
+        return self.sum_u_kg(self.weights_of_state(self.main_state))
 
     def sum_u_kg(self, weights: Floats) -> float:
-        """Likewise of a sum of masses, in kg."""
+        """Standard uncertainty of a sum of masses, in kg."""
         return root_sum_of_squares(self.parts_kg(weights))
 
 
@@ -375,7 +375,7 @@ def root_sum_of_squares(parts_kg: dict[str, float]) -> float:
 
 
 def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: MotionSamples) -> float:
-    """What the resistance grows by with the speed, at the mean speed, in N·s/m.
+    """Slope of resistance over speed at the mean speed, in N·s/m.
 
     Args:
         theta: (p,) masses, viscous friction, terms.

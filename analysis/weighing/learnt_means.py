@@ -1,4 +1,4 @@
-"""What errors of a calibration's learnt means do to a log's masses, and what the log says of them.
+"""Effect of errors of learnt means on a log's masses, and the log's estimate of them.
 
 The means of learnt priors are wrong by one error in all logs, ε in their standard uncertainties. A
 calibration's line has what ε did to its own logs. What it does to another log differs where that
@@ -15,7 +15,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import MOVED, SCALE, build
 from analysis.model.uncertainty_sources import combine
 from analysis.weighing.load_frames import difference_weights
-from analysis.weighing.mass_budget import budget
+from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.wheel_kinematics import TERMS
@@ -38,7 +38,7 @@ class LearntErrors:
     by_fit_kg: Floats
 
     @classmethod
-    def of(cls, weighing: Weighing) -> "LearntErrors":
+    def from_weighing(cls, weighing: Weighing) -> "LearntErrors":
         """By the fit in which learnt priors are as wide as their means are uncertain.
 
         What a log finds of a term is the error of its mean and what differs from log to log, by
@@ -80,7 +80,7 @@ class LearntErrors:
         return np.array([by_fit.get(term, own.get(term, none)) for term in self.terms])
 
 
-def learnt_mean_responses(
+def make_learnt_mean_responses(
     weighing: Weighing | None, machine: Machine, loads: pl.DataFrame, payloads: Mapping[int, Floats]
 ) -> dict[str, pl.DataFrame]:
     """Make `responses` and `learnt_errors`; none where no calibration learnt anything.
@@ -93,16 +93,16 @@ def learnt_mean_responses(
     """
     if weighing is None or weighing.informed is None:
         return {}
-    fit, errors = weighing.fit, LearntErrors.of(weighing)
+    fit, errors = weighing.fit, LearntErrors.from_weighing(weighing)
     empty = loads.filter("empty")["load_id"].to_list()
     states = range(fit.count)
     of_mass, of_payload, of_cycle = MOVED
     moved_kg = errors.mass_shifts_kg(weighing)
 
     def fit_rows(of: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
-        return _response_rows(of, weighing, machine, errors.terms, moved_kg, sums)
+        return _make_response_rows(of, weighing, machine, errors.terms, moved_kg, sums)
 
-    rows = fit_rows(of_mass, {k: fit.weights(k) for k in states})
+    rows = fit_rows(of_mass, {k: fit.weights_of_state(k) for k in states})
     if empty:
         against = {k: difference_weights(weighing, k, empty) for k in states if k not in empty}
         rows += fit_rows(of_payload, against)
@@ -124,7 +124,7 @@ def learnt_mean_responses(
     }
 
 
-def _response_rows(
+def _make_response_rows(
     of: str,
     weighing: Weighing,
     machine: Machine,
@@ -132,14 +132,16 @@ def _response_rows(
     moved_kg: Floats,
     sums: Mapping[int, Floats],
 ) -> list[dict[str, object]]:
-    """What moves sums of masses, by number: a row a term, and one for the scale."""
+    """Make the rows of what moves sums of masses: one a term, and one for the scale."""
     if not sums:
         return []
     fit = weighing.fit
     total = np.sum(list(sums.values()), axis=0)
     total_kg = abs(float(total @ fit.masses_kg))
     # the same share of all
-    scale_1 = combine(budget(weighing, machine, total), "scale") / total_kg if total_kg else 0.0
+    scale_1 = (
+        combine(budget_of_mass(weighing, machine, total), "scale") / total_kg if total_kg else 0.0
+    )
     rows: list[dict[str, object]] = []
     for number, weights in sums.items():
         by_term = dict(zip(terms, (moved_kg @ weights).tolist(), strict=True))

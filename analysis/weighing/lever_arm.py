@@ -23,11 +23,11 @@ from typing import Final
 
 import numpy as np
 
-from analysis.stages.signals.grid_rate import rows_in
-from analysis.weighing.fitted_stretches import begins, ends
+from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.pitch_squat import fit_instrumental_variables
-from analysis.weighing.stretch_means import EVERY, MEAN, overlapping_means
+from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping
 from analysis.weighing.weighing_limits import LIMITS
 
 #: Springs that the search begins with: frequencies of bodies on springs and tyres, in Hz,
@@ -143,12 +143,13 @@ def _estimate_lever_arm(
     """The lever arm by these springs, and the mean square that it leaves."""
     assert motion.specific_force is not None
     rate_hz = motion.rate_hz
-    step_s, lag = 1.0 / rate_hz, max(rows_in(LIMITS.lever_lag_s, rate_hz) // EVERY, 1)
+    step_s, lag = 1.0 / rate_hz, max(rows_in_duration(LIMITS.lever_lag_s, rate_hz) // EVERY, 1)
     shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
     swings = springs.pitch_rate_m_s3(motion.specific_force, rate_hz)
     by_force = springs.pitch_rate_m_s3(motion.force, rate_hz)
     parts: list[Floats] = []
-    first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
+    group = motion.group
+    first, last = np.flatnonzero(first_of_stretch(group)), np.flatnonzero(last_of_stretch(group))
     for begin, end in zip(first.tolist(), (last + 1).tolist(), strict=True):
         if end - begin < shortest:
             continue
@@ -156,7 +157,7 @@ def _estimate_lever_arm(
         a, v, force = measured[part], motion.speed[part], motion.force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
         columns = (gained, np.abs(v) * force, -a, -swings[part], v - gained, -by_force[part])
-        rows = np.column_stack([overlapping_means(x) for x in columns])
+        rows = np.column_stack([average_overlapping(x) for x in columns])
         rows = rows[lag:] - rows[:-lag]
         parts.append(rows - rows.mean(axis=0))
     if len(parts) < LIMITS.squat_min_stretches:

@@ -11,10 +11,10 @@ from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.load_states import LoadStates, sample_units
-from analysis.weighing.mass_budget import budget, relative_u
+from analysis.weighing.load_states import LoadStates, unit_of_each_sample
+from analysis.weighing.mass_budget import budget_of_mass, relative_u
 from analysis.weighing.motion_samples import Floats, Ints
-from analysis.weighing.nuisance_frames import empty_frame
+from analysis.weighing.nuisance_frames import make_empty_frame
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.weighing_limits import LIMITS
 
@@ -24,7 +24,7 @@ _NOT_EMPTY: Final = (
 )
 
 
-def loads(
+def make_load_frame(
     weighing: Weighing | None, excitation: pl.DataFrame, machine: Machine, verdict: Verdict
 ) -> pl.DataFrame:
     """Make `loads`: a row a load state.
@@ -38,15 +38,18 @@ def loads(
     if weighing is None:
         return _unknown_load()
     fit = weighing.fit
-    times = _state_times(fit, excitation)
-    empty = empty_states(weighing, times, machine)
+    times = _span_of_each_state(fit, excitation)
+    empty = find_empty_states(weighing, times, machine)
     datum, against = _empty_datum(weighing, empty, machine)
     rows = [
-        _load_row(weighing, state, empty, times[state], machine, verdict, datum)
+        _make_load_row(weighing, state, empty, times[state], machine, verdict, datum)
         for state in range(fit.count)
     ]
     said = "; ".join(
-        filter(None, (_state_notes(fit, machine), against, _growing_notes(weighing, excitation)))
+        filter(
+            None,
+            (_note_on_states(fit, machine), against, _note_growing_loads(weighing, excitation)),
+        )
     )
     if machine.settings.loads.empty_from_s is not None and not empty:
         said = "; ".join(filter(None, (_NOT_EMPTY, said)))
@@ -54,33 +57,35 @@ def loads(
     return build("loads", {**pl.DataFrame(rows, infer_schema_length=None).to_dict(), "said": said})
 
 
-def _state_times(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
+def _span_of_each_state(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
     """When each state begins and ends."""
     states = fit.states
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    of = states.membership[_state_indices(fit, states)]
+    of = states.membership[_manoeuvre_of_samples(fit, states)]
     inside = (used[of == state] for state in range(fit.count))
     return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
 
 
-def _state_indices(fit: JointFit, states: LoadStates) -> Ints:
-    """Of each fitted sample, the place of its manoeuvre among those of the states."""
-    return np.searchsorted(states.unit, sample_units(fit.motion))
+def _manoeuvre_of_samples(fit: JointFit, states: LoadStates) -> Ints:
+    """Index of each fitted sample's manoeuvre among those with a load state."""
+    return np.searchsorted(states.unit, unit_of_each_sample(fit.motion))
 
 
-def load_change_rows(weighing: Weighing | None) -> list[int]:
+def make_load_change_rows(weighing: Weighing | None) -> list[int]:
     """The rows of the grid where another load begins to move."""
     if weighing is None or weighing.fit.states is None:
         return []
     fit, states = weighing.fit, weighing.fit.states
-    of = states.membership[_state_indices(fit, states)]
+    of = states.membership[_manoeuvre_of_samples(fit, states)]
     used = np.flatnonzero(fit.motion.used)
     return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
 
 
-def empty_states(weighing: Weighing, times: list[tuple[int, int]], machine: Machine) -> list[int]:
+def find_empty_states(
+    weighing: Weighing, times: list[tuple[int, int]], machine: Machine
+) -> list[int]:
     """The states of this log that carry nothing; none where there are none, or no telling.
 
     Where `settings.loads` says when the machine was empty, the states that lie mostly in that time,
@@ -103,7 +108,7 @@ def empty_states(weighing: Weighing, times: list[tuple[int, int]], machine: Mach
         return []
     lightest = int(np.argmin(fit.masses_kg))
     difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
-    u_kg = combine(budget(weighing, machine, fit.weights(lightest)))
+    u_kg = combine(budget_of_mass(weighing, machine, fit.weights_of_state(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
@@ -119,7 +124,7 @@ def _equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -
         if state == lightest:
             continue
         weights = difference_weights(weighing, state, found)
-        random_kg = combine(budget(weighing, machine, weights), "random")
+        random_kg = combine(budget_of_mass(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
         found.append(state)
@@ -134,13 +139,13 @@ def _empty_datum(
     if not empty or len(empty) == fit.count:
         return None, ""
     # less the mass of none: the empty ones alone
-    weights = fit.weights(0) - difference_weights(weighing, 0, empty)
+    weights = fit.weights_of_state(0) - difference_weights(weighing, 0, empty)
     found = EmptyMachine(weighing, machine, weights)
     if found.contradiction:
         return None, f"{found.contradiction}: payloads are on the log's own scale"
     others = [state for state in range(fit.count) if state not in empty]
     payloads = np.sum([difference_weights(weighing, state, empty) for state in others], axis=0)
-    return found.datum(payloads), ""
+    return found.make_datum(payloads), ""
 
 
 def difference_weights(weighing: Weighing, state: int, empty: list[int]) -> Floats:
@@ -148,13 +153,13 @@ def difference_weights(weighing: Weighing, state: int, empty: list[int]) -> Floa
     states = weighing.fit.states
     assert states is not None
     count = np.bincount(states.membership).astype(np.float64)
-    weights = weighing.fit.weights(state)
+    weights = weighing.fit.weights_of_state(state)
     if empty:
         weights[empty] -= count[empty] / count[empty].sum()
     return weights
 
 
-def _load_row(
+def _make_load_row(
     weighing: Weighing,
     state: int,
     empty: list[int],
@@ -165,7 +170,7 @@ def _load_row(
 ) -> dict[str, object]:
     fit, body, states = weighing.fit, machine.machine, weighing.fit.states
     assert states is not None
-    sources = budget(weighing, machine, fit.weights(state))
+    sources = budget_of_mass(weighing, machine, fit.weights_of_state(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
     u_kg = combine(sources)
     withheld = [check.check for check in verdict.failed("mass")]
@@ -173,7 +178,7 @@ def _load_row(
     known = relative_u(weighing, machine, state) <= machine.settings.verdict.relative_std_max
     if not known and "relative_u" not in withheld:
         withheld.append("relative_u")
-    payload, unknown = _payload(weighing, state, empty, machine, datum)
+    payload, unknown = _payload_with_uncertainty(weighing, state, empty, machine, datum)
     friction = fit.friction
     numbers = {
         "mass_kg": mass_kg,
@@ -205,7 +210,7 @@ def _load_row(
     }
 
 
-def _payload(
+def _payload_with_uncertainty(
     weighing: Weighing, state: int, empty: list[int], machine: Machine, datum: Datum | None
 ) -> tuple[dict[str, float | None], list[str]]:
     """Payload and its uncertainty, and the factors of it that nothing tells.
@@ -218,7 +223,7 @@ def _payload(
     if not empty and body.empty_mass_kg is None:
         return {f"{of}_{name}": None for of in ("payload", "own_payload") for name in names}, []
     weights = difference_weights(weighing, state, empty)
-    sources = budget(weighing, machine, weights)
+    sources = budget_of_mass(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
     u_kg = combine(sources)
     if not empty:
@@ -227,7 +232,7 @@ def _payload(
     own = (own_kg, u_kg, combine(sources, "random"))
     told = own
     if datum is not None:
-        sources = datum.sources(weights)
+        sources = datum.payload_sources(weights)
         told = (datum.scale_1 * own_kg, combine(sources), combine(sources, "random"))
     found: dict[str, float | None] = {
         f"payload_{n}": value for n, value in zip(names, told, strict=True)
@@ -236,8 +241,8 @@ def _payload(
     return found, unknown_scale(sources)
 
 
-def _state_notes(fit: JointFit, machine: Machine) -> str:
-    """What a reader must know of the states, beside every number."""
+def _note_on_states(fit: JointFit, machine: Machine) -> str:
+    """Notes on the load states for the reader."""
     states = fit.states
     assert states is not None
     said: list[str] = []
@@ -261,7 +266,7 @@ def _state_notes(fit: JointFit, machine: Machine) -> str:
     return "; ".join(said)
 
 
-def _growing_notes(weighing: Weighing, excitation: pl.DataFrame) -> str:
+def _note_growing_loads(weighing: Weighing, excitation: pl.DataFrame) -> str:
     """The manoeuvres in which the load changes."""
     t_ns = excitation["t_ns"].to_numpy()
     told = [
@@ -277,7 +282,7 @@ def _growing_notes(weighing: Weighing, excitation: pl.DataFrame) -> str:
     return "; ".join(told[: LIMITS.max_named_manoeuvres] + more)
 
 
-def manoeuvre_frame(
+def make_manoeuvre_frame(
     weighing: Weighing | None, excitation: pl.DataFrame, machine: Machine
 ) -> pl.DataFrame:
     """Make `manoeuvres`: a row a manoeuvre that was fitted, with the mass it says by itself.
@@ -285,11 +290,11 @@ def manoeuvre_frame(
     As those of loads, masses are without what only turns.
     """
     if weighing is None or weighing.fit.states is None:
-        return empty_frame("manoeuvres")
+        return make_empty_frame("manoeuvres")
     fit, states = weighing.fit, weighing.fit.states
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    place = _state_indices(fit, states)
+    place = _manoeuvre_of_samples(fit, states)
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well

@@ -8,7 +8,13 @@ import numpy as np
 from analysis.weighing.fit_columns import mean_stride
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.haul_patterns import hauling_patterns
-from analysis.weighing.joint_fit import JointFitInputs, fit_rows, joint_fit, refit, terms_of
+from analysis.weighing.joint_fit import (
+    JointFitInputs,
+    applicable_terms,
+    fit_rows,
+    joint_fit,
+    refit_with_changes,
+)
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_states import (
     LoadStates,
@@ -16,7 +22,7 @@ from analysis.weighing.load_states import (
     places,
     single_unknown_state,
     states_of,
-    stretch_units,
+    unit_of_each_stretch,
 )
 from analysis.weighing.motion_samples import Ints
 from analysis.weighing.record_places import rows_to_search
@@ -90,9 +96,9 @@ class _SameMeans:
     @classmethod
     def of(cls, found: JointFit, of: JointFitInputs) -> Self:
         """Take the means of an earlier fit."""
-        motion, terms = found.motion, terms_of(found.motion, several=True)
+        motion, terms = found.motion, applicable_terms(found.motion, several=True)
         task = FitTask(motion, of.noise, of.priors, terms, of.wheels, None, of.uneven_1_s)
-        number = np.unique(stretch_units(motion))
+        number = np.unique(unit_of_each_stretch(motion))
         return cls(task, _units_of(found, of, places(motion)), number, found.mean_samples)
 
     def states(self, membership: Ints) -> LoadStates:
@@ -132,12 +138,12 @@ def _tell_scatter(
     likeliest = find_states(units, states.unit, repeatability_kg)
     scattering = states_of(units, states.unit, states.membership, usual_scatter=False)
     states = replace(scattering, single_probability=likeliest.single_probability)
-    return refit(replace(held, states=states), of.noise, of.priors, rounds=2)
+    return refit_with_changes(replace(held, states=states), of.noise, of.priors, rounds=2)
 
 
 def _units_of(found: JointFit, of: JointFitInputs, kind: Ints) -> GroupEffects:
     """What each manoeuvre says of its mass by a fit, and what tells changes between them."""
-    units = _task_of(found, of).units(found, fit_rows(found, of.noise))
+    units = _task_of(found, of).group_effects_of_fit(found, fit_rows(found, of.noise))
     return replace(units, kind=kind)
 
 
@@ -153,7 +159,7 @@ def _settle_states(
 
     A search that does not settle has the states about which manoeuvres scatter least, for as many.
     """
-    number = np.unique(stretch_units(found.motion))
+    number = np.unique(unit_of_each_stretch(found.motion))
     if not np.isfinite(found.theta).all():
         return _withhold_masses(found)
     first, tried = found, list[JointFit]()
@@ -161,18 +167,22 @@ def _settle_states(
         task, rows = _task_of(found, of), fit_rows(found, of.noise)
         states = max(
             (
-                find_states(replace(task.units(found, each), kind=kind), number, repeatability_kg)
+                find_states(
+                    replace(task.group_effects_of_fit(found, each), kind=kind),
+                    number,
+                    repeatability_kg,
+                )
                 for each in rows_to_search(found, rows)
             ),
             key=lambda each: each.log_odds,
         )
         before = found.states
         if states.count == 1 and found.count == 1:
-            return refit(replace(found, states=states), of.noise, of.priors, rows=rows)
+            return refit_with_changes(replace(found, states=states), of.noise, of.priors, rows=rows)
         if before is not None and np.array_equal(states.membership, before.membership):
             # the same loads, whose scatter is known better now
             found = replace(found, states=states)
-            return refit(found, of.noise, of.priors, rounds=2, rows=rows)
+            return refit_with_changes(found, of.noise, of.priors, rounds=2, rows=rows)
         of = _add_uneven_ground(found, of, rows.group)
         found = joint_fit(of, states)
         if not np.isfinite(found.theta).all():
@@ -189,7 +199,7 @@ def _withhold_masses(found: JointFit) -> JointFit:
     """The same fit, none of whose masses is known."""
     states = found.states
     if found.count == 1 or states is None:
-        states = single_unknown_state(np.unique(stretch_units(found.motion)))
+        states = single_unknown_state(np.unique(unit_of_each_stretch(found.motion)))
     return replace(found, theta=np.full(found.theta.size, np.nan), states=states)
 
 

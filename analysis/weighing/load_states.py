@@ -9,8 +9,14 @@ from typing import Final
 
 import numpy as np
 
-from analysis.stages.signals.grid_rate import rows_in
-from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, begins, ends
+from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.weighing.motion_samples import (
+    Floats,
+    Ints,
+    MotionSamples,
+    first_of_stretch,
+    last_of_stretch,
+)
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.changepoints import Partitions, partitions
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
@@ -105,7 +111,7 @@ class LoadStates:
 
     def among(self, motion: MotionSamples) -> "LoadStates":
         """The same of a motion that may have fewer manoeuvres, or others: states are renumbered."""
-        unit = np.unique(stretch_units(motion))
+        unit = np.unique(unit_of_each_stretch(motion))
         place = np.searchsorted(self.unit, unit, "right") - 1
         place = place.clip(0, self.unit.size - 1)
         return replace(
@@ -142,22 +148,22 @@ class LoadStates:
 
     def levels(self, motion: MotionSamples) -> RandomIntercepts:
         """The states of the stretches of the motion whose manoeuvres these are."""
-        number = np.searchsorted(self.unit, stretch_units(motion))
+        number = np.searchsorted(self.unit, unit_of_each_stretch(motion))
         scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
         return RandomIntercepts(self.membership[number], number, scatter_kg, self.freedom)
 
 
-def stretch_units(motion: MotionSamples) -> Ints:
+def unit_of_each_stretch(motion: MotionSamples) -> Ints:
     """The manoeuvre of each stretch, (stretches,).
 
     One that is too short to tell a mass, or that hardly changes its speed, goes with the one before
     it, or with the one after it where something tells that the load changed before and not after.
     """
-    unit = motion.unit[begins(motion.group)]
+    unit = motion.unit[first_of_stretch(motion.group)]
     number, of = np.unique(unit, return_inverse=True)
     samples = np.bincount(of, weights=np.bincount(motion.group[motion.used]))
     tells = samples >= min(
-        rows_in(
+        rows_in_duration(
             LIMITS.informative_manoeuvre_s, motion.rate_hz, LIMITS.informative_manoeuvre_samples
         ),
         samples.max(),
@@ -169,7 +175,8 @@ def stretch_units(motion: MotionSamples) -> Ints:
     before = np.maximum.accumulate(np.where(tells, place, -1))
     after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
     goes = np.where(before < 0, np.argmax(tells), before)
-    first, last = (np.flatnonzero(each(motion.group)) for each in (begins, ends))
+    group = motion.group
+    first, last = (np.flatnonzero(each(group)) for each in (first_of_stretch, last_of_stretch))
     for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
@@ -195,9 +202,9 @@ def _gained_speeds_m_s(motion: MotionSamples, unit: Ints, units: int) -> Floats:
     return most - least
 
 
-def sample_units(motion: MotionSamples) -> Ints:
+def unit_of_each_sample(motion: MotionSamples) -> Ints:
     """The manoeuvre of each fitted sample, (used samples,)."""
-    return stretch_units(motion)[motion.group[motion.used]]
+    return unit_of_each_stretch(motion)[motion.group[motion.used]]
 
 
 def places(motion: MotionSamples) -> Ints:
@@ -210,7 +217,7 @@ def places(motion: MotionSamples) -> Ints:
         `NAMED` where the time begins or ends in which it is named as empty.
     """
     used = np.flatnonzero(motion.used)
-    first = np.flatnonzero(np.append(True, np.diff(sample_units(motion)) > 0))
+    first = np.flatnonzero(np.append(True, np.diff(unit_of_each_sample(motion)) > 0))
     last = np.append(first[1:], used.size) - 1
     # a boom may go up before the machine stands, and come down when it moves again
     middle = used[(first + last) // 2]
@@ -384,8 +391,7 @@ def _between_manoeuvre_scatter(
         mean = means_by_state(level, weight, state)
         return float(weight @ (level - mean[state]) ** 2) / freedom
 
-    ratio = float(np.sqrt(excess(0.0)))
-    if ratio <= 1.0:
+    if (ratio := float(np.sqrt(excess(0.0)))) <= 1.0:
         return 0.0, float(freedom), ratio
     low, high = 0.0, float(np.ptp(level)) + 1e-9
     for _ in range(_ROUNDS):

@@ -66,7 +66,7 @@ class LikelyEffects:
     removed_kg: Mapping[str, Floats]
 
     @classmethod
-    def of(
+    def weigh_choices(
         cls, fit: MapFit, masses: int, terms: tuple[Nuisance, ...], prior_std: Floats
     ) -> Self | None:
         """Weigh the choices by a fit that has all effects; None where it has none.

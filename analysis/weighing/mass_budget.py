@@ -29,7 +29,7 @@ _PARTS: Final = {
     "scatter": _FitPart(
         "random",
         "manoeuvres of one load that disagree with each other",
-        "more starts, and alike",
+        "more starts, driven alike",
     ),
     "other_reading": _FitPart(
         "common",
@@ -93,7 +93,8 @@ _PARTS: Final = {
     ),
     "learnt": _FitPart(
         "common",
-        "means of the priors that a calibration learnt: wrong in all its logs alike, so that its "
+        "means of the priors that a calibration learnt: wrong in the same way in all its "
+        "logs, so that its "
         "line takes it with it",
         "the calibration, which has taken it off the calibrated mass",
     ),
@@ -123,7 +124,9 @@ _PARTS: Final = {
 }
 
 
-def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[UncertaintySource]:
+def budget_of_mass(
+    weighing: Weighing, machine: Machine, weights: Floats
+) -> list[UncertaintySource]:
     """Every source of uncertainty of a sum of masses, the largest first, the unknown ones last.
 
     Args:
@@ -173,7 +176,7 @@ def relative_u(weighing: Weighing, machine: Machine, state: int) -> float:
     By this a load has a mass or none: NaN where the fit has no number, infinite where its mass is
     not above 0.
     """
-    sources = budget(weighing, machine, weighing.fit.weights(state))
+    sources = budget_of_mass(weighing, machine, weighing.fit.weights_of_state(state))
     mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
     if not np.isfinite([mass_kg, combine(sources)]).all():
         return float("nan")

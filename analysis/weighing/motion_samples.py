@@ -17,21 +17,21 @@ from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.windows import flagged_windows
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
-from analysis.stages.signals.grid_rate import rows_in
+from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.fitted_stretches import (
-    begins,
-    centred_progress,
     count_silences,
-    count_standstills,
     cut_drives,
     cut_stretches,
     driving_directions,
     drop_standing_runs,
-    ends,
+    first_of_stretch,
     fitted_manoeuvres,
-    missing_rows,
+    last_of_stretch,
+    make_centred_progress,
+    mark_missing_rows,
     number_runs,
-    path_places,
+    path_positions,
+    running_standstill_count,
     trim_to_break_away,
 )
 from analysis.weighing.weighing_limits import LIMITS
@@ -55,7 +55,7 @@ class ColumnNoiseModel(Protocol):
 
 @dataclass(frozen=True)
 class CachedNoise:
-    """The same noise, each length of a mean worked out once.
+    """Column noise that computes the covariance of each length of mean once.
 
     Attributes:
         columns: whose noise it is.
@@ -127,23 +127,23 @@ class MotionSamples:
     silences: Ints | None = None
     wheel_radius_u_1: float | None = None
 
-    def first_stretches(self, stretches: int) -> "MotionSamples":
-        """The same up to the end of so many stretches."""
+    def cut_to_first_stretches(self, stretches: int) -> "MotionSamples":
+        """Cut the samples to the first stretches."""
         if not self.used.any() or int(self.group.max()) < stretches:
             return self
         end = int(np.argmax(self.group >= stretches))
-        return replace(self._select(slice(0, end)), progress=centred_progress(end))
+        return replace(self._select_samples(slice(0, end)), progress=make_centred_progress(end))
 
     def near_fitted(self, reach_s: float) -> "MotionSamples":
-        """The same without samples that are farther than so from any that may be fitted.
+        """Drop samples farther than a distance from any that may be fitted.
 
         What moves the force or the speed in time by no more finds what it would.
         """
         size = math.ceil(reach_s * self.rate_hz) + 1
         near = flagged_windows(self.used, size) | flagged_windows(self.used[::-1], size)[::-1]
-        return self._select(np.flatnonzero(near))
+        return self._select_samples(np.flatnonzero(near))
 
-    def _select(self, cut: slice | Ints) -> "MotionSamples":
+    def _select_samples(self, cut: slice | Ints) -> "MotionSamples":
         """Some of the samples."""
         level, measured = self.without_gravity, self.specific_force
         wheels = self.wheel_acceleration
@@ -170,35 +170,35 @@ class MotionSamples:
 
     @cached_property
     def pieces(self) -> tuple["MotionSamples", ...]:
-        """The same in pieces of whole stretches, with the samples around that they reach to."""
-        first = np.flatnonzero(begins(self.group))
-        last = np.flatnonzero(ends(self.group))
+        """Split into pieces of whole stretches, with the samples around that their means need."""
+        first = np.flatnonzero(first_of_stretch(self.group))
+        last = np.flatnonzero(last_of_stretch(self.group))
         whole = np.flatnonzero(np.diff(first // _PIECE)) + 1
         reach = math.ceil(LIMITS.piece_margin_s * self.rate_hz)
         found: list[MotionSamples] = []
         for stretches in np.split(np.arange(first.size), whole):
             begin, end = int(first[stretches[0]]), int(last[stretches[-1]]) + 1
-            piece = self._select(slice(max(begin - reach, 0), end + reach))
+            piece = self._select_samples(slice(max(begin - reach, 0), end + reach))
             own = (piece.group >= stretches[0]) & (piece.group <= stretches[-1])
             found.append(replace(piece, group=np.where(own, piece.group, -1)))
         return tuple(found)
 
-    def exclude(self, samples: Bools) -> "MotionSamples":
-        """The same without some of the samples, stretches numbered anew."""
+    def exclude_samples(self, samples: Bools) -> "MotionSamples":
+        """Exclude some of the samples and renumber the stretches."""
         group = np.where(samples, -1, self.group)
         left = group >= 0
         group[left] = np.unique(group[left], return_inverse=True)[1]
         return replace(self, group=group)
 
     def shift_force(self, lag_s: float) -> "MotionSamples":
-        """The same with the force moved back by how late it is."""
-        return replace(self, force=self._shift(self.force, lag_s))
+        """Advance the force by its delay."""
+        return replace(self, force=self._shift_in_time(self.force, lag_s))
 
     def shift_speed(self, delay_s: float) -> "MotionSamples":
-        """The same with the speed moved back by how late it is."""
-        return replace(self, speed=self._shift(self.speed, delay_s))
+        """Advance the speed by its delay."""
+        return replace(self, speed=self._shift_in_time(self.speed, delay_s))
 
-    def _shift(self, x: Floats, late_s: float) -> Floats:
+    def _shift_in_time(self, x: Floats, late_s: float) -> Floats:
         """By a cubic inside of stretches: a line between two rows is a low-pass on a slow grid."""
         late = late_s * self.rate_hz
         rows = np.arange(x.size, dtype=np.float64)
@@ -301,8 +301,7 @@ def motion_samples(
     """Take the columns of the manoeuvres that the gate found informative.
 
     Args:
-        aligned: the grid, before the moving mean, with `digs` where that was looked for, and
-            `left_out`, rows that say nothing, where there are any.
+        aligned: the grid before the moving mean, if so with `digs`, and `left_out` of useless rows.
         excitation: the phases of motion.
         gated: which windows are accepted.
         machine: wheels, settings.
@@ -329,19 +328,20 @@ def motion_samples(
         settled,
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
-    clear = rows_in(LIMITS.gap_margin_s, settings.align.rate_hz)
-    silent = ~known | missing_rows(aligned)
+    clear = rows_in_duration(LIMITS.gap_margin_s, settings.align.rate_hz)
+    silent = ~known | mark_missing_rows(aligned)
     near_gap = flagged_windows(silent, clear) | flagged_windows(silent[::-1], clear)[::-1]
     group = number_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     group = drop_standing_runs(group, np.where(known, speed, 0.0), noise_m_s)
-    measured = _grid_column(aligned, "specific_force_x_m_s2", known)
-    pitch = _grid_column(aligned, "pitch_rad", known)
+    measured = _read_grid_column(aligned, "specific_force_x_m_s2", known)
+    pitch = _read_grid_column(aligned, "pitch_rad", known)
     level = None
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
-    stood = count_standstills(excitation)
-    unit = cut_drives(stood, rows_in(LIMITS.longest_manoeuvre_s, settings.align.rate_hz))
-    silences = count_silences(known, rows_in(LIMITS.record_break_s, settings.align.rate_hz))
+    stood = running_standstill_count(excitation)
+    unit = cut_drives(stood, rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz))
+    longest_hole = rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
+    silences = count_silences(known, longest_hole)
     group = cut_stretches(group, unit)
     return MotionSamples(
         np.where(known, acceleration, 0.0),
@@ -353,10 +353,10 @@ def motion_samples(
         settings.align.rate_hz,
         measured,
         level,
-        _grid_column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
-        centred_progress(speed.size),
+        _read_grid_column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
+        make_centred_progress(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
-        *path_places(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
+        *path_positions(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
         _empty_weight(machine, acceleration, force, group >= 0),
@@ -394,7 +394,7 @@ def samples_named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None
     return (t_s >= loads.empty_from_s) & (t_s <= loads.empty_to_s)
 
 
-def _grid_column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:
+def _read_grid_column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:
     if name not in aligned.columns:
         return None
     return np.where(known, values(aligned, name), 0.0)

@@ -8,7 +8,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build
 from analysis.model.uncertainty_sources import combine
-from analysis.weighing.mass_budget import budget
+from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.wheel_kinematics import TERMS
 
@@ -20,18 +20,18 @@ _OF_WHEELS: Final = (
 )
 
 
-def nuisances(weighing: Weighing | None) -> pl.DataFrame:
+def make_nuisance_frame(weighing: Weighing | None) -> pl.DataFrame:
     """Make `nuisances`: a row a term, prior and posterior."""
     if weighing is None:
-        return empty_frame("nuisances")
-    rows = pl.concat([_term_rows(weighing), _wheel_rows(weighing)], how="diagonal")
+        return make_empty_frame("nuisances")
+    rows = pl.concat([_make_term_rows(weighing), _make_wheel_rows(weighing)], how="diagonal")
     return build("nuisances", rows.to_dict())
 
 
-def _term_rows(weighing: Weighing) -> pl.DataFrame:
+def _make_term_rows(weighing: Weighing) -> pl.DataFrame:
     """The terms of the fit."""
     fit, own = weighing.fit, weighing.alone
-    parts_kg = fit.parts_kg(fit.weights(fit.main_state))
+    parts_kg = fit.parts_kg(fit.weights_of_state(fit.main_state))
     prior_std, mean_u = fit.prior_std.copy(), fit.prior_means.mean_u.copy()
     columns = {
         "term": [term.name for term in fit.terms],
@@ -60,13 +60,13 @@ def _term_rows(weighing: Weighing) -> pl.DataFrame:
     return pl.DataFrame({**columns, **alone})
 
 
-def _wheel_rows(weighing: Weighing) -> pl.DataFrame:
+def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
     """What wheels and accelerometer say of each other, where they go together."""
     fit, own = weighing.fit, weighing.alone
     wheels = fit.kinematics
     if wheels is None or not wheels.is_consistent or wheels.gain_counts:
         return pl.DataFrame()
-    parts_kg = fit.parts_kg(fit.weights(fit.main_state))
+    parts_kg = fit.parts_kg(fit.weights_of_state(fit.main_state))
     said = list(wheels.values_by_term.values())
     rows: dict[str, object] = {
         "term": TERMS,
@@ -91,17 +91,17 @@ def _wheel_rows(weighing: Weighing) -> pl.DataFrame:
     return pl.DataFrame(rows)
 
 
-def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
+def make_budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
     """Make `budget`: a row a load and source."""
     if weighing is None:
-        return empty_frame("budget")
+        return make_empty_frame("budget")
     fit = weighing.fit
-    rows = [_source_rows(weighing, machine, state) for state in range(fit.count)]
+    rows = [_make_source_rows(weighing, machine, state) for state in range(fit.count)]
     return build("budget", pl.concat(rows).to_dict())
 
 
-def _source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
-    sources = budget(weighing, machine, weighing.fit.weights(state))
+def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
+    sources = budget_of_mass(weighing, machine, weighing.fit.weights_of_state(state))
     total = combine(sources)
     u_kg = np.array([np.nan if source.u is None else source.u for source in sources])
     return pl.DataFrame(
@@ -117,6 +117,6 @@ def _source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFra
     )
 
 
-def empty_frame(name: str) -> pl.DataFrame:
+def make_empty_frame(name: str) -> pl.DataFrame:
     """A frame without rows."""
     return pl.DataFrame(schema={column.name: column.dtype for column in FRAMES[name].columns})

@@ -66,8 +66,8 @@ class Moments:
         """(n,) the speed without that slip, in m/s."""
         return self.rolling_fraction * self.speed
 
-    def at(self, rows: Ints) -> "Moments":
-        """The same of some of the samples."""
+    def select_rows(self, rows: Ints) -> "Moments":
+        """Select some of the samples."""
         channels = {n: x[rows] for n, x in vars(self).items() if isinstance(x, np.ndarray)}
         return replace(self, **channels)
 
@@ -158,7 +158,7 @@ class WeightShare:
     std_N: float
 
     @classmethod
-    def of(cls, newtons: float, of_weight: float) -> Self:
+    def from_parts(cls, newtons: float, of_weight: float) -> Self:
         """Split a force whose two parts have these standard deviations, in N."""
         both = float(np.hypot(newtons, of_weight))
         return cls((of_weight / both) ** 2, newtons * of_weight / both)
@@ -169,8 +169,8 @@ def split_const_by_weight(motion: MotionSamples, priors: PriorSettings) -> Weigh
     newtons = priors.const_share * motion.largest_force
     of_weight = priors.const_weight_share * motion.weight
     if motion.drives_both_ways:
-        return WeightShare.of(newtons, of_weight)
-    return WeightShare.of(
+        return WeightShare.from_parts(newtons, of_weight)
+    return WeightShare.from_parts(
         float(np.hypot(newtons, priors.direction_share * motion.largest_force)),
         float(np.hypot(of_weight, priors.direction_weight_share * motion.weight)),
     )
@@ -178,7 +178,7 @@ def split_const_by_weight(motion: MotionSamples, priors: PriorSettings) -> Weigh
 
 def split_coulomb_by_weight(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
     """Split the force against the direction of motion."""
-    return WeightShare.of(
+    return WeightShare.from_parts(
         priors.direction_share * motion.largest_force,
         priors.direction_weight_share * motion.weight,
     )

@@ -33,7 +33,7 @@ class AlternativeMotion:
         return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
 
 
-def motion_disagreement(fit: JointFit) -> float:
+def wheel_imu_disagreement(fit: JointFit) -> float:
     """What wheels and accelerometer do not agree about, as a share of the speed; NaN: no telling.
 
     What the noise of the speed explains is no disagreement, so that its size does not matter.
@@ -44,7 +44,7 @@ def motion_disagreement(fit: JointFit) -> float:
     return wheels.disagreement_m_s / fit.motion.largest_speed
 
 
-def refit_with_other_motion(
+def refit_with_wheel_or_imu_motion(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> AlternativeMotion | None:
     """Fit once more with the other motion; None where there is none.
@@ -68,7 +68,7 @@ def refit_with_other_motion(
         by_accelerometer=not by_wheels,
     )
     of_other = _OtherMotionNoise(noise, motion.rate_hz, by_wheels=by_wheels)
-    found = joint_fit(JointFitInputs.of(other, of_other, priors), fit.states)
+    found = joint_fit(JointFitInputs.prepare(other, of_other, priors), fit.states)
     return AlternativeMotion(found.mass_kg - fit.mass_kg, float(np.hypot(found.u_kg, fit.u_kg)))
 
 

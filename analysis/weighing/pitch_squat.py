@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from analysis.weighing.stretch_means import EVERY, MEAN, overlapping_means
+from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.fit_loss import group_rows
 
@@ -32,7 +32,7 @@ class StretchSquats:
     columns: Floats
 
 
-def squat_products(gravity: Floats, motion: MotionSamples) -> StretchSquats:
+def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> StretchSquats:
     """Multiply them, each without a cubic of the distance.
 
     Args:
@@ -49,18 +49,19 @@ def squat_products(gravity: Floats, motion: MotionSamples) -> StretchSquats:
         if near.size < MEAN + EVERY * (LIMITS.pitch_min_rows + 2 * LIMITS.pitch_rate_means):
             continue
         channels = (motion.without_gravity, motion.force / scale_N, gravity)
-        a, force, pitch = (overlapping_means(channel[near]) for channel in channels)
+        a, force, pitch = (average_overlapping(channel[near]) for channel in channels)
         grade = np.vander(
-            means_with_rate(overlapping_means(travelled_m[: near.size])) / LIMITS.grade_reach_m,
+            trim_to_means_with_rate(average_overlapping(travelled_m[: near.size]))
+            / LIMITS.grade_reach_m,
             LIMITS.grade_degree + 1,
         )
         rows = np.column_stack(
             [
-                means_with_rate(force),
+                trim_to_means_with_rate(force),
                 _rate_of_means(force),
-                means_with_rate(a),
+                trim_to_means_with_rate(a),
                 _rate_of_means(a),
-                means_with_rate(pitch),
+                trim_to_means_with_rate(pitch),
             ]
         )
         rows -= grade @ np.linalg.lstsq(grade, rows, rcond=None)[0]
@@ -70,7 +71,7 @@ def squat_products(gravity: Floats, motion: MotionSamples) -> StretchSquats:
     return StretchSquats(np.array(first, np.int64), both[:, :, 2], both[:, :, :2])
 
 
-def means_with_rate(x: Floats) -> Floats:
+def trim_to_means_with_rate(x: Floats) -> Floats:
     """Those of the means that have a rate."""
     return x[LIMITS.pitch_rate_means : -LIMITS.pitch_rate_means]
 
@@ -106,7 +107,7 @@ def estimate_pitch_squat(gravity: Floats, motion: MotionSamples) -> tuple[float,
     Returns:
         The share, and the standard uncertainty of what it does to the accelerometer.
     """
-    found = squat_products(gravity, motion)
+    found = pitch_squat_cross_products(gravity, motion)
     if found.first.size < LIMITS.pitch_min_stretches:
         return None
     solved = fit_instrumental_variables(found.columns, found.response)

@@ -17,7 +17,7 @@ from analysis.weighing.weighing_limits import LIMITS
 
 
 def align_records(motion: MotionSamples) -> MotionSamples:
-    """The same with the paths of its records moved onto each other, where a bench has several."""
+    """Move the paths of a bench's records onto each other, where it has several."""
     used = motion.used
     if motion.silences is None or not used.any() or not motion.is_on_bench:
         return motion
@@ -35,7 +35,7 @@ def align_records(motion: MotionSamples) -> MotionSamples:
         )
     )
     force, place_1 = motion.force[used], motion.place_1[used]
-    off_1 = record_offsets(straight, force, place_1, of_record)
+    off_1 = find_record_offsets(straight, force, place_1, of_record)
     number = np.searchsorted(np.unique(motion.silences[used]), motion.silences).clip(0, records - 1)
     place_1 = motion.place_1 + off_1[number]
     first, last = float(place_1[used].min()), float(place_1[used].max())
@@ -47,7 +47,9 @@ def align_records(motion: MotionSamples) -> MotionSamples:
     )
 
 
-def record_offsets(straight: Floats, force: Floats, place_1: Floats, of_record: Floats) -> Floats:
+def find_record_offsets(
+    straight: Floats, force: Floats, place_1: Floats, of_record: Floats
+) -> Floats:
     """How far each record is from the first, over the path, by the force at each place.
 
     Args:
@@ -107,7 +109,7 @@ def rows_to_search(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
 
 
 def add_weight(rows: FitRows, place: list[int], weight_m_s2: Floats) -> FitRows:
-    """The same rows with weight by the place, per kg, in what multiplies the mass."""
+    """Add the position-dependent weight per kg to the column that multiplies the mass."""
     A = rows.A.copy()
     A[:, 0] += rows.A[:, 2:][:, place] @ weight_m_s2
     return replace(rows, A=A)

@@ -1,11 +1,13 @@
 """Means of a stretch's samples, and what is left of them without a constant and a slope."""
 
+from functools import cache
 from typing import Final
 
 import numpy as np
 
-from analysis.weighing.motion_samples import Floats
+from analysis.weighing.motion_samples import Floats, Ints
 from estimators.interpreted import compiled_ahead
+from estimators.numerics.fit_loss import group_rows
 from estimators.numerics.in_order import sum_in_order
 
 #: Means of so many samples are compared; stretches shorter than ten of them are not.
@@ -15,7 +17,7 @@ EVERY: Final = 3
 
 
 @compiled_ahead
-def overlapping_means(x: Floats) -> Floats:
+def average_overlapping(x: Floats) -> Floats:
     """Means of `MEAN` samples, one every `EVERY`."""
     out = np.empty((x.size - MEAN) // EVERY + 1)
     for i in range(out.size):
@@ -25,8 +27,20 @@ def overlapping_means(x: Floats) -> Floats:
 
 @compiled_ahead
 def subtract_line(x: Floats) -> Floats:
-    """The same without a constant and a slope."""
+    """Subtract a constant and a slope."""
     middle = (x.size - 1) / 2.0
     ramp = np.arange(x.size) - middle
     slope = sum_in_order(ramp * x) / sum_in_order(ramp * ramp)
     return x - sum_in_order(x) / x.size - slope * ramp
+
+
+def stretch_trend_columns(group: Ints) -> Floats:
+    """A constant and a slope for each stretch, (rows, 2)."""
+    return np.concatenate([_orthonormal_line(part.size) for part in group_rows(group)])
+
+
+@cache
+def _orthonormal_line(samples: int) -> Floats:
+    """Orthonormal columns of a constant and a slope, (samples, 2)."""
+    ramp = np.linspace(-1.0, 1.0, samples)
+    return np.linalg.qr(np.column_stack([np.ones(samples), ramp]))[0]

@@ -11,7 +11,7 @@ from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.model.prior_settings import LearntTerm, PriorSettings
 from analysis.stages.noise.column_noise import ColumnNoise
-from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
+from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in_duration
 from analysis.weighing.fit_columns import FitRows
 from analysis.weighing.growing_load import (
     LoadFilling,
@@ -27,7 +27,7 @@ from analysis.weighing.joint_fit import (
     drop_unlikely_effects,
     fit_rows,
     joint_fit,
-    refit,
+    refit_with_changes,
 )
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_search import add_load_states
@@ -40,8 +40,8 @@ from analysis.weighing.motion_samples import (
 from analysis.weighing.nuisances import CURVATURE, FILLING
 from analysis.weighing.other_motion import (
     AlternativeMotion,
-    motion_disagreement,
-    refit_with_other_motion,
+    refit_with_wheel_or_imu_motion,
+    wheel_imu_disagreement,
 )
 from analysis.weighing.record_places import align_records
 from analysis.weighing.weighing_limits import LIMITS
@@ -178,9 +178,9 @@ def _weigh_with_priors(
     machine: Machine,
     priors: PriorSettings,
 ) -> Weighing | None:
-    """The same with these priors."""
+    """Weigh with other priors."""
     settings = machine.settings
-    known = ColumnNoise.of(X, noise, settings.noise)
+    known = ColumnNoise.of_axis(X, noise, settings.noise)
     if known is None or excitation.height < FEWEST_READINGS:
         return None
     rate_hz = settings.align.rate_hz
@@ -191,7 +191,7 @@ def _weigh_with_priors(
         return align_records(found)
 
     def of_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
-        fitted = JointFitInputs.of(motion, columns, priors, begin)
+        fitted = JointFitInputs.prepare(motion, columns, priors, begin)
         states = None if begin is None or begin.states is None else begin.states.among(motion)
         return add_load_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
 
@@ -215,10 +215,10 @@ def _weigh_with_priors(
     if not settings.gate.exclude_braking:
         driving = _exclude_manoeuvres(motion(braking=False), excluded)
         if _has_enough_samples(driving):
-            fitted = JointFitInputs.of(driving, columns, priors, fit)
+            fitted = JointFitInputs.prepare(driving, columns, priors, fit)
             alone = joint_fit(fitted, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking
-            beyond = max(alone.prior_distances.values()) > settings.verdict.beyond_prior_max
+            beyond = max(alone.distances_from_priors.values()) > settings.verdict.beyond_prior_max
             # nor driving that finds another delay of the same force
             lags_apart = abs(alone.lag_s - fit.lag_s) > LIMITS.same_lag_s
             if (
@@ -243,7 +243,8 @@ def _weigh_with_priors(
     own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
     rows = fit_rows(fit, columns, (CURVATURE, FILLING))
     halved, doubled = (
-        refit(fit, columns, _scale_priors(priors, times), rows=rows) for times in (0.5, 2.0)
+        refit_with_changes(fit, columns, _scale_priors(priors, times), rows=rows)
+        for times in (0.5, 2.0)
     )
     return Weighing(
         fit,
@@ -255,26 +256,28 @@ def _weigh_with_priors(
         fit_curvature(fit, columns, priors, rows),
         fit_filling(own, columns, own_priors, rows if own is fit else None),
         grown,
-        refit_with_other_motion(fit, columns, priors)
-        if motion_disagreement(fit) > settings.verdict.wheels_max
+        refit_with_wheel_or_imu_motion(fit, columns, priors)
+        if wheel_imu_disagreement(fit) > settings.verdict.wheels_max
         else None,
         alone,
         None
         if alone is None
-        else refit(fit, columns, widen_learnt_priors(priors), rounds=LIMITS.learnt_mean_rounds),
+        else refit_with_changes(
+            fit, columns, widen_learnt_priors(priors), rounds=LIMITS.learnt_mean_rounds
+        ),
         {**priors.learnt},
     )
 
 
 def _has_enough_samples(motion: MotionSamples) -> bool:
     """Whether enough samples may be fitted."""
-    fewest = rows_in(LIMITS.shortest_log_s, motion.rate_hz, FEWEST_READINGS)
+    fewest = rows_in_duration(LIMITS.shortest_log_s, motion.rate_hz, FEWEST_READINGS)
     return int(motion.used.sum()) >= fewest and motion.drives
 
 
 def _exclude_manoeuvres(motion: MotionSamples, units: Sequence[int]) -> MotionSamples:
-    """The same without some manoeuvres, by their numbers."""
-    return motion.exclude(np.isin(motion.unit, units))
+    """Exclude manoeuvres by their numbers."""
+    return motion.exclude_samples(np.isin(motion.unit, units))
 
 
 def _fit_without_learnt(
@@ -285,7 +288,7 @@ def _fit_without_learnt(
         return None
     wheels = fit.kinematics
     own = fit if wheels is None or wheels.own is None else replace(fit, kinematics=wheels.own)
-    return refit(own, noise, _drop_learnt_priors(priors))
+    return refit_with_changes(own, noise, _drop_learnt_priors(priors))
 
 
 def _drop_learnt_priors(priors: PriorSettings) -> PriorSettings:
@@ -328,7 +331,7 @@ def fit_curvature(
         priors: of the nuisances.
         rows: of the fit and of `CURVATURE`, where they are at hand.
     """
-    curved = refit(fit, noise, priors, (CURVATURE,), rows=rows).fit
+    curved = refit_with_changes(fit, noise, priors, (CURVATURE,), rows=rows).fit
     moved = float(curved.theta[fit.main_state] - fit.theta[fit.main_state])
     return Curvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
 

@@ -8,13 +8,12 @@ coefficient is 1 / C; an offset F₀ of the force looks like a gain where all dr
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Final
 
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.fitted_stretches import begins, ends
+from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
 from analysis.weighing.lever_arm import NO_SWING, BodySwing, estimate_swing, subtract_swing
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
@@ -25,7 +24,13 @@ from analysis.weighing.motion_samples import (
 )
 from analysis.weighing.nuisances import const_prior_std
 from analysis.weighing.pitch_squat import estimate_pitch_squat
-from analysis.weighing.stretch_means import EVERY, MEAN, overlapping_means, subtract_line
+from analysis.weighing.stretch_means import (
+    EVERY,
+    MEAN,
+    average_overlapping,
+    stretch_trend_columns,
+    subtract_line,
+)
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_ahead
 from estimators.joint import prior_fit
@@ -93,8 +98,8 @@ class WheelKinematics:
         """Whether another motion may begin from here."""
         return self.is_consistent and abs(self.delay_s[0]) < LIMITS.longest_delay_s
 
-    def learnt(self, priors: PriorSettings) -> "WheelKinematics":
-        """The same as a calibration says it, once for all its logs.
+    def apply_learnt_priors(self, priors: PriorSettings) -> "WheelKinematics":
+        """Replace gain and lag by those that a calibration learnt for all its logs.
 
         The three are found together, so they are taken together, and where this log's gain is
         beyond its prior, or nothing goes together, its own words stand.
@@ -229,12 +234,12 @@ def _fit_comparison(
     if earlier is not None:
         delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
         about = abs(slip_1_N) + earlier.slip_1_N[1]
-    rows = _comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N)
+    rows = _make_comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N)
     if rows is None:
         return None
     lines = loss = None
     if earlier is not None:
-        lines = _line_columns(rows[2])
+        lines = stretch_trend_columns(rows[2])
         loss = autocovariance_loss(rows[2], lines)
     wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     for number in range(LIMITS.slip_passes):
@@ -248,10 +253,10 @@ def _fit_comparison(
         about = abs(slip_1_N) + (wide.fit.std[1] if earlier is None else earlier.slip_1_N[1])
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + late_s, -LIMITS.longest_delay_s, LIMITS.longest_delay_s))
-        rows = _comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N) or rows
+        rows = _make_comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N) or rows
         # only the last one's deviations count
         if lines is None and number == LIMITS.slip_passes - 1:
-            lines = _line_columns(rows[2])
+            lines = stretch_trend_columns(rows[2])
             loss = autocovariance_loss(rows[2], lines)
         wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
@@ -331,23 +336,12 @@ def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: 
     return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
 
 
-def _line_columns(group: Ints) -> Floats:
-    """A constant and a slope for each stretch, (rows, 2)."""
-    return np.concatenate([_orthonormal_line(part.size) for part in group_rows(group)])
-
-
-@cache
-def _orthonormal_line(samples: int) -> Floats:
-    """Orthonormal columns of a constant and a slope, (samples, 2)."""
-    ramp = np.linspace(-1.0, 1.0, samples)
-    return np.linalg.qr(np.column_stack([np.ones(samples), ramp]))[0]
-
-
-def _comparison_rows(
+def _make_comparison_rows(
     measured: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
 ) -> _Rows | None:
     """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
-    first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
+    group = motion.group
+    first, last = np.flatnonzero(first_of_stretch(group)), np.flatnonzero(last_of_stretch(group))
     spans = np.column_stack([first, last + 1])[last + 1 - first >= 10 * MEAN]
     if not spans.size:
         return None
@@ -391,11 +385,11 @@ def centred_means(
         slipping = v * rolling_fraction(v, f, slip_1_N) - gained
         ground = np.abs(gained + slipping - subtract_line(slipping))
         rows = slice(row, row + counts[number])
-        y[rows] = subtract_line(overlapping_means(v - gained))
-        X[rows, 0] = subtract_line(overlapping_means(gained))
-        X[rows, 1] = subtract_line(overlapping_means(ground * f))
-        X[rows, 2] = subtract_line(overlapping_means(-a))
-        of_ground = overlapping_means(ground)
+        y[rows] = subtract_line(average_overlapping(v - gained))
+        X[rows, 0] = subtract_line(average_overlapping(gained))
+        X[rows, 1] = subtract_line(average_overlapping(ground * f))
+        X[rows, 2] = subtract_line(average_overlapping(-a))
+        of_ground = average_overlapping(ground)
         X[rows, 3] = subtract_line(-of_ground)
         group[rows] = number
         squares[number] = sum_in_order(of_ground * of_ground)

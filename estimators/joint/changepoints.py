@@ -106,7 +106,7 @@ def partitions(
 
 
 def move_to_record_ends(best: Partition, posterior: PartitionPosterior) -> Partition:
-    """The same with each change at the next end of a record either way, where that is likelier.
+    """Move each change to the nearest end of a record before or after it, where that is likelier.
 
     The searches take one probability of a change for all places; the posterior knows their kinds.
     """
@@ -126,7 +126,7 @@ def move_to_record_ends(best: Partition, posterior: PartitionPosterior) -> Parti
 
 
 def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Partition:
-    """The same without the changes that are not sure, the least of them first."""
+    """Drop the changes that are not certain, the least certain first."""
     while best.states > 1:
         first = np.flatnonzero(np.diff(best.state)) + 1
         least = np.argsort(np.abs(np.diff(best.levels)), kind="stable")[:_LEAST_CHANGES]
@@ -134,7 +134,7 @@ def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Part
         joints = [first[k : k + many] for k in least for many in (1, 2)]
         plainer = [
             posterior.evaluate(
-                Stretches.from_boundaries(_merge_states(best.state, joint), posterior.units.kind)
+                Stretches.from_boundaries(_merge_states_at(best.state, joint), posterior.units.kind)
             )
             for joint in joints
         ]
@@ -158,8 +158,8 @@ def _least_log_odds(kind: Ints) -> float:
     return 0.0 if (kind == RESTARTED).all() else _SURE
 
 
-def _merge_states(state: Ints, at: Ints) -> Ints:
-    """The same states without the changes before these units."""
+def _merge_states_at(state: Ints, at: Ints) -> Ints:
+    """Merge the states before and after each of these units."""
     changes = np.diff(state, prepend=0)
     changes[at] = 0
     return np.cumsum(changes)

@@ -1,4 +1,4 @@
-"""What each unit of a series (a manoeuvre, say) says of its level, effects that all share aside."""
+"""Level of each unit of a series, such as a manoeuvre, with shared effects removed."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -101,7 +101,7 @@ def group_effects(
     variance = float(f[used] @ f[used]) / n
     level, correlation, white = y, np.ones(1), variance
     # few units share their effects with few others: as if each had its own
-    own_columns = A[:, :1] if y.size >= _MANY else A[:, _nonzero_columns(A)]
+    own_columns = A[:, :1] if y.size >= _MANY else A[:, _find_nonzero_columns(A)]
     for _ in range(_NOISE_ROUNDS):
         whole = within / variance + np.diag(precision)
         beta = np.linalg.lstsq(whole, cross / variance + precision * prior_mean * scale[1:])[0]
@@ -129,6 +129,6 @@ def group_effects(
     )
 
 
-def _nonzero_columns(A: Floats) -> NDArray[np.bool_]:
+def _find_nonzero_columns(A: Floats) -> NDArray[np.bool_]:
     """Which columns are not 0 throughout."""
     return np.abs(A).sum(axis=0) > 0.0

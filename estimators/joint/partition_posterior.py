@@ -120,7 +120,7 @@ class PartitionPosterior:
             self._log -= (scatter / usual) ** 2 / 2.0
 
     def effects(self, state: Ints) -> Floats:
-        """β of a partition whose levels are each their own, (r,).
+        """Posterior mean of the effects β, (r,), of a partition with a level for every stretch.
 
         Args:
             state: (n,) numbers of the stretches, ascending.

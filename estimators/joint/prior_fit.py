@@ -295,7 +295,7 @@ class _InformativeGroups:
     shape: InterceptShape
     number: list[int]
 
-    def scores(self, A: Floats, direction: Floats, length: int) -> Floats:
+    def common_residual_scores(self, A: Floats, direction: Floats, length: int) -> Floats:
         """(length, wide) what a residual of 1 that all groups have so far in adds to the scores."""
         count = self.shape.levels.count
         total = np.zeros((length, count + A.shape[1] - 1))
@@ -308,7 +308,7 @@ class _InformativeGroups:
 
 
 def _floor_meats(meats: Floats, gram: Floats) -> Floats:
-    """The same where no direction has less than a share of what white residuals have.
+    """Raise each direction of the meats to at least a share of its value for white residuals.
 
     Correlations that are estimated may add up to a negative variance.
     """
@@ -369,6 +369,6 @@ def _common_misfit(
     if not ratio > _MISFIT:
         return nothing, ratio
     correlation, _ = pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)
-    moved = told.scores(A, direction, length) @ gain.T
+    moved = told.common_residual_scores(A, direction, length) @ gain.T
     lasts = toeplitz(np.concatenate([correlation, np.zeros(length)])[:length])
     return moved.T @ lasts @ moved * (square - left), ratio

@@ -133,7 +133,7 @@ def _subtract_fit_by_arrays(
 
 
 @compiled_beside(_subtract_fit_by_arrays)
-def _residual(
+def _residual_of_grouped_samples(
     A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
 ) -> Floats:
     """Response less A θ, (n,), 0 where a sample has no group (group < 0).
@@ -233,7 +233,9 @@ def solve_with_priors(
             np.linalg.inv(weighed @ turned.clean + np.diag(wide_precision)), np.float64
         )
         theta = bread @ (weighed @ turned.bare + wide_believed)
-        residual = _residual(A, f, index, theta, level_of_unit, shape.levels.count)
+        residual = _residual_of_grouped_samples(
+            A, f, index, theta, level_of_unit, shape.levels.count
+        )
         correlation, _ = pooled_autocorrelation(residual, group, taken, loss)
         with np.errstate(over="ignore"):  # of what rounding alone determines
             white = float(residual @ residual) / (n - theta.size)

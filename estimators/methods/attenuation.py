@@ -1,4 +1,4 @@
-"""What noise in a regressor's columns draws least squares towards zero by (errors in variables).
+"""Attenuation of least squares by noise in the regressor's columns (errors in variables).
 
 Noise of r.m.s. σ_c in column c adds N = n·diag(σ²) to AᵀA and nothing to Aᵀf, so that least squares
 finds θ with AᵀA θ = (AᵀA - N) θ₀ (Fuller, Measurement Error Models, 1987). From what it found,

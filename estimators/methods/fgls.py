@@ -97,4 +97,4 @@ def trace(
     index = window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
-    return ls.trace_windows(A, f, window, index, solve_windows(A, f, window, index, options))
+    return ls.estimate_window_stds(A, f, window, index, solve_windows(A, f, window, index, options))

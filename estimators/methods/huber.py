@@ -99,12 +99,12 @@ def reweight(
     exactly, mostly within five steps; a window where it does not is left to reweighting.
     """
     theta = solve(products).theta
-    limit = options.bend * _medians(A, f, window, index, theta) / 0.6745
+    limit = options.bend * _median_absolute_residuals(A, f, window, index, theta) / 0.6745
     left = np.flatnonzero(limit > 0.0)
     for step in range(_NEWTON_STEPS + _MOST_STEPS):
         if left.size == 0:
             break
-        sums = _newton_sums if step < _NEWTON_STEPS else reweighted_sums
+        sums = _sum_newton_equations if step < _NEWTON_STEPS else reweighted_sums
         now = theta[:, left]
         following = solve(sums(A, f, window, index[left], now, limit[left], False)).theta
         stuck = np.isnan(following).any(axis=0)
@@ -118,7 +118,9 @@ def reweight(
 
 
 @compiled_ahead
-def _medians(A: Floats, f: Floats, window: int, index: Ints, theta: Floats) -> Floats:
+def _median_absolute_residuals(
+    A: Floats, f: Floats, window: int, index: Ints, theta: Floats
+) -> Floats:
     """The median |residual| of each window, (rows,)."""
     p = theta.shape[0]
     out = np.empty(index.size)
@@ -135,7 +137,7 @@ def _medians(A: Floats, f: Floats, window: int, index: Ints, theta: Floats) -> F
 
 
 @compiled_ahead
-def _newton_sums(
+def _sum_newton_equations(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, _squared: bool
 ) -> Floats:
     """Normal equations of a Newton step: samples below the limit fit, the others pull with it.

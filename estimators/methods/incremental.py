@@ -126,37 +126,37 @@ def window_statistics(state: WindowState, noise: Floats | None = None) -> Window
 
 def ls(state: WindowState, mean: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
     """Ordinary least squares of the window that ends now."""
-    A, f, end = _as_log(state)
+    A, f, end = _window_as_log(state)
     theta, _ = least_squares(A, f, f.size, end, state.products)
-    return _estimate(state, theta, gram(state.products), mean)
+    return _make_window_estimate(state, theta, gram(state.products), mean)
 
 
 def fgls(state: WindowState, mean: int, options: FglsOptions) -> Estimate:
     """Feasible generalised least squares of the window that ends now: O(window)."""
-    A, f, end = _as_log(state)
+    A, f, end = _window_as_log(state)
     theta = reweight_fgls(A, f, f.size, end, state.products, options)
-    return _estimate(state, theta, gram(state.products), mean)
+    return _make_window_estimate(state, theta, gram(state.products), mean)
 
 
 def tls(state: WindowState, mean: int, options: TlsOptions) -> Estimate:
     """Total least squares of the window that ends now."""
-    return _estimate(state, *solve_scaled(state.products, options), mean)
+    return _make_window_estimate(state, *solve_scaled(state.products, options), mean)
 
 
 def huber(state: WindowState, mean: int, options: HuberOptions) -> Estimate:
     """Huber's regression of the window that ends now: O(window) a step, of a hundred at most."""
-    A, f, end = _as_log(state)
+    A, f, end = _window_as_log(state)
     theta, residuals = reweight_huber(A, f, f.size, end, state.products, options)
-    return _estimate(state, theta, gram(state.products), mean, residuals.squares)
+    return _make_window_estimate(state, theta, gram(state.products), mean, residuals.squares)
 
 
-def _as_log(state: WindowState) -> tuple[Floats, Floats, Ints]:
+def _window_as_log(state: WindowState) -> tuple[Floats, Floats, Ints]:
     """A (window, p), f (window,) and the end (1,) of a log that is the window."""
     A = np.ascontiguousarray(state.z[:-1].T)
     return A, state.z[-1].copy(), np.array([state.z.shape[1] - 1])
 
 
-def _estimate(
+def _make_window_estimate(
     state: WindowState, theta: Floats, G: Floats, mean: int, squares: Floats | None = None
 ) -> Estimate:
     """One window's estimate: θ (p, 1), G packed (entries, 1) for AᵀA, squares (1,) for RSS."""
@@ -180,7 +180,7 @@ def estimate_stds(G: Floats, p: int, rss: Floats, samples: int, mean: int) -> Fl
 
 @dataclass(frozen=True, slots=True)
 class WindowHistory:
-    """What a recursive estimator keeps of the samples it was fed.
+    """Samples that a recursive estimator has to remember.
 
     Attributes:
         products: (lanes,) packed, discounted products of the columns of [A f].
@@ -197,7 +197,7 @@ def _feed_newest(
     state: WindowState, past: WindowHistory, newest: int, forgetting: float
 ) -> WindowHistory:
     """Feed the newest samples of the window."""
-    A, f, _ = _as_log(state)
+    A, f, _ = _window_as_log(state)
     fed = np.arange(f.size - newest, f.size)
     products, squares = past.products.copy(), past.squares.copy()
     feed_products(A, f, fed, forgetting, products)
@@ -247,7 +247,7 @@ def _exponential_rls(
     p = len(state.z) - 1
     entries = len(state.products)
     if past is None:
-        A, f, _ = _as_log(state)
+        A, f, _ = _window_as_log(state)
         begin = recursion.start(A, f, options)
         R, G = np.diag(1.0 / np.diagonal(begin.P)), unpack(state.products[:, 0], p + 1, p)
         squares = np.zeros((p + 1, p + 1))
@@ -269,7 +269,7 @@ def _exponential_rls(
 def _directional_rls(
     state: WindowState, past: RlsState | None, newest: int, mean: int, options: RlsOptions
 ) -> tuple[RlsState, Estimate]:
-    A, f, _ = _as_log(state)
+    A, f, _ = _window_as_log(state)
     if past is None:
         past = recursion.start(A, f, options)
         p = past.theta.size
@@ -292,7 +292,7 @@ def rtls(
     """Recursive total least squares; arguments as for `rls`."""
     p, entries = len(state.z) - 1, len(state.products)
     if past is None:
-        A, f, _ = _as_log(state)
+        A, f, _ = _window_as_log(state)
         begin = total_recursion.start(A, f, options)
         products = unpack_lanes(pack(total_recursion.unscale_gram(begin, options)))
         past = WindowHistory(products, unpack_lanes(state.products[:, 0]), begin.weight)

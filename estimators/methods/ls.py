@@ -52,7 +52,7 @@ def fit(
 
 
 class Windows(NamedTuple):
-    """What the solved windows keep, a row a window.
+    """Solutions of windows, a row a window.
 
     Attributes:
         theta: (rows, p) estimates.
@@ -136,7 +136,7 @@ def _normal_residual(A: Floats, f: Floats, window: int, index: Ints, theta: Floa
 
 
 class WindowStatistics(NamedTuple):
-    """What the gate asks of each window, (rows,) each.
+    """Statistics of each window that the gate decides by, (rows,) each.
 
     Attributes:
         rho: correlation of the first column and the force.
@@ -193,7 +193,7 @@ def predict_statistics(
     substitute(solved.L, solved.inverse, unit)
     variance = solved.rss / max(window - p, 1)
     partial, share = np.empty(variance.size), np.zeros(variance.size)
-    _with_noise(
+    _raise_variances_by_noise(
         solved.theta,
         unit,
         np.zeros((p + 1, p + 1)) if noise is None else noise,
@@ -206,7 +206,7 @@ def predict_statistics(
 
 
 @compiled_ahead
-def _with_noise(
+def _raise_variances_by_noise(
     theta: Floats,
     unit: Floats,
     noise: Floats,
@@ -266,10 +266,10 @@ def trace(
     index = window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
-    return trace_windows(A, f, window, index, solve_windows(A, f, window, index))
+    return estimate_window_stds(A, f, window, index, solve_windows(A, f, window, index))
 
 
-def trace_windows(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
+def estimate_window_stds(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
     """Give solved windows their deviations, from the residuals' autocorrelation over the log."""
     theta, grams, rss, condition = solved
     residual, owner = window_residuals(A, f, theta, index, window)

@@ -20,7 +20,7 @@ from estimators.numerics.small_systems import condition_numbers, packed_index, u
 
 @dataclass(frozen=True, slots=True)
 class PooledOptions:
-    """What is known of the regressor's own noise.
+    """Known noise of the regressor.
 
     Attributes:
         noise: (p + 1, p + 1) covariance of the noise in a row of [A f], whose pull towards zero is

@@ -156,7 +156,7 @@ def _solve_discounted(
         theta[of_rows] = np.take(solved.theta, at_rows, axis=1).T
         rms[of_rows] = np.sqrt(solved.rss[at_rows] / weight[at_rows])
         condition[of_rows] = condition_numbers(np.take(sums, at_rows, axis=1), p + 1, p)
-    correlation, variance = _autocorrelation(A, f, window, index)
+    correlation, variance = _estimate_window_autocorrelation(A, f, window, index)
     # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
     R = np.diag(1.0 / np.diagonal(begin.P))
     as_fed: Floats = np.ascontiguousarray(A[first] @ (np.linalg.pinv(gram) @ R))
@@ -164,8 +164,10 @@ def _solve_discounted(
     return Trace(index, theta, std * np.sqrt(variance), rms, condition, correlation)
 
 
-def _autocorrelation(A: Floats, f: Floats, window: int, index: Ints) -> tuple[Floats, float]:
-    """Of windows fitted by themselves: what the recursion takes out of its own is not known."""
+def _estimate_window_autocorrelation(
+    A: Floats, f: Floats, window: int, index: Ints
+) -> tuple[Floats, float]:
+    """Residual autocorrelation of windows fitted alone; that of the recursion is unknown."""
     least = solve_windows(A, f, window, index).theta
     return pooled_autocorrelation(*window_residuals(A, f, least, index, window), A)
 
@@ -212,7 +214,7 @@ def feed_along_samples(
     theta, rms, P, _ = directional.feed_windows(
         A, f, window, index, forgetting, begin.theta, begin.P, sums
     )
-    correlation, variance = _autocorrelation(A, f, window, index)
+    correlation, variance = _estimate_window_autocorrelation(A, f, window, index)
     gram = A[first].T @ A[first]
     bread: Floats = np.asarray(np.linalg.pinv(gram), np.float64)
     B = meat(A[first], np.zeros(window, np.int64), 0, 0, window - 1, correlation)

@@ -124,7 +124,7 @@ def trace(
         sums = feed_products(A, f, fed[of_chunk], decay, past)
         weight = discounted_counts(sums.shape[1], decay, float(weight[-1]))
         keep(of_rows, sums[:entries, at_rows], weight[at_rows])
-    residual, owner = _residuals(A, f, theta, index, window)
+    residual, owner = _residuals_of_fed_samples(A, f, theta, index, window)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
     correlation, variance = pooled_autocorrelation(residual, owner, None)
     one = np.zeros(window, np.int64)
@@ -140,7 +140,7 @@ def trace(
 
 
 @compiled_ahead
-def _residuals(
+def _residuals_of_fed_samples(
     A: Floats, f: Floats, theta: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:
     """Each fed sample's residual under the state that it led to, and 0; -1 where there is none."""

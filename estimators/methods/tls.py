@@ -100,7 +100,7 @@ def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]
     done = np.zeros(m, np.bool_)
     x = _solve_shifted(C, shifted, roots[0])
     for _ in range(_MOST_STEPS):
-        if _newton(C, x, roots, done):
+        if _step_newton(C, x, roots, done):
             break
         x = _solve_shifted(C, shifted, roots[0])
     return x / scale[:p, None], gram(shifted * units)
@@ -118,7 +118,7 @@ def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
 
 
 @compiled_ahead
-def _newton(C: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
+def _step_newton(C: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
     """One step of λ, low and high (3, m) where it is not `done` (m,); whether all are now.
 
     A step that would be a rounding is not taken, so that x (p, m) is the solution for λ.
@@ -183,4 +183,4 @@ def trace(
     index = window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
-    return ls.trace_windows(A, f, window, index, solve_windows(A, f, window, index, options))
+    return ls.estimate_window_stds(A, f, window, index, solve_windows(A, f, window, index, options))

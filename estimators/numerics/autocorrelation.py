@@ -31,7 +31,9 @@ _FEWEST = 3.0
 
 
 @compiled_ahead
-def _lag_sums(residual: Floats, group: Ints, lags: int, every: int) -> tuple[Floats, Floats]:
+def _sum_lag_products(
+    residual: Floats, group: Ints, lags: int, every: int
+) -> tuple[Floats, Floats]:
     """Σ e_i e_{i+j} and the number of pairs for j < lags, both ends in one group (group >= 0).
 
     Those i count that lie in one of `every` blocks of samples.
@@ -108,7 +110,7 @@ def add_pairs_beyond_hole(
 
 
 def autocovariance_loss(group: Ints, A: Floats | None) -> Floats:
-    """What a fit of A takes out of the autocovariances of its residuals, (lags, lags).
+    """Loss of autocovariance of the residuals caused by fitting A, (lags, lags).
 
     It does not depend on the residuals: whoever asks again for the same fit keeps it.
 
@@ -148,7 +150,7 @@ def pooled_autocorrelation(
     limit, n = len(loss), int((group >= 0).sum())
     if not limit:
         return np.ones(1), float("nan")
-    sums, pairs = _lag_sums(residual, group, limit, max(n // _ENOUGH, 1))
+    sums, pairs = _sum_lag_products(residual, group, limit, max(n // _ENOUGH, 1))
     found, n = sums / np.maximum(pairs, 1.0), int(pairs[0])
     if found[0] <= 0.0:
         return np.ones(1), 0.0
@@ -220,12 +222,12 @@ def window_residuals(
         (n,) residuals f - A θ, and (n,) the row whose window owns each sample, -1 for none.
     """
     residual, owner = np.zeros(f.size), np.full(f.size, -1, np.int64)
-    _residuals(A, f, theta, index, window, residual, owner)
+    _fill_window_residuals(A, f, theta, index, window, residual, owner)
     return residual, owner
 
 
 @compiled_ahead
-def _residuals(
+def _fill_window_residuals(
     A: Floats,
     f: Floats,
     theta: Floats,

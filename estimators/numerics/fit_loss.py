@@ -1,4 +1,4 @@
-"""What a least-squares fit takes out of the autocovariances of its residuals.
+"""Loss of autocovariance of residuals caused by a least-squares fit.
 
 The residuals are e = M u with M = I - QQᵀ, Q an orthonormal basis of the regressor. With u's
 autocovariances r, E Σ_i e_i e_{i+j} = Σ_l r_l tr(D_j M R_l M), R_l with ones at the distances ±l

@@ -15,7 +15,7 @@ from estimators.numerics.small_systems import NOTHING
 
 @dataclass(frozen=True, slots=True)
 class NoiseMoments:
-    """What noise adds to the normal equations, by group in ascending order.
+    """Noise terms of the normal equations, by group in ascending order.
 
     Attributes:
         gram: (groups, p, p) added to AᵀA.
@@ -127,9 +127,9 @@ def scaled_columns(A: Floats, f: Floats, group: Ints) -> tuple[Floats, Floats, F
         The same columns and response, and (p,) what the columns were divided by: 1 for one that
         is 0 throughout but for rounding, which is left to its prior.
     """
-    scale = np.sqrt(_squares(A, group) / max(int((group >= 0).sum()), 1))
+    scale = np.sqrt(_sum_squares(A, group) / max(int((group >= 0).sum()), 1))
     scale = np.where(scale**2 > NOTHING, scale, 1.0)
-    return *_divide_columns(A, f, group, scale), scale
+    return *_divide_columns_by_scale(A, f, group, scale), scale
 
 
 def _sum_squares_by_arrays(A: Floats, group: Ints) -> Floats:
@@ -137,7 +137,7 @@ def _sum_squares_by_arrays(A: Floats, group: Ints) -> Floats:
 
 
 @compiled_beside(_sum_squares_by_arrays)
-def _squares(A: Floats, group: Ints) -> Floats:
+def _sum_squares(A: Floats, group: Ints) -> Floats:
     total = np.zeros(A.shape[1])
     for k in range(A.shape[0]):
         if group[k] >= 0:
@@ -152,7 +152,9 @@ def _divide_by_arrays(A: Floats, f: Floats, group: Ints, scale: Floats) -> tuple
 
 
 @compiled_beside(_divide_by_arrays)
-def _divide_columns(A: Floats, f: Floats, group: Ints, scale: Floats) -> tuple[Floats, Floats]:
+def _divide_columns_by_scale(
+    A: Floats, f: Floats, group: Ints, scale: Floats
+) -> tuple[Floats, Floats]:
     columns, response = np.empty(A.shape), np.empty(f.size)
     for k in range(A.shape[0]):
         used = group[k] >= 0
@@ -208,6 +210,6 @@ class GroupSums:
 
 
 def as_slice(rows: Ints) -> slice | Ints:
-    """The same rows, without a copy of what is taken where they follow one another."""
+    """Rows as a slice where they are consecutive, so that indexing makes no copy."""
     first, last = int(rows[0]), int(rows[-1]) + 1
     return slice(first, last) if last - first == rows.size else rows

@@ -29,15 +29,15 @@ def _dot_by_scipy(x: Floats, y: Floats) -> float:
     return float(cast("Any", ddot)(x, y)) if x.size else 0.0
 
 
-def _sum(x: Floats) -> float:
+def _sum_in_order(x: Floats) -> float:
     return x.sum()
 
 
-def _dot(x: Floats, y: Floats) -> float:
+def _dot_in_order(x: Floats, y: Floats) -> float:
     return float(x @ y)
 
 
-def _primitive(by_library: Callable[..., Any], loop: Callable[..., Any]) -> Any:
+def _make_primitive(by_library: Callable[..., Any], loop: Callable[..., Any]) -> Any:
     def load() -> Any:
         from estimators.compiled import compiled  # imports numba, which is slow
 
@@ -47,6 +47,8 @@ def _primitive(by_library: Callable[..., Any], loop: Callable[..., Any]) -> Any:
 
 
 #: Σ x of a vector
-sum_in_order = cast("Callable[[Floats], float]", _primitive(_sum_by_numpy, _sum))
+sum_in_order = cast("Callable[[Floats], float]", _make_primitive(_sum_by_numpy, _sum_in_order))
 #: Σ x y of two vectors, each without gaps
-multiply_vectors = cast("Callable[[Floats, Floats], float]", _primitive(_dot_by_scipy, _dot))
+multiply_vectors = cast(
+    "Callable[[Floats, Floats], float]", _make_primitive(_dot_by_scipy, _dot_in_order)
+)

@@ -1,4 +1,4 @@
-"""What the recursive estimators share: the samples they are fed, and sums of a discounted past.
+"""Shared by recursive estimators: the samples they are fed, and discounted sums.
 
 Sliding windows share samples, so each sample is fed once, over the union of the accepted windows:
 first the whole first window, then after each accepted window the samples that it adds.
@@ -20,7 +20,7 @@ _AT_ONCE = 512
 
 @compiled_ahead
 def fed_samples(index: Ints, window: int) -> tuple[Ints, Ints]:
-    """What is fed after the first window: (fed,) samples, (rows,) how many each row has seen."""
+    """Samples fed after the first window, (fed,), and how many each row has seen, (rows,)."""
     rows = index.size
     seen = np.zeros(rows, np.int64)
     for row in range(1, rows):

@@ -200,7 +200,7 @@ def pairs_of_blocks(window: int, index: Ints) -> Ints:
 
 @compiled_ahead
 def keep_rows(sums: Floats, index: Ints, row: int, end: int) -> None:
-    """Of the sums of every window from index[row] on, keep those of the rows asked for."""
+    """Keep the sums of the requested rows among those of all windows from index[row] on."""
     if end - row < index[end - 1] - index[row] + 1:
         for lane in range(sums.shape[0]):
             kept = sums[lane]

@@ -177,7 +177,7 @@ def condition_numbers(G: Floats, size: int, p: int) -> Floats:
     for _ in range(_SWEEPS if p > 2 else 1):
         for i in range(p):
             for j in range(i + 1, p):
-                _rotate(N, p, i, j, m)
+                _rotate_by_jacobi(N, p, i, j, m)
     low = N[0].copy()
     high = N[0].copy()
     for i in range(1, p):
@@ -214,7 +214,7 @@ def _rotate_by_arrays(N: Floats, p: int, i: int, j: int, _: int) -> None:
 
 
 @compiled_beside(_rotate_by_arrays)
-def _rotate(N: Floats, p: int, i: int, j: int, m: int) -> None:
+def _rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
     """One rotation of Jacobi that makes entry (i, j) zero."""
     a, b, c = N[packed_index(i, i, p)], N[packed_index(j, j, p)], N[packed_index(i, j, p)]
     sine = np.empty(m)

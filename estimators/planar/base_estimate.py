@@ -39,7 +39,7 @@ class Prior:
 
 @dataclass(frozen=True, slots=True)
 class BaseEstimate:
-    """What a motion tells of p parameters.
+    """Estimate of p parameters, as far as a motion determines them.
 
     Attributes:
         identifiability: what is determined of the parameters that have no prior.

@@ -109,15 +109,15 @@ def fit(
     coefficients = scatter_parameters(fitted.theta, columns, p)
     residual = residuals(A, f, used, coefficients)
     losses = fit_losses(A, columns, segment_id)
-    correlations = _correlations(segment_id, residual, losses)
+    correlations = _autocorrelate_residuals(segment_id, residual, losses)
     if given.size and samples and np.isfinite(fitted.theta).all():
         # a prior is worth as many samples as are independent
         lasting = [max(2.0 * float(each.sum()) - 1.0, 1.0) for each in correlations]
         fitted = system.solve(np.array(lasting))
         coefficients = scatter_parameters(fitted.theta, columns, p)
         residual = residuals(A, f, used, coefficients)
-        correlations = _correlations(segment_id, residual, losses)
-    covariance = _covariance(A, columns, segment_id, correlations, fitted, prior)
+        correlations = _autocorrelate_residuals(segment_id, residual, losses)
+    covariance = _sandwich_covariance(A, columns, segment_id, correlations, fitted, prior)
 
     single = np.append(found.identifiable[found.base], np.ones(given.size, np.bool_))
     here = columns[single]
@@ -178,7 +178,7 @@ class _FittedParameters:
 
 @dataclass(frozen=True, slots=True)
 class _System:
-    """What is solved: triangular factors A (k, s, r), f (k, s), noise, and the priors.
+    """System to solve: triangular factors A (k, s, r), f (k, s), noise, and the priors.
 
     The noise is n·σ² of its sources (k, p), and what each column has of them (k, r, p).
     """
@@ -281,7 +281,7 @@ def rms_of_axes(residual: Floats, samples: int) -> Floats:
 
 
 def fit_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
-    """What the fit takes out of the autocovariances of each axis' residuals."""
+    """Loss of autocovariance of each axis' residuals caused by the fit."""
     k, used = A.shape[1], segment_id >= 0
     if not used.any():
         return [np.zeros((0, 0))] * k
@@ -293,7 +293,9 @@ def fit_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
     return [autocovariance_loss(segment_id, axis) for axis in A[:].transpose(1, 0, 2)[..., share]]
 
 
-def _correlations(segment_id: Ints, residual: Floats, losses: list[Floats]) -> list[Floats]:
+def _autocorrelate_residuals(
+    segment_id: Ints, residual: Floats, losses: list[Floats]
+) -> list[Floats]:
     """(lags,) autocorrelation of the residuals of each axis.
 
     A derivative's noise is correlated otherwise than a sensor's: each axis has its own.
@@ -304,7 +306,7 @@ def _correlations(segment_id: Ints, residual: Floats, losses: list[Floats]) -> l
     ]
 
 
-def _covariance(
+def _sandwich_covariance(
     A: Blocks,
     columns: Ints,
     segment_id: Ints,

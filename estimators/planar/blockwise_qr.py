@@ -59,7 +59,7 @@ def _triangular_factor(rows: Floats) -> Floats:
 
 
 def residuals(A: Blocks, f: Floats, used: Bools, theta: Floats) -> Floats:
-    """What A θ leaves of f, (n, k), zero where not used; θ is (p,)."""
+    """Residuals f - A θ, (n, k), zero where not used; θ is (p,)."""
     out = np.zeros(f.shape)
     for part in sample_blocks(used):
         out[part] = np.where(used[part][:, None], f[part] - A[part] @ theta, 0.0)

@@ -27,7 +27,7 @@ PIVOT_PREFERENCE = 100.0
 
 @dataclass(frozen=True, slots=True)
 class Identifiability:
-    """What a motion determines of p parameters.
+    """Which of p parameters, or combinations of them, a motion determines.
 
     Attributes:
         parameters: (p,) their names.
@@ -52,7 +52,7 @@ class Identifiability:
 
     def combination_texts(self) -> list[str]:
         """The combinations as a person reads them: `mass_kg - 5 first_moment_x_kg_m`."""
-        return [_combination_text(row, self.parameters) for row in self.combinations]
+        return [_format_combination(row, self.parameters) for row in self.combinations]
 
 
 def identify(
@@ -142,7 +142,7 @@ def condition_of_base(R: Floats, base: Ints) -> float:
     return float(singular[0] / singular[-1])
 
 
-def _combination_text(row: Floats, parameters: tuple[str, ...]) -> str:
+def _format_combination(row: Floats, parameters: tuple[str, ...]) -> str:
     """A linear combination, its coefficients to four digits."""
     text = ""
     for i in np.flatnonzero(row):

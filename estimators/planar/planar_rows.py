@@ -152,7 +152,7 @@ class PlanarRegressor:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Of the regressor."""
+        """Shape of the regressor."""
         return self.speed.size, len(ROWS), len(PARAMETERS)
 
     def __getitem__(self, part: slice) -> Floats:
@@ -176,7 +176,7 @@ def column_noise(
     yaw_rate: float,
     yaw_acceleration: float,
 ) -> Floats:
-    """What the channels' noise puts into each column of each row, for `base_parameters.fit`.
+    """Noise of each column of each row by the channels' noise, for `base_parameters.fit`.
 
     Args:
         yaw_rate_rms: r.m.s. of ω itself, in rad/s.

@@ -43,7 +43,7 @@ from recordings.calibration.evidence_document import (
 from recordings.calibration.notary_stretch import check_notary
 from recordings.calibration.recomputation import compare_recomputed
 from recordings.calibration.timestamp import check_timestamp
-from recordings.calibration.write_bundle import predicate_of
+from recordings.calibration.write_bundle import make_statement_predicate
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import (
@@ -84,7 +84,7 @@ def check_bundle(
     Raises:
         EvidenceError: there is no such folder, or it is no bundle at all.
     """
-    checked = _check_alone(folder, key, keyring or Keyring(Path()), authorities)
+    checked = _check_without_earlier(folder, key, keyring or Keyring(Path()), authorities)
     document = checked.document
     if document is not None:
         check_counter(checked, document)
@@ -92,7 +92,7 @@ def check_bundle(
         if previous is not None:
             # a time stamp is asked of the evidence itself; that before it need not have one
             stamped = authorities if (previous / TIMESTAMP).is_file() else ()
-            before = _check_alone(previous, None, keyring or Keyring(Path()), stamped)
+            before = _check_without_earlier(previous, None, keyring or Keyring(Path()), stamped)
             by = before.signed_by
             if key is not None and by.how == "unknown" and by.key_id == key.key_id:
                 before.signed_by = replace(by, how="given")
@@ -100,7 +100,7 @@ def check_bundle(
     return checked
 
 
-def _check_alone(
+def _check_without_earlier(
     folder: Path,
     key: PublicKey | None,
     keyring: Keyring,
@@ -165,13 +165,13 @@ def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, Bundle
     if SUMS in held:
         checked.sums = held_bytes(held, SUMS)
         try:
-            _check_sums(checked, names, held, parse_sums(checked.sums))
+            _check_file_sums(checked, names, held, parse_sums(checked.sums))
         except EvidenceError as fault:
             checked.add(BundleOutcome.TAMPERED, SUMS, fault_without_name(SUMS, fault))
     return held
 
 
-def _check_sums(
+def _check_file_sums(
     checked: CheckedBundle,
     names: list[str],
     held: Mapping[str, BundleFile],
@@ -245,12 +245,12 @@ def check_signature(
     """
     named = document.signer if document is not None else None
     if STATEMENT not in held:
-        _add_unsigned(checked, document, key)
+        _add_unsigned_findings(checked, document, key)
         return
     checked.signed_by = SignedBy("broken")
     try:
         signed = parse_envelope(held_bytes(held, STATEMENT), STATEMENT)
-        stated = None if named is None else PublicKey.of_text(named.public_key)
+        stated = None if named is None else PublicKey.from_text(named.public_key)
     except EvidenceError as fault:
         checked.add(BundleOutcome.TAMPERED, STATEMENT, fault_without_name(STATEMENT, fault))
         return
@@ -268,7 +268,7 @@ def check_signature(
         identify_signer(checked, stated, document, key, keyring)
 
 
-def _add_unsigned(
+def _add_unsigned_findings(
     checked: CheckedBundle, document: EvidenceDocument | None, key: PublicKey | None
 ) -> None:
     """Add the findings of a bundle that has no signed statement."""
@@ -356,5 +356,5 @@ def _check_statement(
             )
         elif found[name] != {"sha256": wanted[name]}:
             checked.add(BundleOutcome.TAMPERED, name, "is not the file that was signed")
-    if document is not None and said.get("predicate") != predicate_of(document):
+    if document is not None and said.get("predicate") != make_statement_predicate(document):
         checked.add(BundleOutcome.TAMPERED, STATEMENT, "is about other evidence than evidence.json")

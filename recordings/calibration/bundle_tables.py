@@ -45,7 +45,7 @@ def write_table(frame: pl.DataFrame) -> bytes:
 
     buffer = io.BytesIO()
     pq.write_table(
-        _to_arrow(frame),
+        _convert_to_plain_arrow(frame),
         buffer,
         compression="none",
         use_dictionary=False,
@@ -132,7 +132,7 @@ def _make_frame(said: dict[str, Any], schema: Schema) -> pl.DataFrame | str:
     return pl.DataFrame(columns, schema=dict(schema))
 
 
-def _to_arrow(frame: pl.DataFrame) -> "pa.Table":
+def _convert_to_plain_arrow(frame: pl.DataFrame) -> "pa.Table":
     """The frame as Arrow of plain types."""
     import pyarrow as pa
 

@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten
+from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten_text
 
 _BOX: Final = (52.0, 22.0, WIDTH - 10.0, 196.0)
 #: Pixels of a figure's height, points of a curve, and pixels of a row, as the report is laid
@@ -17,7 +17,7 @@ _GRID: Final = 41
 _ROW: Final = 18.0
 
 
-def report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> list[Drawing]:
+def draw_report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> list[Drawing]:
     """The figures that this evidence has something to show in."""
     fitted, points = document.calibration, readings_about_mean(document, readings)
     found: list[Drawing] = []
@@ -34,7 +34,7 @@ def calibrated_band(fitted: Calibration) -> list[tuple[float, float, float]]:
     readings = fitted.budget_at[1]
     found: list[tuple[float, float, float]] = []
     for mass_kg in np.linspace(low, high, _GRID).tolist():
-        at = fitted.calibrated(fitted.c0_kg + fitted.c1_1 * mass_kg, None, readings)
+        at = fitted.calibrate_estimate(fitted.c0_kg + fitted.c1_1 * mass_kg, None, readings)
         if at.low_kg is not None and at.high_kg is not None:
             found.append((mass_kg, at.low_kg, at.high_kg))
     return found
@@ -53,13 +53,15 @@ def _draw_line(fitted: Calibration) -> Drawing:
         _HEIGHT,
     )
     masses = [low, high, *(point.calibrated_kg or 0.0 for point in known)]
-    axes = Axes.around([low, high], [*masses, *(e for _, *es in edges for e in es)], _BOX)
+    axes = Axes.from_data([low, high], [*masses, *(e for _, *es in edges for e in es)], _BOX)
     axes.draw(picture, "reference in kg", "calibrated in kg")
     _draw_band(picture, axes, edges)
-    picture.line(*axes.place(low, low), *axes.place(high, high), "ideal")
+    picture.draw_line(*axes.place_in_drawing(low, low), *axes.place_in_drawing(high, high), "ideal")
     for point in known:
         tip = f"{point.run_id}: {point.calibrated_kg:,.1f} kg at {point.reference_kg:,.1f} kg"
-        picture.dot(*axes.place(point.reference_kg, point.calibrated_kg or 0.0), "point", tip)
+        picture.draw_dot(
+            *axes.place_in_drawing(point.reference_kg, point.calibrated_kg or 0.0), "point", tip
+        )
     return picture
 
 
@@ -78,14 +80,16 @@ def _draw_residuals(fitted: Calibration) -> Drawing:
         _HEIGHT,
     )
     heights = [0.0, *(e for _, e, _ in [*errors, *left]), *(e for _, *es in edges for e in es)]
-    axes = Axes.around(list(fitted.range_kg), heights, _BOX)
+    axes = Axes.from_data(list(fitted.range_kg), heights, _BOX)
     axes.draw(picture, "reference in kg", "calibrated less reference in kg")
     _draw_band(picture, axes, edges)
-    picture.line(*axes.place(axes.x[0], 0.0), *axes.place(axes.x[1], 0.0), "ideal")
+    picture.draw_line(
+        *axes.place_in_drawing(axes.x[0], 0.0), *axes.place_in_drawing(axes.x[1], 0.0), "ideal"
+    )
     for point, error_kg, look in [*left, *errors]:
         what = " with its load left out" if look == "left" else ""
         tip = f"{point.run_id}{what}: {error_kg:+,.1f} kg"
-        picture.dot(*axes.place(point.reference_kg, error_kg), look, tip)
+        picture.draw_dot(*axes.place_in_drawing(point.reference_kg, error_kg), look, tip)
     return picture
 
 
@@ -108,9 +112,9 @@ def _budget_bars(fitted: Calibration) -> Drawing:
         y = 12.0 + _ROW * number
         u_kg = fitted.u_kg if row is None else row.u_kg or 0.0
         name = "together" if row is None else row.component
-        picture.write(begin - 6, y + 10, shorten(name, begin - 8), "end")
+        picture.write(begin - 6, y + 10, shorten_text(name, begin - 8), "end")
         look = "left" if row is None else "bar"
-        picture.bar(begin, y, max(room * u_kg / max(largest, fitted.u_kg), 0.5), 12, look)
+        picture.fill_bar(begin, y, max(room * u_kg / max(largest, fitted.u_kg), 0.5), 12, look)
         length = room * u_kg / max(largest, fitted.u_kg)
         picture.write(begin + length + 5, y + 10, f"{u_kg:.2g} kg", "start")
     return picture
@@ -127,22 +131,24 @@ def _draw_points(points: pl.DataFrame) -> Drawing:
         f"{max(map(abs, used), default=0.0):,.1f} kg off.",
         _HEIGHT,
     )
-    axes = Axes.around([0.5, len(runs) + 0.5], [0.0, *points["off_kg"].to_list()], _BOX, 0.05)
+    axes = Axes.from_data([0.5, len(runs) + 0.5], [0.0, *points["off_kg"].to_list()], _BOX, 0.05)
     axes.draw(picture, "run, in the order of the campaign", "reading less mean in kg")
-    picture.line(*axes.place(axes.x[0], 0.0), *axes.place(axes.x[1], 0.0), "ideal")
+    picture.draw_line(
+        *axes.place_in_drawing(axes.x[0], 0.0), *axes.place_in_drawing(axes.x[1], 0.0), "ideal"
+    )
     place = {run: number for number, run in enumerate(runs, start=1)}
     for row in points.iter_rows(named=True):
         tip = f"{row['run_id']}, reading {row['reading']}: {row['off_kg']:+,.1f} kg"
         look = "point" if row["used"] else "rejected"
-        picture.dot(*axes.place(place[row["run_id"]], row["off_kg"]), look, tip)
+        picture.draw_dot(*axes.place_in_drawing(place[row["run_id"]], row["off_kg"]), look, tip)
     return picture
 
 
 def _draw_band(picture: Drawing, axes: Axes, edges: list[tuple[float, float, float]]) -> None:
     if edges:
-        lower = [axes.place(mass, low) for mass, low, _ in edges]
-        upper = [axes.place(mass, high) for mass, _, high in edges]
-        picture.polygon([*lower, *reversed(upper)], "band")
+        lower = [axes.place_in_drawing(mass, low) for mass, low, _ in edges]
+        upper = [axes.place_in_drawing(mass, high) for mass, _, high in edges]
+        picture.fill_polygon([*lower, *reversed(upper)], "band")
 
 
 def readings_about_mean(document: EvidenceDocument, readings: pl.DataFrame) -> pl.DataFrame:

@@ -49,7 +49,7 @@ def calibration_run(
             "recording": log.recording,
         }
         for run in document.campaign.runs
-        if (log := document.log(run.log)) is not None
+        if (log := document.log_by_name(run.log)) is not None
     ]
     resolved = document.weighing.model_dump(mode="json")
     del resolved["settings"]

@@ -16,7 +16,7 @@ import polars as pl
 
 from analysis.calibration.campaign.campaign_subjects import ReferenceMass
 from analysis.calibration.line.calibration import Calibration
-from recordings.calibration.calibration_plots import report_pictures
+from recordings.calibration.calibration_plots import draw_report_pictures
 from recordings.calibration.calibration_text import (
     ESTIMATORS,
     report_paragraphs,
@@ -25,13 +25,13 @@ from recordings.calibration.calibration_text import (
 from recordings.calibration.campaign_faults import runs_without_date
 from recordings.calibration.certificate_text import (
     certificate_rows,
-    not_stated,
+    list_missing_statements,
     range_sentences,
-    warnings_of,
+    traceability_warnings,
     weighings_by_load,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.calibration.learnt_terms_text import learnt_rows
+from recordings.calibration.learnt_terms_text import make_learnt_term_rows
 from recordings.report.svg_shapes import WIDTH
 
 if TYPE_CHECKING:
@@ -52,23 +52,23 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
     return report_template().render(
         e=document,
         fitted=document.calibration,
-        title=title_of(document),
+        title=report_title(document),
         facts=report_facts(document),
         certificate=certificate_rows(document),
-        warnings=warnings_of(document),
-        not_stated=not_stated(document),
+        warnings=traceability_warnings(document),
+        not_stated=list_missing_statements(document),
         weighings=weighings_by_load(document, readings),
         range_sentences=list(range_sentences(document)),
         words=report_paragraphs(document, readings, points),
         unseen=undetectable_faults(document),
-        pictures=report_pictures(document, readings),
+        pictures=draw_report_pictures(document, readings),
         width=WIDTH,
-        points=_point_rows(points),
+        points=_make_point_rows(points),
         rejected=_list_rejected(readings),
-        budget=_budget_rows(document.calibration),
-        learnt=learnt_rows(document.learnt),
-        references=_reference_rows(document),
-        runs=_run_rows(document, readings),
+        budget=_make_budget_rows(document.calibration),
+        learnt=make_learnt_term_rows(document.learnt),
+        references=_make_reference_rows(document),
+        runs=_make_run_rows(document, readings),
         estimator=ESTIMATORS.get(document.estimator.name, document.estimator.name),
     )
 
@@ -106,7 +106,7 @@ def report_pdf(html: str, path: Path) -> str:
     return ""
 
 
-def title_of(document: EvidenceDocument) -> str:
+def report_title(document: EvidenceDocument) -> str:
     """The heading of the report."""
     what = "Calibration" if document.kind == "calibration" else "Check"
     name = document.campaign.campaign.title
@@ -121,8 +121,11 @@ def report_facts(document: EvidenceDocument) -> list[tuple[str, str]]:
         low, high = fitted.range_kg
         at_kg, readings = fitted.budget_at
         found += [
-            ("α", _with_interval(fitted.alpha_1, fitted.alpha_interval_1, "{:.4f}")),
-            ("β", _with_interval(fitted.beta_kg, fitted.beta_interval_kg, "{:,.1f}") + " kg"),
+            ("α", _format_with_interval(fitted.alpha_1, fitted.alpha_interval_1, "{:.4f}")),
+            (
+                "β",
+                _format_with_interval(fitted.beta_kg, fitted.beta_interval_kg, "{:,.1f}") + " kg",
+            ),
             ("valid for", f"{low:,.1f} to {high:,.1f} kg"),
             (
                 "expanded uncertainty",
@@ -150,7 +153,9 @@ def kilograms_text(value: float | None, digits: int = 1) -> str:
     return _NONE if value is None or not math.isfinite(value) else f"{value:,.{digits}f}"
 
 
-def _with_interval(value: float, interval: tuple[float | None, float | None], shape: str) -> str:
+def _format_with_interval(
+    value: float, interval: tuple[float | None, float | None], shape: str
+) -> str:
     low, high = interval
     if low is None or high is None:
         return f"{shape.format(value)} (no bounded interval)"
@@ -162,7 +167,7 @@ def estimate_as_mass(kg: float | None, fitted: Calibration) -> str:
     return "unknown" if kg is None else f"{kilograms_text(kg / abs(fitted.c1_1))} kg"
 
 
-def _point_rows(points: pl.DataFrame) -> list[Mapping[str, Any]]:
+def _make_point_rows(points: pl.DataFrame) -> list[Mapping[str, Any]]:
     return [
         {
             "run": point["run_id"],
@@ -186,7 +191,7 @@ def _list_rejected(readings: pl.DataFrame) -> list[Mapping[str, Any]]:
     ]
 
 
-def _budget_rows(fitted: Calibration | None) -> list[Mapping[str, Any]]:
+def _make_budget_rows(fitted: Calibration | None) -> list[Mapping[str, Any]]:
     if fitted is None:
         return []
     return [
@@ -201,7 +206,7 @@ def _budget_rows(fitted: Calibration | None) -> list[Mapping[str, Any]]:
     ]
 
 
-def _reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
+def _make_reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
     def day(value: dt.date | None) -> str:
         return _NONE if value is None else value.isoformat()
 
@@ -210,7 +215,7 @@ def _reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
             "id": mass.id,
             "value": kilograms_text(mass.value_kg, 3),
             "u": kilograms_text(mass.u_kg, 3),
-            "certificate": _certificate_text(mass),
+            "certificate": _describe_certificate(mass),
             "issuer": mass.certificate_issuer or _NONE,
             "expires": day(mass.expires),
             "shared": f"{mass.source}: {kilograms_text(mass.shared_u_kg, 3)} kg"
@@ -234,7 +239,7 @@ def _reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
     return rows
 
 
-def _certificate_text(mass: ReferenceMass) -> str:
+def _describe_certificate(mass: ReferenceMass) -> str:
     """The certificate of a mass, or who says the mass; of a digital one who signed it."""
     if mass.stated_by:
         return f"stated by the {mass.stated_by}"
@@ -243,7 +248,7 @@ def _certificate_text(mass: ReferenceMass) -> str:
     return f"{mass.certificate or 'none named'}{signed}{digest}"
 
 
-def _run_rows(document: EvidenceDocument, readings: pl.DataFrame) -> list[Mapping[str, Any]]:
+def _make_run_rows(document: EvidenceDocument, readings: pl.DataFrame) -> list[Mapping[str, Any]]:
     counts = {
         row["run_id"]: row
         for row in readings.group_by("run_id")

@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.calibration.campaign.next_load import next_load
+from analysis.calibration.campaign.next_load import rank_next_loads
 from analysis.calibration.line.calibration import Calibration
 from estimators.errors import counted
 from recordings.calibration.campaign_faults import logs_without_machine, runs_without_date
@@ -37,7 +37,8 @@ _UNSEEN: Final = (
     "are genuine.",
     "Whether the machine has changed since: tyres, sensors, bucket, firmware. A check against one "
     "known mass (payscope calibrate --check) shows some of that.",
-    "With the signing key, everything can be made anew: a signature is worth what the keeping of "
+    "Whoever has the signing key can make everything again: a signature is worth what the "
+    "keeping of "
     "its key is.",
 )
 
@@ -49,19 +50,19 @@ def report_paragraphs(
     fitted = document.calibration
     found: list[str] = []
     if fitted is None:
-        found += _without_line(document, readings, points)
+        found += _describe_campaign_without_line(document, readings, points)
     else:
         found += [
-            *_outcome_lines(document),
+            *_describe_outcome(document),
             constant_share_text(fitted),
-            *(f"{_capitalise(said)}." for said in fitted.says),
-            *_learnt_lines(document),
-            *(one_day_lines(document) if document.kind == "calibration" else ()),
+            *(f"{_capitalise_first_letter(said)}." for said in fitted.says),
+            *_describe_learnt_priors(document),
+            *(limits_of_one_day_evidence(document) if document.kind == "calibration" else ()),
             *(_unlike_driving_lines(fitted) if document.kind == "calibration" else ()),
-            *(_advice_lines(fitted) if document.kind == "calibration" else ()),
+            *(_advise_next_load(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
-        found += [*as_found_lines(document), *_notary_lines(document)]
+        found += [*describe_earlier_line(document), *_describe_notary_logs(document)]
     return found
 
 
@@ -85,10 +86,17 @@ def undetectable_faults(document: EvidenceDocument) -> list[str]:
         if undated
         else ()
     )
-    return [_unseen_runs(document), *_UNSEEN, *_unseen_machine(document), *first, *later, *days]
+    return [
+        _describe_unlisted_runs(document),
+        *_UNSEEN,
+        *_unseen_machine(document),
+        *first,
+        *later,
+        *days,
+    ]
 
 
-def _unseen_runs(document: EvidenceDocument) -> str:
+def _describe_unlisted_runs(document: EvidenceDocument) -> str:
     """Which runs may have been left out."""
     stretch = document.campaign.notary
     if stretch is None:
@@ -101,7 +109,7 @@ def _unseen_runs(document: EvidenceDocument) -> str:
     )
 
 
-def _notary_lines(document: EvidenceDocument) -> list[str]:
+def _describe_notary_logs(document: EvidenceDocument) -> list[str]:
     """Which logs of the recorder are in the campaign."""
     stretch = document.campaign.notary
     if stretch is None:
@@ -133,11 +141,11 @@ def _unseen_machine(document: EvidenceDocument) -> Iterator[str]:
         )
 
 
-def _outcome_lines(document: EvidenceDocument) -> list[str]:
+def _describe_outcome(document: EvidenceDocument) -> list[str]:
     """Limits and drift, with their risks."""
     found: list[str] = []
     if document.limits is not None:
-        found.append(f"{_capitalise(document.limits.statement)}. {_NO_CONFORMITY}")
+        found.append(f"{_capitalise_first_letter(document.limits.statement)}. {_NO_CONFORMITY}")
     drift = document.drift
     if drift is not None and drift.drifted is None:
         found.append(f"Whether the machine has drifted cannot be told: {drift.reason}.")
@@ -157,7 +165,7 @@ def _outcome_lines(document: EvidenceDocument) -> list[str]:
     return found
 
 
-def _learnt_lines(document: EvidenceDocument) -> list[str]:
+def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
     """Which priors are the campaign's own."""
     learnt = document.learnt
     if learnt is None:
@@ -169,7 +177,7 @@ def _learnt_lines(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def one_day_lines(document: EvidenceDocument) -> list[str]:
+def limits_of_one_day_evidence(document: EvidenceDocument) -> list[str]:
     """What evidence of one day lacks; that of format 1 does not have the sentence."""
     fitted = document.calibration
     if fitted is None or not fitted.responses or not fitted.is_of_one_day:
@@ -189,13 +197,13 @@ def _unlike_driving_lines(fitted: Calibration) -> list[str]:
     return [
         f"Logs that are driven unlike these runs pay most for the {TERMS[most.term][0]}: its "
         f"uncertainty moved these runs by {abs(most.level_kg):,.1f} kg, and moves others by "
-        f"another amount. {_capitalise(RUNS[most.term])} would tell it better."
+        f"another amount. {_capitalise_first_letter(RUNS[most.term])} would tell it better."
     ]
 
 
-def _advice_lines(fitted: Calibration) -> list[str]:
+def _advise_next_load(fitted: Calibration) -> list[str]:
     """Which load to run next."""
-    best = next_load(fitted)[0]
+    best = rank_next_loads(fitted)[0]
     return [
         f"Next load: of those of this campaign, one more run with '{best.load_id}' on another day "
         f"makes the line surest; half the interval of a later mass would go from "
@@ -225,12 +233,12 @@ def constant_share_text(fitted: Calibration) -> str:
     )
 
 
-def _without_line(
+def _describe_campaign_without_line(
     document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> list[str]:
     loads = sorted({run.load_id for run in document.campaign.runs if not run.excluded})
     found = [f"There is no calibration line: {document.no_fit}."]
-    found += [_offset_text(document, load, readings, points) for load in loads]
+    found += [_describe_offset(document, load, readings, points) for load in loads]
     if len(loads) == 1:
         found.append(
             "One load shows how far the estimate is from one reference, and how it repeats. It "
@@ -242,7 +250,7 @@ def _without_line(
     return found
 
 
-def _offset_text(
+def _describe_offset(
     document: EvidenceDocument, load_id: str, readings: pl.DataFrame, points: pl.DataFrame
 ) -> str:
     """How far the estimate of one load is from its reference."""
@@ -267,7 +275,7 @@ def _offset_text(
     return f"{text}."
 
 
-def as_found_lines(document: EvidenceDocument) -> list[str]:
+def describe_earlier_line(document: EvidenceDocument) -> list[str]:
     """The line before this one, and what it made of these runs."""
     found, link, fitted = document.as_found, document.chain.previous, document.calibration
     if found is None or link is None:
@@ -279,13 +287,13 @@ def as_found_lines(document: EvidenceDocument) -> list[str]:
     )
     return [
         f"As found, the line of evidence number {link.counter} held: α {found.alpha_1:.4f}, β "
-        f"{found.beta_kg:,.1f} kg{error}.{'' if fitted is None else _as_left_text(fitted)}"
+        f"{found.beta_kg:,.1f} kg{error}.{'' if fitted is None else _describe_line_as_left(fitted)}"
     ]
 
 
-def _as_left_text(fitted: Calibration) -> str:
+def _describe_line_as_left(fitted: Calibration) -> str:
     return f" As left: α {fitted.alpha_1:.4f}, β {fitted.beta_kg:,.1f} kg."
 
 
-def _capitalise(text: str) -> str:
+def _capitalise_first_letter(text: str) -> str:
     return text[:1].upper() + text[1:]

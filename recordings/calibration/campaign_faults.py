@@ -86,7 +86,7 @@ def machine_faults(wanted: str, machine: Machine, logs: Sequence[EvidenceLog]) -
     """
     named = machine.machine.id
     if named not in (None, wanted):
-        yield f"the machine file is of machine '{named}', and the campaign of '{wanted}'"
+        yield f"the machine file belongs to machine '{named}', and the campaign of '{wanted}'"
     for log in logs:
         if log.machine_id not in ("", wanted):
             yield (

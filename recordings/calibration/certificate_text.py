@@ -38,15 +38,15 @@ def certificate_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
         *([("received", about.received.isoformat())] if about.received else []),
         ("work done", work),
         ("issued", document.made[:10]),
-        ("authorised by", _person_text(about.authoriser, about.authoriser_function)),
-        ("made by", _person_text(about.author, about.author_function)),
+        ("authorised by", _format_person(about.authoriser, about.authoriser_function)),
+        ("made by", _format_person(about.author, about.author_function)),
         ("deviations from the method", about.deviations or NOT_STATED),
         ("replaces", replaced),
         *conditions_rows(document),
     ]
 
 
-def _person_text(name: str, function: str) -> str:
+def _format_person(name: str, function: str) -> str:
     if not name:
         return NOT_STATED
     return f"{name}, {function or 'function ' + NOT_STATED}"
@@ -62,7 +62,7 @@ def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
         "fuel": ("fuel", "{}"),
     }
     campaign = document.campaign
-    runs = [campaign.conditions_of(run) for run in campaign.runs]
+    runs = [campaign.conditions_of_run(run) for run in campaign.runs]
     found: list[tuple[str, str]] = []
     for key, (name, form) in shown.items():
         said = [each[key] for each in runs]
@@ -71,13 +71,13 @@ def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
     return found
 
 
-def warnings_of(document: EvidenceDocument) -> list[str]:
+def traceability_warnings(document: EvidenceDocument) -> list[str]:
     """What a reader must see first: references that are not traceable."""
     untraceable = document.campaign.untraceable_references
     return [f"NOT TRACEABLE: {'; '.join(untraceable)}."] if untraceable else []
 
 
-def not_stated(document: EvidenceDocument) -> list[str]:
+def list_missing_statements(document: EvidenceDocument) -> list[str]:
     """What the campaign file leaves open of what a certificate says."""
     keys = document.campaign.missing_statements
     if not keys:
@@ -88,7 +88,7 @@ def not_stated(document: EvidenceDocument) -> list[str]:
 def weighings_by_load(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> list[Mapping[str, Any]]:
-    """Of each load the number of weighings, their mean error and standard deviation, kg.
+    """Number of weighings of each load, their mean error and standard deviation, in kg.
 
     The limit is that of a single error: categories Y of R 51 and classes of R 134 have none of a
     mean or of a standard deviation (R 51 has those of category X, which checks packages).
@@ -117,13 +117,13 @@ def weighings_by_load(
                 "std_kg": std,
                 "largest_kg": max(errors, key=abs),
                 "limit_kg": limit,
-                "within": "–" if limit is None else _count_within(errors, limit),
+                "within": "–" if limit is None else _count_loads_within_limits(errors, limit),
             }
         )
     return found
 
 
-def _count_within(errors: list[float], limit_kg: float) -> str:
+def _count_loads_within_limits(errors: list[float], limit_kg: float) -> str:
     return f"{sum(abs(error) <= limit_kg for error in errors)} of {len(errors)}"
 
 
@@ -148,9 +148,9 @@ def range_sentences(document: EvidenceDocument) -> Iterator[str]:
     )
     rule = limits.rule
     yield (
-        f"Decision rule: within the limits where a later mass errs beyond them with a probability "
-        f"of at most {rule.risk_1:g}, outside where it errs within them with at most that, else "
-        "undecided (JCGM 106, guarded acceptance by specific risk)."
+        "Decision rule (JCGM 106, guarded acceptance by specific risk): 'within limits' if a later "
+        f"mass exceeds the limits with a probability of at most {rule.risk_1:g}; 'outside limits' "
+        f"if it keeps them with a probability of at most {rule.risk_1:g}; otherwise 'undecided'."
     )
 
 

@@ -50,7 +50,9 @@ def check_chain(
         return
     checked.notes.append(f"the evidence before, number {last.chain.counter}: {before.signed_by}")
     if last.campaign.machine.id != document.campaign.machine.id:
-        checked.add(BundleOutcome.TAMPERED, item, "the evidence before is of another machine")
+        checked.add(
+            BundleOutcome.TAMPERED, item, "the previous evidence belongs to another machine"
+        )
     if chain.counter <= last.chain.counter:
         checked.add(
             BundleOutcome.TAMPERED,
@@ -60,7 +62,7 @@ def check_chain(
         )
     elif link is None:
         checked.add(BundleOutcome.TAMPERED, item, "names no evidence before it, and there is some")
-    elif link.id != last.id or link.sums_sha256 != link_digest(before):
+    elif link.id != last.id or link.sums_sha256 != digest_chain_link(before):
         checked.add(BundleOutcome.TAMPERED, f"{item}.previous", "is other evidence than that given")
     else:
         if creation_time(document) < creation_time(last) - dt.timedelta(seconds=CLOCK_S):
@@ -71,7 +73,7 @@ def check_chain(
             _check_kept(checked, document, last)
 
 
-def link_digest(checked: CheckedBundle) -> str:
+def digest_chain_link(checked: CheckedBundle) -> str:
     """What a link to evidence holds of it."""
     return hashlib.sha256(checked.sums).hexdigest()
 
@@ -85,7 +87,7 @@ def chain_findings(bundles: Sequence[CheckedBundle]) -> tuple[list[BundleFinding
     Returns:
         Gaps, forks and links that do not fit; and who signed which number, a sentence each.
     """
-    by_digest = {link_digest(each): each for each in bundles}
+    by_digest = {digest_chain_link(each): each for each in bundles}
     known = [(each.document, each) for each in by_digest.values() if each.document is not None]
     ordered = sorted(known, key=lambda pair: (pair[0].chain.counter, pair[0].made, pair[0].id))
     found: list[BundleFinding] = []

@@ -27,7 +27,7 @@ _NO_PART_STAGES: Final = ("loads", "planar")
 _WHOLE_FORMATS: Final = tuple(f"payscope-calibration-evidence/{number}" for number in (1, 2, 3))
 
 
-def estimator_of(
+def estimator_with_digest(
     campaign: CalibrationCampaign,
     machine: Machine,
     absent: Container[str] = (),
@@ -43,7 +43,7 @@ def estimator_of(
     """
     own = _restore_defaults(machine) if form in _WHOLE_FORMATS else mass_definition(machine)
     if absent:
-        own = without_names(own, absent, "machine.")
+        own = remove_dotted_names(own, absent, "machine.")
     defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,
@@ -52,7 +52,7 @@ def estimator_of(
 
 
 def mass_definition(machine: Machine) -> dict[str, Any]:
-    """Of a machine, what defines its mass, as plain values."""
+    """The settings of a machine that define its mass, as plain values."""
     values = machine.model_dump(mode="json")
     for name in _NO_PART_BODY:
         values["machine"].pop(name, None)
@@ -62,17 +62,21 @@ def mass_definition(machine: Machine) -> dict[str, Any]:
 
 
 def _restore_defaults(machine: Machine) -> dict[str, Any]:
-    """The same as formats up to 3 have it: time zone and place of the mass count."""
+    """The mass definition of formats up to 3, which includes time zone and place."""
     values = machine.model_dump(mode="json")
     values["machine"].pop("id", None)
     del values["settings"]["loads"]
     return values
 
 
-def without_names(values: Mapping[str, Any], names: Container[str], at: str = "") -> dict[str, Any]:
-    """The same without some names, dotted."""
+def remove_dotted_names(
+    values: Mapping[str, Any], names: Container[str], at: str = ""
+) -> dict[str, Any]:
+    """Remove some dotted names from plain values."""
     return {
-        name: without_names(value, names, f"{at}{name}.") if isinstance(value, dict) else value
+        name: remove_dotted_names(value, names, f"{at}{name}.")
+        if isinstance(value, dict)
+        else value
         for name, value in values.items()
         if f"{at}{name}" not in names
     }
@@ -81,7 +85,7 @@ def without_names(values: Mapping[str, Any], names: Container[str], at: str = ""
 def reference_loads(
     campaign: CalibrationCampaign, machine: Machine
 ) -> tuple[tuple[ReferenceLoad, ...], tuple[tuple[float, ...], ...]]:
-    """The references as they are kept, and their covariance."""
+    """The reference loads as written into the evidence, and their covariance in kg²."""
     known, covariance_kg2 = load_references(campaign, machine.machine)
     loads = tuple(
         ReferenceLoad(load_id=row["load_id"], reference_kg=row["reference_kg"], u_kg=float(v**0.5))

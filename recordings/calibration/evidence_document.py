@@ -18,16 +18,16 @@ from analysis.calibration.campaign.campaign_subjects import Id, Line
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import ErrorLimits
-from analysis.calibration.use.learnt_priors import LearntPriors, with_learnt_priors
+from analysis.calibration.use.learnt_priors import LearntPriors, machine_with_learnt_priors
 from analysis.model.machine import Machine
 from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
 from recordings.calibration.released_defaults import (
-    absent_settings,
     changed_defaults,
+    find_absent_settings,
+    insert_dotted_values,
     released_defaults,
-    with_values,
-    without_values,
+    remove_dotted_values,
 )
 from recordings.signatures.canonical_json import canonical_bytes, parse
 
@@ -221,19 +221,19 @@ class EvidenceDocument(BaseModel):
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
         values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
-        return canonical_bytes(without_values(values, self._put_in))
+        return canonical_bytes(remove_dotted_values(values, self._put_in))
 
     @property
     def settings_at_default(self) -> dict[str, Any]:
         """Settings that came after it was made, and the default that each is taken at: dotted."""
         return {
-            **absent_settings(self.machine, "machine."),
-            **absent_settings(self.campaign, "campaign."),
+            **find_absent_settings(self.machine, "machine."),
+            **find_absent_settings(self.campaign, "campaign."),
             **self._put_in,
         }
 
-    def with_first_defaults(self, values: Mapping[str, Any]) -> "EvidenceDocument":
-        """The same, with settings that came later at the default that they came with.
+    def fill_in_released_defaults(self, values: Mapping[str, Any]) -> "EvidenceDocument":
+        """Fill in settings newer than the evidence at the default they were released with.
 
         Args:
             values: `evidence.json`, that it was read from.
@@ -242,14 +242,14 @@ class EvidenceDocument(BaseModel):
         if not changed:
             return self
         document = EvidenceDocument.model_validate_json(
-            canonical_bytes(with_values(values, changed))
+            canonical_bytes(insert_dotted_values(values, changed))
         )
         document._put_in = changed  # noqa: SLF001  its own
         return document
 
     @property
     def with_all_settings(self) -> "EvidenceDocument":
-        """The same with every setting of this version written down, also those left at default."""
+        """Write down every setting of this version, also those left at default."""
         return EvidenceDocument.model_validate_json(canonical_bytes(self.model_dump(mode="json")))
 
     @property
@@ -266,10 +266,10 @@ class EvidenceDocument(BaseModel):
         return (
             self.machine
             if self.learnt is None
-            else with_learnt_priors(self.machine, self.learnt.terms)
+            else machine_with_learnt_priors(self.machine, self.learnt.terms)
         )
 
-    def log(self, name: str) -> EvidenceLog | None:
+    def log_by_name(self, name: str) -> EvidenceLog | None:
         """The log of that name."""
         return next((each for each in self.logs if each.log == name), None)
 
@@ -297,7 +297,7 @@ def parse_document(data: bytes, what: str) -> EvidenceDocument:
         raise EvidenceError(f"{what}: {where}: {first['msg']}, which its schema refuses") from None
     if document.data != data:
         raise EvidenceError(f"{what}: holds a value in a form that its schema does not have")
-    return document.with_first_defaults(values)
+    return document.fill_in_released_defaults(values)
 
 
 def version_of_maker(values: Any) -> str:

@@ -34,7 +34,7 @@ RUNS: Final[Mapping[LearnableTerm, str]] = {
 }
 
 
-def learnt_rows(learnt: LearntPriors | None) -> list[Mapping[str, Any]]:
+def make_learnt_term_rows(learnt: LearntPriors | None) -> list[Mapping[str, Any]]:
     """A row a term: what it is, mean and its uncertainty, width, in how many logs.
 
     Args:

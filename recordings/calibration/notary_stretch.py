@@ -10,7 +10,7 @@ from recordings.calibration.campaign_faults import CLOCK_S, creation_time, log_b
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
-from recordings.notary.notary_check import CheckedList, check_list, time_of
+from recordings.notary.notary_check import CheckedList, check_list, parse_stamp
 from recordings.notary.notary_list import NotaryEntry, split_lines
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
@@ -94,17 +94,19 @@ def find_unaccounted_logs(
     for entry in entries:
         if not stretch.first <= entry.counter <= stretch.last:
             yield f"number {entry.counter} is not of the numbers that the campaign names"
-        elif entry.counter not in stretch.reasons and not any(_is_of(log, entry) for log in logs):
+        elif entry.counter not in stretch.reasons and not any(
+            _is_entry_of_log(log, entry) for log in logs
+        ):
             yield (
                 f"number {entry.counter}, '{entry.log}' of {entry.begins or 'no known time'}, is "
                 "neither in the campaign nor left out with a reason"
             )
     for log in logs:
-        if not any(_is_of(log, entry) for entry in entries):
+        if not any(_is_entry_of_log(log, entry) for entry in entries):
             yield f"{log.log}: is in no line from number {stretch.first} to {stretch.last}"
 
 
-def _is_of(log: EvidenceLog, entry: NotaryEntry) -> bool:
+def _is_entry_of_log(log: EvidenceLog, entry: NotaryEntry) -> bool:
     """Whether a line is of this log: all files that were read are among its files."""
     return {file.sha256 for file in log.files} <= {file.sha256 for file in entry.files}
 
@@ -116,8 +118,8 @@ def find_contradictions(
     made, machine = creation_time(document), document.campaign.machine.id
     for entry in entries:
         number = entry.counter
-        own = next((log for log in document.logs if _is_of(log, entry)), None)
-        listed = time_of(entry.listed)
+        own = next((log for log in document.logs if _is_entry_of_log(log, entry)), None)
+        listed = parse_stamp(entry.listed)
         assert listed is not None
         said = ""
         if listed > made + _CLOCK:
@@ -136,7 +138,7 @@ def find_contradictions(
 
 def begins_within_entry(log: EvidenceLog, entry: NotaryEntry) -> bool:
     """Whether a log begins within the time that its line has."""
-    begin, first, last = log_begin(log), time_of(entry.begins), time_of(entry.ends)
+    begin, first, last = log_begin(log), parse_stamp(entry.begins), parse_stamp(entry.ends)
     if begin is None or first is None or last is None:
         return begin is None or first is None
     return first - _CLOCK <= begin <= last + _CLOCK
@@ -153,8 +155,8 @@ def list_keeper(
     by = SignedBy("unknown", "", "" if known is None else known.owner, key.key_id, key.text)
     if document.signer is not None and document.signer.key_id == key.key_id:
         checked.notes.append(
-            f"{NOTARY}: is kept with the key that signed this evidence: it proves no more than "
-            "what that key's owner says"
+            f"{NOTARY}: signed with the same key as this evidence, so it is no independent proof "
+            "of when the logs existed"
         )
     if known is None:
         checked.notes.append(
@@ -162,7 +164,7 @@ def list_keeper(
             f"keep it: {by.add_line}"
         )
         return by
-    last = max((time_of(entry.listed) or creation_time(document)) for entry in kept.entries)
+    last = max((parse_stamp(entry.listed) or creation_time(document)) for entry in kept.entries)
     fault = known.distrust_reason(last.date(), checked.proven_day) if kept.entries else ""
     if fault:
         outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE

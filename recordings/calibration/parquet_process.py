@@ -19,7 +19,7 @@ _PLAIN: Final = {"PLAIN", "RLE", "BIT_PACKED"}
 def main() -> None:
     """Read the tables, one after the other."""
     data = sys.stdin.buffer.read()
-    _bound()
+    _bound_memory_and_time()
     found: list[dict[str, Any]] = []
     for asked in json.loads(sys.argv[1]):
         part, data = data[: asked["bytes"]], data[asked["bytes"] :]
@@ -33,7 +33,7 @@ def _read_table(data: bytes, wanted: list[tuple[str, ...]]) -> dict[str, Any]:
 
     try:
         file = pq.ParquetFile(io.BytesIO(data))
-        fault = _fault(file, wanted)
+        fault = _describe_fault(file, wanted)
         if fault:
             return {"fault": fault}
         table = file.read(use_threads=False)
@@ -44,7 +44,7 @@ def _read_table(data: bytes, wanted: list[tuple[str, ...]]) -> dict[str, Any]:
         return {"fault": f"is damaged ({why})"}
 
 
-def _fault(file: Any, wanted: list[tuple[str, ...]]) -> str:
+def _describe_fault(file: Any, wanted: list[tuple[str, ...]]) -> str:
     about = file.metadata
     if about.num_rows > _MOST_ROWS:
         return f"has {about.num_rows} rows, more than {_MOST_ROWS}"
@@ -59,7 +59,7 @@ def _fault(file: Any, wanted: list[tuple[str, ...]]) -> str:
     return ""
 
 
-def _bound() -> None:
+def _bound_memory_and_time() -> None:
     """Memory and time, where the system can bound them."""
     try:
         import resource

@@ -51,13 +51,15 @@ def pdf_fault(folder: Path, sha256: str, html: str) -> tuple[str, str]:
     if isinstance(wanted, str):
         return "", f"the PDF that is made here {wanted}"
     heads = table_heads(html)
-    fault = first_difference(text_of(wanted, heads), text_of(found, heads))
-    if fault and numbers_of(wanted, heads) == numbers_of(found, heads):
+    fault = describe_first_difference(
+        text_without_spaces(wanted, heads), text_without_spaces(found, heads)
+    )
+    if fault and count_numbers(wanted, heads) == count_numbers(found, heads):
         return "", "it is laid out with other fonts or another WeasyPrint; its numbers are the same"
     return fault, ""
 
 
-def text_of(words: Iterable[str], heads: Iterable[str]) -> str:
+def text_without_spaces(words: Iterable[str], heads: Iterable[str]) -> str:
     """Words without the spaces between them, and without what page breaks repeat.
 
     Args:
@@ -70,14 +72,14 @@ def text_of(words: Iterable[str], heads: Iterable[str]) -> str:
     return text
 
 
-def numbers_of(words: Iterable[str], heads: Iterable[str]) -> Counter[str]:
+def count_numbers(words: Iterable[str], heads: Iterable[str]) -> Counter[str]:
     """How often each number is there, in whatever order the pages have them."""
     in_heads = {number for head in heads for number in _NUMBER.findall(head)}
     plain = (word.strip("()[]:;,.%") for word in words)
     return Counter(word for word in plain if _NUMBER.fullmatch(word) and word not in in_heads)
 
 
-def first_difference(wanted: str, found: str) -> str:
+def describe_first_difference(wanted: str, found: str) -> str:
     """The first difference of two texts, in words; "" where there is none."""
     if wanted == found:
         return ""

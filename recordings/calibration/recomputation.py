@@ -12,12 +12,12 @@ from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
     check_known_mass,
     fit_campaign,
-    fit_options,
+    make_calibration_options,
 )
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import learnt_terms
+from analysis.calibration.use.learnt_priors import learn_terms_of_logs
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.calibration.calibration_report import report_html
@@ -28,7 +28,11 @@ from recordings.calibration.campaign_faults import (
     machine_faults,
 )
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
-from recordings.calibration.derived_values import estimator_of, reference_loads, rms_error_kg
+from recordings.calibration.derived_values import (
+    estimator_with_digest,
+    reference_loads,
+    rms_error_kg,
+)
 from recordings.calibration.evidence_document import EvidenceDocument
 
 #: Another processor or library has other last bits.
@@ -68,29 +72,29 @@ def compare_recomputed(
     notes = [_LATER.format(", ".join(named))] if named else []
     found: list[BundleFinding] = []
     steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
-        (EVIDENCE, lambda: compare_files_of_campaign(document)),
+        (EVIDENCE, lambda: check_evidence_against_campaign(document)),
         (READINGS, lambda: check_runs(document, readings)),
         (f"{EVIDENCE}: calibration", lambda: compare_fit(document, readings, points, notes)),
-        (REPORT, lambda: compare_page(document, readings, points, report)),
+        (REPORT, lambda: compare_report_page(document, readings, points, report)),
     )
     for item, step in steps:
-        found += _run_step(item, step)
+        found += _run_check_step(item, step)
     found += compare_verdicts(document)
     return found, notes
 
 
-def _run_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[BundleFinding]:
+def _run_check_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[BundleFinding]:
     """What a step finds; that it cannot be done with these numbers is a finding as well."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return list(step())
     except Exception as fault:  # noqa: BLE001  a stranger chose the numbers
-        what = f"cannot be computed anew ({type(fault).__name__}: {str(fault)[:_LONGEST]})"
+        what = f"cannot be recomputed ({type(fault).__name__}: {str(fault)[:_LONGEST]})"
         return [BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)]
 
 
-def compare_page(
+def compare_report_page(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
@@ -147,7 +151,7 @@ def _irreproducible_finding(place: str, what: str) -> BundleFinding:
     return BundleFinding(BundleOutcome.IRREPRODUCIBLE, f"{EVIDENCE}: {place}", what)
 
 
-def compare_files_of_campaign(document: EvidenceDocument) -> Findings:
+def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
     """What follows from the campaign and machine files."""
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.expires:
@@ -164,7 +168,7 @@ def compare_files_of_campaign(document: EvidenceDocument) -> Findings:
     for fault in machine_faults(campaign.machine.id, machine, document.logs):
         yield _irreproducible_finding("campaign.machine.id", fault)
     yield from compare_learnt_priors(document)
-    if document.estimator != estimator_of(
+    if document.estimator != estimator_with_digest(
         campaign, document.weighing, document.settings_at_default, document.format
     ):
         yield _irreproducible_finding("estimator", "is not that of the settings")
@@ -179,7 +183,7 @@ def compare_files_of_campaign(document: EvidenceDocument) -> Findings:
         yield _irreproducible_finding("reference_covariance_kg2", "does not follow from the masses")
     own = {each.component for each in campaign.method.stated}
     others = tuple(each for each in document.options.stated if each.component not in own)
-    if document.options != fit_options(campaign, others):
+    if document.options != make_calibration_options(campaign, others):
         yield _irreproducible_finding("options", "are not those of the campaign's method")
     for overdue in campaign.overdue_certificates():
         yield BundleFinding(BundleOutcome.INCOMPLETE, f"{EVIDENCE}: campaign.masses", overdue)
@@ -198,13 +202,13 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
         yield _irreproducible_finding("learnt", "is there, and the campaign learns nothing")
     stored, computed = (
         {name: term.model_dump() for name, term in terms.items()}
-        for terms in (learnt.terms, learnt_terms(learnt.logs))
+        for terms in (learnt.terms, learn_terms_of_logs(learnt.logs))
     )
     if not all(near for _, near in find_differences(stored, computed)):
         yield _irreproducible_finding("learnt", "does not follow from what its logs say")
     said = {each.log for each in learnt.logs}
     if document.kind == "calibration" and not said <= set(campaign.logs):
-        yield _irreproducible_finding("learnt", "is of other logs than the campaign's")
+        yield _irreproducible_finding("learnt", "belongs to other logs than the campaign's")
 
 
 def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
@@ -218,7 +222,7 @@ def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
         item = f"{READINGS}: run '{name}', reading {row['reading']}"
         run = runs.get(name)
         if run is None:
-            yield BundleFinding(BundleOutcome.TAMPERED, item, "is of no run of the campaign")
+            yield BundleFinding(BundleOutcome.TAMPERED, item, "belongs to no run of the campaign")
             continue
         for what in _run_faults(row, run, seen[name], weighs.get(run.log, False)):
             yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)
@@ -232,7 +236,7 @@ def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
 def _run_faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool) -> Iterator[str]:
     about = (row["load_id"], row["day"], row["log"])
     if about != (run.load_id, run.day.isoformat(), run.log):
-        yield "is of another load, day or log than its run"
+        yield "belongs to another load, day or log than its run"
     if row["reading"] != number:
         yield f"should be number {number}: one is missing, or they are out of order"
     if row["used"] is None or row["reason"] is None:
@@ -243,7 +247,7 @@ def _run_faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool
             yield "is used and has no mass"
     elif row["start_s"] is None or row["end_s"] is None or not row["start_s"] < row["end_s"]:
         yield "has no stretch of time"
-    elif not run.covers(row["start_s"], row["end_s"]):
+    elif not run.covers_middle_of(row["start_s"], row["end_s"]):
         yield "is not in the stretch of its run"
     if row["used"] and row["reason"]:
         yield "is used, with a reason why not"
@@ -260,13 +264,13 @@ def compare_fit(
     notes: list[str],
 ) -> Findings:
     """The fit, its budget and verdict, and the points."""
-    fitted, drift = _refit_readings(document, readings)
+    fitted, drift = _refit_line_to_readings(document, readings)
     stored = document.calibration
     pairs: tuple[tuple[str, Any, Any], ...] = (
-        ("calibration", _to_json(stored), _to_json(fitted.calibration)),
+        ("calibration", _convert_to_json(stored), _convert_to_json(fitted.calibration)),
         ("no_fit", document.no_fit, fitted.no_fit),
-        ("limits", _to_json(document.limits), _to_json(fitted.limits)),
-        ("drift", _to_json(document.drift), _to_json(drift)),
+        ("limits", _convert_to_json(document.limits), _convert_to_json(fitted.limits)),
+        ("drift", _convert_to_json(document.drift), _convert_to_json(drift)),
     )
     places = [
         each for name, kept, computed in pairs for each in find_differences(kept, computed, name)
@@ -286,10 +290,10 @@ def compare_fit(
         yield BundleFinding(
             BundleOutcome.IRREPRODUCIBLE, POINTS, "does not follow from the readings"
         )
-    yield from compare_as_found(document, fitted.frame)
+    yield from compare_earlier_line(document, fitted.frame)
 
 
-def _refit_readings(
+def _refit_line_to_readings(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> tuple[CampaignFit, DriftCheck | None]:
     """What the readings come to; of a check, under the line that it is a check of."""
@@ -300,7 +304,7 @@ def _refit_readings(
     return fit_campaign(campaign, body, readings, document.options, responses), None
 
 
-def _to_json(value: Any) -> Any:
+def _convert_to_json(value: Any) -> Any:
     """A dataclass as JSON has it."""
     return None if value is None else to_jsonable_python(value)
 
@@ -319,7 +323,7 @@ def compare_verdicts(document: EvidenceDocument) -> Findings:
         yield BundleFinding(BundleOutcome.OUTSIDE, f"{EVIDENCE}: drift", what)
 
 
-def compare_as_found(document: EvidenceDocument, points: pl.DataFrame) -> Findings:
+def compare_earlier_line(document: EvidenceDocument, points: pl.DataFrame) -> Findings:
     """Errors of the line before on these points, which its own α and β give."""
     found = document.as_found
     if found is not None and found.rms_error_kg is not None:

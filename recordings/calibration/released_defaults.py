@@ -66,7 +66,7 @@ def released_defaults() -> Mapping[str, Mapping[str, Any]]:
     return json.loads(text)
 
 
-def first_default(name: str, kept: Mapping[str, Mapping[str, Any]]) -> tuple[bool, Any]:
+def first_released_default(name: str, kept: Mapping[str, Mapping[str, Any]]) -> tuple[bool, Any]:
     """The default that a setting had when it came; evidence from before it is to take that.
 
     Args:
@@ -78,12 +78,12 @@ def first_default(name: str, kept: Mapping[str, Mapping[str, Any]]) -> tuple[boo
     """
     for defaults in kept.values():
         for each, value in defaults.items():
-            if _matches(each, name):
+            if _matches_pattern(each, name):
                 return True, value
     return False, None
 
 
-def _matches(pattern: str, name: str) -> bool:
+def _matches_pattern(pattern: str, name: str) -> bool:
     if _ANY not in pattern:
         return pattern == name
     parts, names = pattern.split("."), name.split(".")
@@ -92,7 +92,7 @@ def _matches(pattern: str, name: str) -> bool:
     )
 
 
-def absent_settings(kept: BaseModel, at: str = "") -> dict[str, Any]:
+def find_absent_settings(kept: BaseModel, at: str = "") -> dict[str, Any]:
     """What came after evidence was made: dotted names, and the value that each has here.
 
     Args:
@@ -119,7 +119,7 @@ def _find_absent(whole: Any, there: Any, at: str) -> Iterator[tuple[str, Any]]:
 def changed_defaults(
     absent: Mapping[str, Any], kept: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """Of settings that came later, those whose default is no longer what it was when they came.
+    """Settings missing in evidence whose default has changed since they were released.
 
     Args:
         absent: as `absent_settings` gives them.
@@ -130,23 +130,26 @@ def changed_defaults(
     """
     found: dict[str, Any] = {}
     for name, default in absent.items():
-        first = _first_default(name, default, kept)
+        first = _first_released_default(name, default, kept)
         if first != default:
             found[name] = first
     return found
 
 
-def _first_default(name: str, default: Any, kept: Mapping[str, Mapping[str, Any]]) -> Any:
+def _first_released_default(name: str, default: Any, kept: Mapping[str, Mapping[str, Any]]) -> Any:
     """The first default of a setting, or of a whole part of them."""
-    known, first = first_default(name, kept)
+    known, first = first_released_default(name, kept)
     if known:
         return first
     if isinstance(default, dict):
-        return {key: _first_default(f"{name}.{key}", value, kept) for key, value in default.items()}
+        return {
+            key: _first_released_default(f"{name}.{key}", value, kept)
+            for key, value in default.items()
+        }
     return default
 
 
-def with_values(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
+def insert_dotted_values(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
     """Plain values with some of them put in, by dotted names."""
     whole: dict[str, Any] = json.loads(json.dumps(values))
     for name, value in changed.items():
@@ -155,7 +158,7 @@ def with_values(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[s
     return whole
 
 
-def without_values(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
+def remove_dotted_values(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
     """The values without some of them, which are there, by dotted names."""
     for name in names:
         inside, last = locate_value(values, name)

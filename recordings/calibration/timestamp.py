@@ -106,7 +106,7 @@ def check_timestamp(
             checked.add(BundleOutcome.INCOMPLETE, TIMESTAMP, what)
         return
     if STATEMENT not in held:
-        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "is of a signature that is not there")
+        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "belongs to a signature that is missing")
         return
     try:
         from rfc3161_client import decode_timestamp_response
@@ -124,9 +124,9 @@ def check_timestamp(
         return
     statement = held_bytes(held, STATEMENT)
     if hashed is None:
-        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "is of a hash that is not SHA-2")
+        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "uses a hash that is not SHA-2")
     elif hashed(statement).digest() != imprint.message:
-        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "is of another signature than this one")
+        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "belongs to another signature than this one")
     elif stamped < creation_time(document) - dt.timedelta(seconds=CLOCK_S):
         what = f"is of {stamped:%F %R} UTC, before the evidence says that it was made"
         checked.add(BundleOutcome.IRREPRODUCIBLE, TIMESTAMP, what)

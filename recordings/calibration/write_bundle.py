@@ -25,7 +25,7 @@ from recordings.calibration.evidence_document import EvidenceDocument, EvidenceT
 from recordings.signatures.signing import SigningKey, make_envelope, make_statement
 
 
-def tables_of(
+def encode_tables(
     readings: pl.DataFrame, points: pl.DataFrame
 ) -> tuple[dict[str, bytes], EvidenceTables]:
     """The tables as they are written, and their digests."""
@@ -52,7 +52,7 @@ def write_bundle(
         document: the evidence.
         readings: frame `readings`.
         points: frame of the points.
-        tables: both, by file name, as `tables_of` gives them.
+        tables: both, by file name, as `encode_tables` gives them.
         key: signs; None leaves the bundle unsigned.
         stretch: of the recorder's list, if the campaign names one.
 
@@ -76,12 +76,12 @@ def write_bundle(
     (folder / SUMS).write_bytes(sums)
     if key is not None:
         digests[SUMS] = hashlib.sha256(sums).hexdigest()
-        payload = make_statement(digests, predicate_of(document))
+        payload = make_statement(digests, make_statement_predicate(document))
         (folder / STATEMENT).write_bytes(make_envelope(payload, key))
     return [remark] if remark else []
 
 
-def predicate_of(document: EvidenceDocument) -> dict[str, object]:
+def make_statement_predicate(document: EvidenceDocument) -> dict[str, object]:
     """What the statement says of the files: which evidence, of which machine, after which."""
     previous = document.chain.previous
     return {

@@ -14,7 +14,7 @@ from analysis.compare.run_alignment import align_times, subtract_run
 from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.report.number_text import markdown_table, number_text, plus_minus
+from recordings.report.number_text import format_number, format_plus_minus, markdown_table
 from recordings.rrd.blueprint import Page, Panel, lay_out_tabs, unix_span_ns
 from recordings.rrd.display_frames import (
     ROOT,
@@ -45,7 +45,7 @@ class _OverlaidRun:
     run: Run
     shown: Mapping[str, pl.DataFrame]
 
-    def columns_of_view(self, view: View) -> tuple[DisplayColumn, ...]:
+    def columns_drawn_in_view(self, view: View) -> tuple[DisplayColumn, ...]:
         return drawn_columns_of_view(view, self.run, self.shown)
 
     def frames_by_place(self) -> dict[str, pl.DataFrame]:
@@ -101,12 +101,12 @@ def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list
             led = view.kind is Kind.LINES and view.name not in _CONTEXT and view in elsewhere
             if led and len(moved) > _FEW:
                 continue
-            over = page_of_both_runs(view, a, b)
+            over = panel_of_both_runs(view, a, b)
             panels.append(over)
             if view.kind is Kind.BANDS:  # the other tabs have the differences of what led to it
                 panels.append(difference_panel(view, less, over))
         elif view.name in _CONTEXT:
-            panels.append(page_of_one_run(view, a))
+            panels.append(panel_of_run_a(view, a))
     pages = [Page("Compared", tuple(filter(None, panels)), (COMPARED,))]
     for tab in rest:
         differ = [
@@ -119,23 +119,24 @@ def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list
             continue
         found: list[Panel | None] = []
         for view in differ:
-            over = page_of_both_runs(view, a, b)
+            over = panel_of_both_runs(view, a, b)
             found += [over, difference_panel(view, less, over)]
         pages.append(Page(tab.name, tuple(filter(None, found))))
     return pages
 
 
-def page_of_one_run(view: View, a: _OverlaidRun) -> Panel | None:
+def panel_of_run_a(view: View, a: _OverlaidRun) -> Panel | None:
     """A view in which both are alike."""
     drawn = tuple(
-        replace(each, frame=entity_under_side(_A, each.frame)) for each in a.columns_of_view(view)
+        replace(each, frame=entity_under_side(_A, each.frame))
+        for each in a.columns_drawn_in_view(view)
     )
     return Panel(view.title, view.kind, drawn, axis_range(view, a.run)) if drawn else None
 
 
 def has_difference(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
     """Whether anything that a view draws is otherwise in B."""
-    mine, theirs = a.columns_of_view(view), b.columns_of_view(view)
+    mine, theirs = a.columns_drawn_in_view(view), b.columns_drawn_in_view(view)
     if [(each.frame, each.column) for each in mine] != [(o.frame, o.column) for o in theirs]:
         return True
     return any(
@@ -145,14 +146,17 @@ def has_difference(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
     )
 
 
-def page_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | None:
+def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | None:
     """Both over each other; lanes of states one below the other."""
-    mine, theirs = a.columns_of_view(view), b.columns_of_view(view)
+    mine, theirs = a.columns_drawn_in_view(view), b.columns_drawn_in_view(view)
     if not (mine or theirs):
         return None
     lone = max(count_named_lines(mine), count_named_lines(theirs)) == 1
     alike = set() if view.kind is Kind.STATES else _shorten_shared_names(mine, theirs, lone=lone)
-    drawn = [*_style_lines(mine, _A, alike, lone=lone), *_style_lines(theirs, _B, alike, lone=lone)]
+    drawn = [
+        *_style_lines_of_run(mine, _A, alike, lone=lone),
+        *_style_lines_of_run(theirs, _B, alike, lone=lone),
+    ]
     title = f"{view.title}: A strong, B pale" if alike and not lone else view.title
     if view.kind is Kind.STATES:
         drawn = sorted(drawn, key=lambda each: each.label)
@@ -178,8 +182,8 @@ def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Pane
     )
     drawn = [
         each
-        for each in less.columns_of_view(plain)
-        if _has_change(less.shown[each.frame][each.column])
+        for each in less.columns_drawn_in_view(plain)
+        if _has_changed_numbers(less.shown[each.frame][each.column])
     ]
     if not drawn:
         return None
@@ -194,7 +198,7 @@ def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Pane
     )
 
 
-def _has_change(numbers: pl.Series) -> bool:
+def _has_changed_numbers(numbers: pl.Series) -> bool:
     return bool((numbers.fill_null(0.0) != 0.0).any())
 
 
@@ -203,7 +207,7 @@ def count_named_lines(drawn: Sequence[DisplayColumn]) -> int:
     return sum(not each.faint and each.column != "threshold" for each in drawn)
 
 
-def _style_lines(
+def _style_lines_of_run(
     drawn: Sequence[DisplayColumn], side: str, alike: set[str], *, lone: bool
 ) -> list[DisplayColumn]:
     """A in the usual colours and wide, so that it shows under B; B in another colour, or paler."""
@@ -212,7 +216,7 @@ def _style_lines(
         colour = each.colour
         if side == _B and colour:
             other = lone and each.column != "threshold"
-            colour = colours.line_colour(1) if other else colours.lighten(colour)
+            colour = colours.line_colour(1) if other else colours.lighten_colour(colour)
         found.append(
             replace(
                 each,
@@ -269,7 +273,7 @@ def _values_table(changes: Iterable[ValueChange]) -> str:
 
 
 def _format_value(value: object) -> str:
-    return number_text(
+    return format_number(
         value if value is None or isinstance(value, bool | int | float) else str(value)
     )
 
@@ -279,10 +283,10 @@ def _estimates_table(changes: tuple[EstimateChange, ...]) -> str:
         (
             each.about,
             each.quantity,
-            plus_minus(each.a, each.a_std),
-            plus_minus(each.b, each.b_std),
-            number_text(each.change),
-            number_text(each.change_in_stds),
+            format_plus_minus(each.a, each.a_std),
+            format_plus_minus(each.b, each.b_std),
+            format_number(each.change),
+            format_number(each.change_in_stds),
         )
         for each in changes[:_MOST]
     ]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import DCC, SI, leaf_text
-from recordings.dcc.dcc_quantity import list_texts, value_and_u_kg, value_count
+from recordings.dcc.dcc_quantity import list_texts, read_value_and_u_kg, value_count
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
@@ -47,7 +47,7 @@ class CertifiedMass:
     issuer: str
 
 
-def certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMass]:
+def read_certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMass]:
     """Read the masses of a certificate.
 
     Args:
@@ -62,7 +62,7 @@ def certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMa
     admin = root.find(f"{{{DCC}}}administrativeData")
     assert admin is not None
     items = admin.findall(f"{{{DCC}}}items/{{{DCC}}}item")
-    named = [(each, _item_names(each)) for each in items]
+    named = [(each, _list_item_names(each)) for each in items]
     wanted = [(each, names) for each, names in named if not item or item in names]
     if not wanted or any(not names for _, names in wanted):
         choices = ", ".join(names[0] for _, names in named if names)[:400] or "none with an id"
@@ -84,8 +84,8 @@ def certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMa
     return found
 
 
-def _item_names(item: "_Element") -> list[str]:
-    """What an item may be called by."""
+def _list_item_names(item: "_Element") -> list[str]:
+    """Names by which an item may be referred to."""
     values = item.findall(f"{{{DCC}}}identifications/{{{DCC}}}identification/{{{DCC}}}value")
     names = [item.get("id"), *(leaf_text(value) for value in values)]
     return [name for name in names if name]
@@ -97,7 +97,7 @@ class _CertificateMasses:
     def __init__(self, root: "_Element", items: Sequence[NamedItem], what: str) -> None:
         self._items = items
         self._what = what
-        self._quantities = list(_quantities(root))
+        self._quantities = list(_iter_quantities(root))
         self._weights: dict[_Element, list[_Element]] = {}
 
     def value_and_u_kg(self, item: "_Element", what: str) -> tuple[float, float]:
@@ -106,18 +106,19 @@ class _CertificateMasses:
             chosen = [
                 (quantity, place)
                 for quantity, refers in self._quantities
-                if kind in quantity_kinds(quantity) and self._may_be_of(item, quantity, refers)
-                for place in self._places(item, quantity, refers)
+                if kind in quantity_kinds(quantity)
+                and self._may_quantity_be_of_item(item, quantity, refers)
+                for place in self._find_places_in_list(item, quantity, refers)
             ]
             if len(chosen) > 1:
                 raise EvidenceError(f"{what}: has {len(chosen)} quantities of the kind '{kind}'")
             if chosen:
-                return value_and_u_kg(*chosen[0], what)
+                return read_value_and_u_kg(*chosen[0], what)
         kinds = sorted(
             {
                 kind
                 for quantity, refers in self._quantities
-                if self._may_be_of(item, quantity, refers)
+                if self._may_quantity_be_of_item(item, quantity, refers)
                 for kind in quantity_kinds(quantity)
             }
         )[:_MOST_NAMED]
@@ -126,14 +127,14 @@ class _CertificateMasses:
             f"there {'are ' + ', '.join(kinds) if kinds else 'is none'}"
         )
 
-    def _may_be_of(
+    def _may_quantity_be_of_item(
         self, item: "_Element", quantity: "_Element", refers: Sequence[str] | None
     ) -> bool:
         if refers is not None:
             return item.get("id") in refers
         return len(self._items) == 1 or quantity.find(f"{{{SI}}}realListXMLList") is not None
 
-    def _places(
+    def _find_places_in_list(
         self, item: "_Element", quantity: "_Element", refers: Sequence[str] | None
     ) -> list[int | None]:
         """Where in the quantity's list the item is; None of one value that is the item's."""
@@ -153,7 +154,7 @@ def quantity_kinds(quantity: "_Element") -> list[str]:
     return [name.rpartition("_")[2] for name in quantity.get("refType", "").split()]
 
 
-def _quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] | None]]:
+def _iter_quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] | None]]:
     """The quantities of results, with the ids of what each is of; None where none is named."""
     results = root.find(f"{{{DCC}}}measurementResults")
     assert results is not None
@@ -187,7 +188,7 @@ def weights_of_list(
     ]
     by_name: list[_Element] | None = None
     for texts in _name_lists(quantity, what):
-        found = _named_items(texts, scope, count, what)
+        found = _find_named_items(texts, scope, count, what)
         if found is not None and by_name is not None and found != by_name:
             raise EvidenceError(f"{what}: two lists of names beside a list of masses disagree")
         by_name = found or by_name
@@ -223,7 +224,7 @@ def _name_lists(quantity: "_Element", what: str) -> Iterator[list[str]]:
             yield (leaf_text(content) or "").split()
 
 
-def _named_items(
+def _find_named_items(
     texts: Sequence[str], scope: Sequence[NamedItem], count: int, what: str
 ) -> list["_Element"] | None:
     """The items that a list of texts names; None where it names none, as a list of classes."""

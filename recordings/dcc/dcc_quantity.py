@@ -51,7 +51,7 @@ class DsiValue:
         """Name of an element, which in lists has an ending."""
         return f"{name}XMLList" if self.count else name
 
-    def texts(self, inside: "_Element", name: str, what: str) -> list[str]:
+    def entry_texts(self, inside: "_Element", name: str, what: str) -> list[str]:
         """What an element has: one text, or in lists one for all entries or one for each.
 
         Raises:
@@ -67,9 +67,9 @@ class DsiValue:
             )
         return texts
 
-    def number(self, inside: "_Element", name: str, what: str) -> float:
+    def entry_number(self, inside: "_Element", name: str, what: str) -> float:
         """The entry's own number. All numbers of a list have to be numbers."""
-        texts = self.texts(inside, name, what)
+        texts = self.entry_texts(inside, name, what)
         numbers = [_parse_number(text, self.element_name(name), what) for text in texts]
         return numbers[self.place if len(numbers) > 1 else 0]
 
@@ -92,7 +92,7 @@ def value_count(quantity: "_Element", what: str) -> int | None:
     return count
 
 
-def value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> tuple[float, float]:
+def read_value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> tuple[float, float]:
     """Value and standard uncertainty of a mass.
 
     Args:
@@ -108,14 +108,14 @@ def value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> tuple[
     element = quantity.find(f"{{{SI}}}{name}")
     assert element is not None
     value = DsiValue(element, place or 0, count or 0)
-    units = value.texts(element, "unit", what)
+    units = value.entry_texts(element, "unit", what)
     strange = next((unit for unit in units if unit not in _UNITS_KG), None)
     if strange is not None:
         raise EvidenceError(
             f"{what}: its mass has the unit '{strange[:40]}'; use one of {', '.join(_UNITS_KG)}"
         )
     unit_kg = _UNITS_KG[units[value.place if len(units) > 1 else 0]]
-    value_kg = value.number(element, "value", what) * unit_kg
+    value_kg = value.entry_number(element, "value", what) * unit_kg
     u_kg = _standard_u(value, what, several_units=len(set(units)) > 1) * unit_kg
     if not 0.0 < value_kg <= _MOST_KG:
         raise EvidenceError(f"{what}: {value_kg:g} kg is no mass of a weight")
@@ -133,19 +133,19 @@ def _standard_u(value: DsiValue, what: str, *, several_units: bool) -> float:
     if len(expanded) + len(interval) != 1:
         raise EvidenceError(f"{what}: has {len(expanded) + len(interval)} uncertainties, not one")
     inside, name = (interval[0], "standardUnc") if interval else (expanded[0], "uncertainty")
-    if several_units and len(value.texts(inside, name, what)) == 1:
+    if several_units and len(value.entry_texts(inside, name, what)) == 1:
         raise EvidenceError(f"{what}: has one uncertainty for values in several units")
     if interval:
-        return value.number(inside, name, what)
-    k = value.number(inside, "coverageFactor", what)
+        return value.entry_number(inside, name, what)
+    k = value.entry_number(inside, "coverageFactor", what)
     if not 1.0 <= k <= _MOST_K:
         raise EvidenceError(f"{what}: {k:g} is not a coverage factor")
-    p = value.number(inside, "coverageProbability", what)
+    p = value.entry_number(inside, "coverageProbability", what)
     if not 0.5 <= p < 1.0:
         raise EvidenceError(
             f"{what}: {p:g} is not a coverage probability of an expanded uncertainty"
         )
-    return value.number(inside, name, what) / k
+    return value.entry_number(inside, name, what) / k
 
 
 def required_text(inside: "_Element", name: str, what: str) -> str:

@@ -43,7 +43,7 @@ class SignedDcc:
     root: "_Element"
     key_id: str
 
-    def signature(self, trusted: Collection[str]) -> str:
+    def describe_signature(self, trusted: Collection[str]) -> str:
         """In words, who signed.
 
         Args:
@@ -75,7 +75,10 @@ def check_signature(root: "_Element", what: str) -> SignedDcc:
     if not found:
         return SignedDcc(root, "")
     if len(found) > 1:
-        raise EvidenceError(f"{what}: has {len(found)} signatures; only one of the whole is read")
+        raise EvidenceError(
+            f"{what}: has {len(found)} signatures; only certificates with a single signature over "
+            "the whole document are supported"
+        )
     if found[0].getparent() is not root:
         raise EvidenceError(f"{what}: its signature is not a child of the certificate itself")
     references = list(found[0].iter(f"{{{DS}}}Reference"))

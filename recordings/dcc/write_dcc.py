@@ -8,7 +8,11 @@ from analysis.calibration.campaign.campaign_subjects import Organisation
 from analysis.calibration.use.error_limits import OUTSIDE, WITHIN
 from estimators.errors import EvidenceError
 from recordings.calibration.calibration_text import ESTIMATORS
-from recordings.calibration.certificate_text import issue_day, range_sentences, warnings_of
+from recordings.calibration.certificate_text import (
+    issue_day,
+    range_sentences,
+    traceability_warnings,
+)
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.dcc.dcc_document import DCC, SI, VERSION, refuse_without_libraries
 from recordings.dcc.dcc_quantity import add_real
@@ -46,7 +50,7 @@ def refuse_incomplete(campaign: CalibrationCampaign, source: object) -> None:
         raise EvidenceError(f"{source}: a DCC needs {keys}; state them in the campaign")
 
 
-def dcc_of(document: EvidenceDocument, sums_sha256: str) -> "_Element":
+def make_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element":
     """The certificate of a calibration, unsigned.
 
     Args:
@@ -66,12 +70,14 @@ def dcc_of(document: EvidenceDocument, sums_sha256: str) -> "_Element":
         {"schemaVersion": VERSION},
         nsmap={"dcc": DCC, "si": SI},
     )
-    _add_administrative_data(_add(root, "administrativeData"), document, sums_sha256)
-    _add_results(_add(root, "measurementResults"), document)
+    _add_administrative_data(_add_element(root, "administrativeData"), document, sums_sha256)
+    _add_results(_add_element(root, "measurementResults"), document)
     return root
 
 
-def _add(parent: "_Element", name: str, text: str | None = None, **attributes: str) -> "_Element":
+def _add_element(
+    parent: "_Element", name: str, text: str | None = None, **attributes: str
+) -> "_Element":
     from lxml import etree
 
     made = etree.SubElement(parent, f"{{{DCC}}}{name}", attributes)
@@ -80,44 +86,44 @@ def _add(parent: "_Element", name: str, text: str | None = None, **attributes: s
     return made
 
 
-def _add_text(parent: "_Element", name: str, text: str, **attributes: str) -> "_Element":
-    made = _add(parent, name, **attributes)
-    _add(made, "content", text, lang="en")
+def _add_language_text(parent: "_Element", name: str, text: str, **attributes: str) -> "_Element":
+    made = _add_element(parent, name, **attributes)
+    _add_element(made, "content", text, lang="en")
     return made
 
 
 def _add_identification(parent: "_Element", issuer: str, value: str, name: str, ref: str) -> None:
-    made = _add(parent, "identification", refType=ref)
-    _add(made, "issuer", issuer)
-    _add(made, "value", value)
-    _add_text(made, "name", name)
+    made = _add_element(parent, "identification", refType=ref)
+    _add_element(made, "issuer", issuer)
+    _add_element(made, "value", value)
+    _add_language_text(made, "name", name)
 
 
 def _add_contact(parent: "_Element", name: str, said: Organisation) -> None:
-    made = _add(parent, name)
-    _add_text(made, "name", said.name)
+    made = _add_element(parent, name)
+    _add_language_text(made, "name", said.name)
     if said.email:
-        _add(made, "eMail", said.email)
-    place = _add(made, "location")
-    _add(place, "city", said.city)
-    _add(place, "countryCode", said.country)
-    _add(place, "street", said.address)
+        _add_element(made, "eMail", said.email)
+    place = _add_element(made, "location")
+    _add_element(place, "city", said.city)
+    _add_element(place, "countryCode", said.country)
+    _add_element(place, "street", said.address)
 
 
 def _add_hash(parent: "_Element", name: str, about: tuple[str, str, str]) -> None:
     referral, referral_id, digest = about
-    made = _add(parent, name)
-    _add_text(made, "referral", referral)
-    _add(made, "referralID", referral_id)
-    _add(made, "procedure", _SHA256)
-    _add(made, "value", digest)
+    made = _add_element(parent, name)
+    _add_language_text(made, "referral", referral)
+    _add_element(made, "referralID", referral_id)
+    _add_element(made, "procedure", _SHA256)
+    _add_element(made, "value", digest)
 
 
 def _add_software(parent: "_Element", document: EvidenceDocument) -> None:
-    made = _add(parent, "software")
-    _add_text(made, "name", "payscope")
-    _add(made, "release", f"v{document.software.payscope}")
-    _add(made, "type", "application")
+    made = _add_element(parent, "software")
+    _add_language_text(made, "name", "payscope")
+    _add_element(made, "release", f"v{document.software.payscope}")
+    _add_element(made, "type", "application")
 
 
 def _add_ref_types(parent: "_Element", document: EvidenceDocument) -> None:
@@ -131,12 +137,12 @@ def _add_ref_types(parent: "_Element", document: EvidenceDocument) -> None:
             f"v{document.software.payscope}",
         ),
     ):
-        made = _add(parent, "refTypeDefinition")
-        _add_text(made, "name", name)
-        _add(made, "namespace", namespace)
-        _add(made, "link", link)
+        made = _add_element(parent, "refTypeDefinition")
+        _add_language_text(made, "name", name)
+        _add_element(made, "namespace", namespace)
+        _add_element(made, "link", link)
         if release:
-            _add(made, "release", release)
+            _add_element(made, "release", release)
 
 
 def _add_administrative_data(
@@ -146,112 +152,114 @@ def _add_administrative_data(
     about, machine, laboratory = campaign.campaign, campaign.machine, campaign.laboratory
     assert laboratory is not None
     assert campaign.customer is not None
-    _add_software(_add(admin, "dccSoftware"), document)
-    _add_ref_types(_add(admin, "refTypeDefinitions"), document)
-    core = _add(admin, "coreData")
-    _add(core, "countryCodeISO3166_1", laboratory.country)
-    _add(core, "usedLangCodeISO639_1", "en")
-    _add(core, "mandatoryLangCodeISO639_1", "en")
-    _add(core, "uniqueIdentifier", document.id)
+    _add_software(_add_element(admin, "dccSoftware"), document)
+    _add_ref_types(_add_element(admin, "refTypeDefinitions"), document)
+    core = _add_element(admin, "coreData")
+    _add_element(core, "countryCodeISO3166_1", laboratory.country)
+    _add_element(core, "usedLangCodeISO639_1", "en")
+    _add_element(core, "mandatoryLangCodeISO639_1", "en")
+    _add_element(core, "uniqueIdentifier", document.id)
     _add_identification(
-        _add(core, "identifications"),
+        _add_element(core, "identifications"),
         "calibrationLaboratory",
         sums_sha256,
         "SHA-256 of SHA256SUMS of the evidence",
         "payscope_documentIdentification",
     )
     if about.received:
-        _add(core, "receiptDate", about.received.isoformat())
+        _add_element(core, "receiptDate", about.received.isoformat())
     days = [run.day for run in campaign.runs]
-    _add(core, "beginPerformanceDate", min(days).isoformat())
-    _add(core, "endPerformanceDate", max(days).isoformat())
-    _add(core, "performanceLocation", about.place_kind)
-    _add(core, "issueDate", issue_day(document).isoformat())
+    _add_element(core, "beginPerformanceDate", min(days).isoformat())
+    _add_element(core, "endPerformanceDate", max(days).isoformat())
+    _add_element(core, "performanceLocation", about.place_kind)
+    _add_element(core, "issueDate", issue_day(document).isoformat())
     if about.replaces:
-        changed = _add(core, "reportAmendedSubstituted")
-        _add(changed, "typeOfChange", "substituted")
-        _add(changed, "replacedUniqueIdentifier", about.replaces)
+        changed = _add_element(core, "reportAmendedSubstituted")
+        _add_element(changed, "typeOfChange", "substituted")
+        _add_element(changed, "replacedUniqueIdentifier", about.replaces)
     before = document.chain.previous
     if before is not None:
         what = "SHA256SUMS of the evidence of this machine before this one"
         _add_hash(core, "previousReport", (what, before.id, before.sums_sha256))
-    item = _add(_add(admin, "items"), "item", id="machine")
-    _add_text(item, "name", document.machine.machine.name)
-    _add_text(item, "description", f"Condition: {machine.condition}")
-    _add_text(_add(item, "manufacturer"), "name", machine.make)
-    _add(item, "model", machine.model)
-    identified = _add(item, "identifications")
+    item = _add_element(_add_element(admin, "items"), "item", id="machine")
+    _add_language_text(item, "name", document.machine.machine.name)
+    _add_language_text(item, "description", f"Condition: {machine.condition}")
+    _add_language_text(_add_element(item, "manufacturer"), "name", machine.make)
+    _add_element(item, "model", machine.model)
+    identified = _add_element(item, "identifications")
     _add_identification(
         identified, "manufacturer", machine.id, "Serial number", "basic_serialNumber"
     )
     for part, value in machine.parts.items():
         if part.strip() and value.strip():
             _add_identification(identified, "other", value, part, "payscope_partIdentification")
-    _add_contact(_add(admin, "calibrationLaboratory"), "contact", laboratory)
-    people = _add(admin, "respPersons")
+    _add_contact(_add_element(admin, "calibrationLaboratory"), "contact", laboratory)
+    people = _add_element(admin, "respPersons")
     for name, role, signs in (
         (about.authoriser, about.authoriser_function, "true"),
         (about.author, about.author_function, "false"),
     ):
-        person = _add(people, "respPerson")
-        _add_text(_add(person, "person"), "name", name)
+        person = _add_element(people, "respPerson")
+        _add_language_text(_add_element(person, "person"), "name", name)
         if role:
-            _add(person, "role", role)
-        _add(person, "mainSigner", signs)
+            _add_element(person, "role", role)
+        _add_element(person, "mainSigner", signs)
     _add_contact(admin, "customer", campaign.customer)
-    _add_statements(_add(admin, "statements"), document)
+    _add_statements(_add_element(admin, "statements"), document)
 
 
 def _add_statements(parent: "_Element", document: EvidenceDocument) -> None:
     about, limits = document.campaign.campaign, document.limits
     said = [("Scope", document.notice), ("Intended use", about.intended_use)]
     said += [("Place of the work", about.place), ("Deviations from the method", about.deviations)]
-    said += [("Warning", text) for text in warnings_of(document)]
+    said += [("Warning", text) for text in traceability_warnings(document)]
     said += [("Range and decision rule", text) for text in range_sentences(document)]
     if about.replaces_reason:
         said.append(("Reason of the replacement", about.replaces_reason))
     for name, text in said:
-        made = _add(parent, "statement")
-        _add_text(made, "name", name)
-        _add_text(made, "declaration", text)
+        made = _add_element(parent, "statement")
+        _add_language_text(made, "name", name)
+        _add_language_text(made, "declaration", text)
     if limits is not None:
-        made = _add(parent, "statement", refType="basic_conformity")
-        _add_text(made, "name", "Error limits")
-        _add(made, "reference", limits.rule.accuracy_class)
-        _add_text(made, "declaration", limits.statement)
+        made = _add_element(parent, "statement", refType="basic_conformity")
+        _add_language_text(made, "name", "Error limits")
+        _add_element(made, "reference", limits.rule.accuracy_class)
+        _add_language_text(made, "declaration", limits.statement)
         if limits.verdict in (WITHIN, OUTSIDE):
-            _add(made, "conformity", "pass" if limits.verdict == WITHIN else "fail")
+            _add_element(made, "conformity", "pass" if limits.verdict == WITHIN else "fail")
 
 
 def _add_results(parent: "_Element", document: EvidenceDocument) -> None:
     fitted = document.calibration
     assert fitted is not None
-    result = _add(parent, "measurementResult", refId="machine")
-    _add_text(result, "name", "Calibration of the mass that the machine's logs give")
-    _add_text(
+    result = _add_element(parent, "measurementResult", refId="machine")
+    _add_language_text(result, "name", "Calibration of the mass that the machine's logs give")
+    _add_language_text(
         result,
         "description",
         f"{ESTIMATORS.get(document.estimator.name, document.estimator.name)}; its definition has "
         f"the SHA-256 {document.estimator.definition_sha256}",
     )
-    methods = _add(result, "usedMethods")
+    methods = _add_element(result, "usedMethods")
     for name, norm, ref in _METHODS:
-        method = _add(methods, "usedMethod", refType=ref)
-        _add_text(method, "name", name)
-        _add(method, "norm", norm)
-    _add_software(_add(result, "usedSoftware"), document)
-    _add_equipment(_add(result, "measuringEquipments"), document)
-    _add_conditions(_add(result, "influenceConditions"), document)
-    found = _add(result, "results")
-    line_result = _add(found, "result", refType="payscope_calibrationFunction")
-    _add_text(line_result, "name", "Line: calibrated mass = alpha times estimate plus beta")
-    data = _add(line_result, "data")
+        method = _add_element(methods, "usedMethod", refType=ref)
+        _add_language_text(method, "name", name)
+        _add_element(method, "norm", norm)
+    _add_software(_add_element(result, "usedSoftware"), document)
+    _add_equipment(_add_element(result, "measuringEquipments"), document)
+    _add_conditions(_add_element(result, "influenceConditions"), document)
+    found = _add_element(result, "results")
+    line_result = _add_element(found, "result", refType="payscope_calibrationFunction")
+    _add_language_text(
+        line_result, "name", "Line: calibrated mass = alpha times estimate plus beta"
+    )
+    data = _add_element(line_result, "data")
     for name, value, unit, interval in (
         ("alpha", fitted.alpha_1, r"\one", fitted.alpha_interval_1),
         ("beta", fitted.beta_kg, r"\kilogram", fitted.beta_interval_kg),
     ):
-        quantity = _add(data, "quantity", refType="basic_measuredValue")
-        _add_text(quantity, "name", name)
+        quantity = _add_element(data, "quantity", refType="basic_measuredValue")
+        _add_language_text(quantity, "name", name)
         low, high = interval
         if low is None or high is None or not low < value < high:
             add_real(quantity, value, unit)
@@ -260,10 +268,12 @@ def _add_results(parent: "_Element", document: EvidenceDocument) -> None:
             u = (high - low) / 2.0 / fitted.coverage_k_1
             add_real(quantity, value, unit, interval=(u, low, high, fitted.confidence_1))
     at_kg, readings = fitted.budget_at
-    quantity = _add(data, "quantity", refType="basic_measuredValue")
-    _add_text(quantity, "name", f"Later mass, mean of {readings} readings")
+    quantity = _add_element(data, "quantity", refType="basic_measuredValue")
+    _add_language_text(quantity, "name", f"Later mass, mean of {readings} readings")
     add_mass(quantity, document, at_kg)
-    _add_errors(_add(found, "result", refType="basic_measurementError"), document)
+    _add_errors_of_indication(
+        _add_element(found, "result", refType="basic_measurementError"), document
+    )
 
 
 def add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> None:
@@ -278,29 +288,29 @@ def add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -
     add_real(quantity, mass_kg, r"\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
 
 
-def _add_errors(result: "_Element", document: EvidenceDocument) -> None:
+def _add_errors_of_indication(result: "_Element", document: EvidenceDocument) -> None:
     """Reference, calibrated mass and error of each run."""
     fitted = document.calibration
     assert fitted is not None
     references = {each.load_id: each for each in document.references}
-    _add_text(result, "name", "Errors of the runs")
-    data = _add(result, "data")
+    _add_language_text(result, "name", "Errors of the runs")
+    data = _add_element(result, "data")
     for point in fitted.points:
         if point.error_kg is None:
             continue
         reference = references[point.load_id]
-        row = _add(data, "list")
-        _add_text(row, "name", f"{point.run_id}: {point.load_id}")
-        quantity = _add(row, "quantity", refType="basic_referenceValue")
+        row = _add_element(data, "list")
+        _add_language_text(row, "name", f"{point.run_id}: {point.load_id}")
+        quantity = _add_element(row, "quantity", refType="basic_referenceValue")
         add_real(
             quantity,
             reference.reference_kg,
             r"\kilogram",
             expanded=(2.0 * reference.u_kg, 2.0, 0.954),
         )
-        quantity = _add(row, "quantity", refType="basic_measuredValue")
+        quantity = _add_element(row, "quantity", refType="basic_measuredValue")
         add_mass(quantity, document, reference.reference_kg + point.error_kg)
-        quantity = _add(row, "quantity", refType="basic_measurementError")
+        quantity = _add_element(row, "quantity", refType="basic_measurementError")
         add_real(quantity, point.error_kg, r"\kilogram")
 
 
@@ -309,14 +319,14 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
     campaign = document.campaign
     machine = document.machine.machine
     for mass in campaign.masses:
-        made = _add(parent, "measuringEquipment", refType="basic_measurementStandard")
-        _add_text(made, "name", f"Reference mass {mass.id}")
+        made = _add_element(parent, "measuringEquipment", refType="basic_measurementStandard")
+        _add_language_text(made, "name", f"Reference mass {mass.id}")
         if mass.stated_by:
-            _add_text(made, "description", f"Stated by the {mass.stated_by}")
+            _add_language_text(made, "description", f"Stated by the {mass.stated_by}")
         elif mass.certificate_sha256:
             about = ("Certificate of the mass", mass.certificate, mass.certificate_sha256)
             _add_hash(made, "certificate", about)
-        identified = _add(made, "identifications")
+        identified = _add_element(made, "identifications")
         _add_identification(
             identified, "calibrationLaboratory", mass.id, "Id", "payscope_equipmentIdentification"
         )
@@ -330,11 +340,11 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
             )
         _add_known_mass(made, "Mass", mass.value_kg, mass.u_kg)
     if campaign.method.estimator != "joint_payload" and machine.empty_mass_kg is not None:
-        made = _add(parent, "measuringEquipment", refType="basic_measurementStandard")
-        _add_text(made, "name", "The machine without load")
+        made = _add_element(parent, "measuringEquipment", refType="basic_measurementStandard")
+        _add_language_text(made, "name", "The machine without load")
         if campaign.machine.empty_certificate:
             _add_identification(
-                _add(made, "identifications"),
+                _add_element(made, "identifications"),
                 "other",
                 campaign.machine.empty_certificate,
                 "Certificate",
@@ -344,25 +354,25 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
 
 
 def _add_known_mass(equipment: "_Element", name: str, value_kg: float, u_kg: float) -> None:
-    quantity = _add(
-        _add(equipment, "measuringEquipmentQuantities"),
+    quantity = _add_element(
+        _add_element(equipment, "measuringEquipmentQuantities"),
         "measuringEquipmentQuantity",
         refType="basic_referenceValue",
     )
-    _add_text(quantity, "name", name)
+    _add_language_text(quantity, "name", name)
     add_real(quantity, value_kg, r"\kilogram", expanded=(2.0 * u_kg, 2.0, 0.954))
 
 
 def _add_conditions(parent: "_Element", document: EvidenceDocument) -> None:
     campaign = document.campaign
-    runs = [campaign.conditions_of(run) for run in campaign.runs]
+    runs = [campaign.conditions_of_run(run) for run in campaign.runs]
     for key, ref, unit, name in _CONDITIONS:
         for value in dict.fromkeys(each[key] for each in runs):
-            made = _add(parent, "influenceCondition", refType=ref)
-            _add_text(made, "name", name)
-            data = _add(made, "data")
+            made = _add_element(parent, "influenceCondition", refType=ref)
+            _add_language_text(made, "name", name)
+            data = _add_element(made, "data")
             if unit:
-                quantity = _add(data, "quantity", refType="basic_measuredValue")
+                quantity = _add_element(data, "quantity", refType="basic_measuredValue")
                 add_real(quantity, value, unit)
             else:
-                _add_text(data, "text", value)
+                _add_language_text(data, "text", value)

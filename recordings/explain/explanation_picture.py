@@ -49,8 +49,8 @@ def draw_explanation(run: Run, explained: Explanation) -> "Figure":
     """Draw the picture of `plot_explanation` without writing it."""
     from matplotlib.figure import Figure
 
-    at_s = explained.at_s if explained.at_s is not None else _worst_s(explained, run)
-    near = run if at_s is None else _cut_around(run, at_s)
+    at_s = explained.at_s if explained.at_s is not None else _worst_moment_s(explained, run)
+    near = run if at_s is None else _cut_run_around(run, at_s)
     lines = wrap(verdict_sentence(explained), _LINE)
     for each in (explained.findings or ())[:_FINDINGS]:
         lines += wrap(f"{each.rank}. {finding_line(each)}", _LINE, subsequent_indent="   ")
@@ -65,7 +65,7 @@ def draw_explanation(run: Run, explained: Explanation) -> "Figure":
     draw_force_acceleration(scatter, run if explained.at_s is None else near, explained.at_s)
     left.suptitle("Force against acceleration", x=0.01, ha="left", fontsize=9)
     settles = right.subplots()
-    settling = run if explained.at_s is None else _run_of_load_at(run, explained.at_s)
+    settling = run if explained.at_s is None else _restrict_run_to_load_at(run, explained.at_s)
     draw_convergence(settles, settling, explained.at_s)
     right.suptitle("How the mass settles", x=0.01, ha="left", fontsize=9)
     if at_s is not None:
@@ -76,7 +76,7 @@ def draw_explanation(run: Run, explained: Explanation) -> "Figure":
     return figure
 
 
-def _worst_s(explained: Explanation, run: Run) -> float | None:
+def _worst_moment_s(explained: Explanation, run: Run) -> float | None:
     """Where the first finding is that is somewhere, or the manoeuvre that stands out most.
 
     None, for all of it, where the run is not much longer than what would be drawn.
@@ -92,7 +92,7 @@ def _worst_s(explained: Explanation, run: Run) -> float | None:
     return None
 
 
-def _cut_around(run: Run, at_s: float) -> Run:
+def _cut_run_around(run: Run, at_s: float) -> Run:
     """The samples around a moment; frames without samples whole."""
     begin, end = (round((at_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
     frames = {
@@ -109,7 +109,7 @@ def _rows_between(frame: pl.DataFrame, begin: int, end: int) -> pl.DataFrame:
     return frame.slice(int(first), int(last - first))
 
 
-def _run_of_load_at(run: Run, at_s: float | None) -> Run:
+def _restrict_run_to_load_at(run: Run, at_s: float | None) -> Run:
     """The rows of the load at a moment; the whole run where there is none."""
     loads = run.frames.get("loads")
     if at_s is None or loads is None:

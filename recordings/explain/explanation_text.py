@@ -7,16 +7,17 @@ from analysis.explain import DeterminedParameters, Explanation
 from analysis.explain.worst_manoeuvres import GateStretch, ManoeuvreReport
 from estimators.errors import counted
 from recordings.report.finding_text import (
-    LEADS_TO,
-    change_of,
+    cause_name,
+    consequence_text,
+    finding_span_text,
     indistinguishable_causes,
+    mass_change_text,
     may_change_mass,
-    name_of,
-    proposal_of,
-    span_of,
+    order_by_effect,
+    proposal_text,
 )
-from recordings.report.number_text import number_text, plus_minus
-from recordings.rrd.recording_texts import headline
+from recordings.report.number_text import format_number, format_plus_minus
+from recordings.rrd.recording_texts import answer_headline
 
 _DECIDES: Final = {
     "mi_x_nat": ("index", "nat"),
@@ -35,68 +36,71 @@ _APART: Final = 3.0
 
 def verdict_sentence(explained: Explanation) -> str:
     """The verdict in one sentence: the answer, and the likeliest cause of an error."""
-    said = headline(explained.said).removesuffix(".")
-    here = "" if explained.at_s is None else f"; at {explained.at_s:g} s {_moment_text(explained)}"
+    said = answer_headline(explained.said).removesuffix(".")
+    here = (
+        "" if explained.at_s is None else f"; at {explained.at_s:g} s {_describe_moment(explained)}"
+    )
     found = explained.findings
     if found is None:
         return f"{said}{here}; this recording has no findings: replay the log."
     if not found:
         return f"{said}{here}; none of the known causes of an error was detected."
     if not any(map(may_change_mass, found)):
-        names = ", ".join(name_of(each.cause) for each in found)
+        names = ", ".join(cause_name(each.cause) for each in found)
         return f"{said}{here}; none of the findings is known to affect the mass: {names}."
-    # the list's own order: a sentence that skips would be another order of likelihood
-    first, others = found[0], len(found) - 1
+    first, others = order_by_effect(found)[0], len(found) - 1
     more = f", and {counted(others, 'finding')} more" if others else ""
-    change = change_of(first) or ("" if may_change_mass(first) else "not known to affect the mass")
+    change = mass_change_text(first) or (
+        "" if may_change_mass(first) else "not known to affect the mass"
+    )
     return (
-        f"{said}{here}; likeliest cause of an error: {name_of(first.cause)}"
+        f"{said}{here}; likeliest cause of an error: {cause_name(first.cause)}"
         f"{f' ({change})' if change else ''}{more}."
     )
 
 
-def _moment_text(explained: Explanation) -> str:
+def _describe_moment(explained: Explanation) -> str:
     stretch = next(
         (e for e in explained.gate if e.start_s <= (explained.at_s or 0.0) <= e.end_s), None
     )
     if stretch is None:
         return "there is no window"
-    decided = _decision_text(stretch)
+    decided = _describe_decision(stretch)
     if stretch.reason == "accepted":
         return f"the window is accepted{decided}"
     return f"the gate refuses the window for '{stretch.reason.replace('_', ' ')}'{decided}"
 
 
-def _decision_text(stretch: GateStretch) -> str:
+def _describe_decision(stretch: GateStretch) -> str:
     if stretch.column is None or stretch.value is None:
         return ""
     name, unit = _DECIDES[stretch.column]
-    value = number_text(round(stretch.value, 3))
+    value = format_number(round(stretch.value, 3))
     return f" ({name} {value}, {stretch.limit}{f' {unit}' if unit else ''})"
 
 
-def finding_lines(explained: Explanation) -> Iterator[str]:
-    """Every finding, ranked, with what follows from it."""
-    for each in explained.findings or ():
-        where = ", ".join(filter(None, (each.channel, span_of(each))))
-        yield f"{each.rank}. {name_of(each.cause)}{f' ({where})' if where else ''}: {each.says}"
+def describe_findings(explained: Explanation) -> Iterator[str]:
+    """Every finding with what follows from it, in the order of `order_by_effect`."""
+    for number, each in enumerate(order_by_effect(explained.findings or ()), 1):
+        where = ", ".join(filter(None, (each.channel, finding_span_text(each))))
+        yield f"{number}. {cause_name(each.cause)}{f' ({where})' if where else ''}: {each.says}"
         for line in (
             each.evidence,
-            change_of(each),
-            proposal_of(each),
+            mass_change_text(each),
+            proposal_text(each),
             indistinguishable_causes(each),
-            LEADS_TO[each.severity],
+            consequence_text(each),
         ):
             if line:
                 yield f"   {line}"
 
 
-def gate_lines(explained: Explanation) -> Iterator[str]:
+def describe_gate(explained: Explanation) -> Iterator[str]:
     """The gate's reasons: around the moment in order, else by share."""
     if explained.at_s is not None:
         for each in explained.gate:
             reason = each.reason.replace("_", " ")
-            yield f"{each.start_s:,.2f} to {each.end_s:,.2f} s: {reason}{_decision_text(each)}"
+            yield f"{each.start_s:,.2f} to {each.end_s:,.2f} s: {reason}{_describe_decision(each)}"
         return
     shares = [(name, share) for name, share in explained.shares.items() if share >= 0.005]
     if shares:
@@ -109,7 +113,7 @@ def determined_parameter_lines(found: DeterminedParameters | None) -> Iterator[s
         return
     alone = ", ".join(_PARAMETERS[name] for name in found.alone)
     if alone:
-        yield f"determined by themselves: {alone}"
+        yield f"determined separately: {alone}"
     for text in found.combinations:
         said = text
         for name, words in _PARAMETERS.items():
@@ -130,9 +134,9 @@ def manoeuvre_line(seen: ManoeuvreReport) -> str:
     span = f"{seen.start_s:,.1f} to {seen.end_s:,.1f} s"
     if seen.mass_kg is None:
         return f"{span}: no mass ({seen.reason.replace('_', ' ')})"
-    mass = f"{span}: {plus_minus(seen.mass_kg, seen.mass_std_kg)} kg by itself"
+    mass = f"{span}: {format_plus_minus(seen.mass_kg, seen.mass_std_kg)} kg by itself"
     if seen.load_kg is None or seen.deviations is None:
         return mass
     apart = f"{seen.deviations:+.1f} standard deviations from load {seen.load_id}"
     note = ", worth a look" if abs(seen.deviations) > _APART else ""
-    return f"{mass}, {apart} ({number_text(seen.load_kg)} kg){note}"
+    return f"{mass}, {apart} ({format_number(seen.load_kg)} kg){note}"

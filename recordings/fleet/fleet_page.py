@@ -41,7 +41,7 @@ _DUE_DAYS: Final = 30
 
 @dataclass(frozen=True)
 class FleetPage:
-    """What a page shows.
+    """Contents of a page.
 
     Attributes:
         name: of the fleet.
@@ -75,22 +75,22 @@ def fleet_html(page: FleetPage) -> str:
     machines = sum_results(page.results, ["machine"])
     total = sum_machines(machines)
     flagged = sorted(
-        (chart for chart in page.charts if chart.chart.flagged is not None), key=_by_size
+        (chart for chart in page.charts if chart.chart.flagged is not None), key=_significance_order
     )
-    by_week = _fleet_weeks(page.weeks)
+    by_week = _weekly_tonnes_of_fleet(page.weeks)
     drawn = [tonnes_picture(by_week)] if by_week.height else []
     return page_html(
         "recordings.fleet",
         _TEMPLATE,
         title=f"Fleet {page.name}",
-        period=_period_text(page.days),
-        headline=headline(total, machines.height),
-        facts=_fact_rows(page, total, len(flagged)),
-        warnings=_warnings(page),
-        machines=[_machine_row(row, page) for row in machines.iter_rows(named=True)],
+        period=_format_period(page.days),
+        headline=summarise_fleet(total, machines.height),
+        facts=_make_fact_rows(page, total, len(flagged)),
+        warnings=_list_warnings(page),
+        machines=[_make_machine_row(row, page) for row in machines.iter_rows(named=True)],
         machine_heads=_MACHINE_HEADS,
         pictures=[picture for picture in drawn if picture is not None],
-        drifts=[_drift_cells(chart) for chart in flagged],
+        drifts=[_make_drift_cells(chart) for chart in flagged],
         drift_pictures=[drift_picture(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])],
         friction=list(page.friction),
         undrawn=max(len(flagged) - _MOST_FIGURES, 0),
@@ -99,8 +99,8 @@ def fleet_html(page: FleetPage) -> str:
             for n, row in enumerate(page.looks.head(MOST_LOOKS).to_dicts(), start=1)
         ],
         more_looks=max(page.looks.height - MOST_LOOKS, 0),
-        calibrations=_calibration_rows(page),
-        changes=[_line_change(each) for each in page.changes],
+        calibrations=_make_calibration_rows(page),
+        changes=[_format_line_change(each) for each in page.changes],
         weeks=_week_table(page.weeks),
         failed=list(page.failed.items())[:_MOST_FAILED],
         more_failed=max(len(page.failed) - _MOST_FAILED, 0),
@@ -108,12 +108,12 @@ def fleet_html(page: FleetPage) -> str:
     )
 
 
-def headline(total: Mapping[str, float], machines: int) -> str:
+def summarise_fleet(total: Mapping[str, float], machines: int) -> str:
     """The answer in a line."""
     if not total["loads"]:
         return f"No tonnes: no cycle of {counted(machines, 'machine')} has a mass"
     return (
-        f"{_tonnes_text(total['payload_kg'], K * total['payload_u_kg'])} in "
+        f"{_format_tonnes(total['payload_kg'], K * total['payload_u_kg'])} in "
         f"{counted(int(total['loads']), 'load')} by {counted(machines, 'machine')}"
         + (f", {SCALE_NOT_KNOWN}" if total["without_scale"] else "")
     )
@@ -126,18 +126,20 @@ _MACHINE_HEADS: Final = (
 )
 
 
-def _tonnes_text(kg: float, u_kg: float) -> str:
+def _format_tonnes(kg: float, u_kg: float) -> str:
     digits = 0 if u_kg >= 1e4 else 1 if u_kg >= 1e3 else 2
     return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
 
 
-def _period_text(days: pl.DataFrame) -> str:
+def _format_period(days: pl.DataFrame) -> str:
     if days.is_empty():
         return "no recording has a date"
     return f"{days['day'].min()} to {days['day'].max()}"
 
 
-def _fact_rows(page: FleetPage, total: Mapping[str, float], flagged: int) -> list[tuple[str, str]]:
+def _make_fact_rows(
+    page: FleetPage, total: Mapping[str, float], flagged: int
+) -> list[tuple[str, str]]:
     status = page.results["status"]
     refused = int((status == "refused").sum())
     cannot = page.results.filter(~pl.col("can_weigh")).height
@@ -154,7 +156,7 @@ def _fact_rows(page: FleetPage, total: Mapping[str, float], flagged: int) -> lis
     ]
 
 
-def _warnings(page: FleetPage) -> list[str]:
+def _list_warnings(page: FleetPage) -> list[str]:
     found: list[str] = []
     versions = sorted(set(page.results["payscope"]))
     if len(versions) > 1:
@@ -181,44 +183,44 @@ def _warnings(page: FleetPage) -> list[str]:
     return found
 
 
-def _machine_row(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, Any]:
+def _make_machine_row(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, Any]:
     name = row["machine"]
     mine = page.days.filter(pl.col("machine") == name)
     latest = {c.signal.name: c for c in page.charts if c.machine == name}
     ends = max((c.expires for c in page.calibrations if c.machine == name), default=None)
     looks = page.looks.filter(pl.col("machine") == name).height
     cells = [
-        cell_text(row["recordings"], ",.0f"),
-        cell_text(row["loads"], ",.0f"),
-        cell_text(row["payload_kg"] / 1e3, ",.1f"),
-        cell_text(K * row["payload_u_kg"] / 1e3, ",.1f"),
+        format_cell(row["recordings"], ",.0f"),
+        format_cell(row["loads"], ",.0f"),
+        format_cell(row["payload_kg"] / 1e3, ",.1f"),
+        format_cell(K * row["payload_u_kg"] / 1e3, ",.1f"),
         ("not known", "1") if row["without_scale"] else ("known", "0"),
-        cell_text(float(mine["hours"].sum()), ",.0f"),
+        format_cell(float(mine["hours"].sum()), ",.0f"),
     ]
     for signal in SIGNALS:
         chart = latest.get(signal.name)
         flagged = chart is not None and chart.chart.flagged is not None
-        cells.append(cell_text(chart.change if chart is not None and flagged else None, "+,.1f"))
+        cells.append(format_cell(chart.change if chart is not None and flagged else None, "+,.1f"))
     cells.append(("–", "") if ends is None else (str(ends), str(ends)))
-    cells.append(cell_text(looks, ",.0f"))
+    cells.append(format_cell(looks, ",.0f"))
     return {"name": name, "cells": cells}
 
 
-def cell_text(value: float | None, form: str) -> tuple[str, str]:
-    """As shown, and as sorted."""
+def format_cell(value: float | None, form: str) -> tuple[str, str]:
+    """Text of a cell to show, and to sort by."""
     if value is None or not math.isfinite(value):
         return "–", ""
     return f"{value:{form}}", f"{value:.6g}"
 
 
-def _by_size(chart: MachineChart) -> tuple[float, str, str]:
+def _significance_order(chart: MachineChart) -> tuple[float, str, str]:
     """The change that is largest beside its deviation comes first."""
     change, std = abs(chart.change), chart.change_std
     known = math.isfinite(change) and std > 0.0
     return -(change / std if known else 0.0), chart.machine, chart.signal.name
 
 
-def _drift_cells(chart: MachineChart) -> tuple[str, ...]:
+def _make_drift_cells(chart: MachineChart) -> tuple[str, ...]:
     found = chart.chart
     assert found.flagged is not None
     assert found.since is not None
@@ -234,7 +236,7 @@ def _drift_cells(chart: MachineChart) -> tuple[str, ...]:
     )
 
 
-def _calibration_rows(page: FleetPage) -> list[tuple[str, ...]]:
+def _make_calibration_rows(page: FleetPage) -> list[tuple[str, ...]]:
     """The latest of every machine, the one that ends first above."""
     latest: dict[str, FleetCalibration] = {}
     for each in sorted(page.calibrations, key=lambda c: c.first):
@@ -247,7 +249,7 @@ def _calibration_rows(page: FleetPage) -> list[tuple[str, ...]]:
     return rows
 
 
-def _line_change(each: LineChange) -> tuple[str, ...]:
+def _format_line_change(each: LineChange) -> tuple[str, ...]:
     return (
         each.after.machine,
         str(each.before.first),
@@ -258,7 +260,7 @@ def _line_change(each: LineChange) -> tuple[str, ...]:
     )
 
 
-def _fleet_weeks(weeks: pl.DataFrame) -> pl.DataFrame:
+def _weekly_tonnes_of_fleet(weeks: pl.DataFrame) -> pl.DataFrame:
     return (
         weeks.group_by("week")
         .agg(pl.col("payload_kg").sum(), (pl.col("payload_u_kg") ** 2).sum().sqrt())
@@ -275,7 +277,7 @@ def _week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
     rows = [
         (
             row["machine"],
-            [cell_text(None if row[n] is None else row[n] / 1e3, ",.1f") for n in names],
+            [format_cell(None if row[n] is None else row[n] / 1e3, ",.1f") for n in names],
         )
         for row in table.sort("machine").iter_rows(named=True)
     ]
@@ -300,16 +302,16 @@ def tonnes_picture(weeks: pl.DataFrame) -> Drawing | None:
     )
     first = weeks["week"][0]
     at = [(week - first).days / _WEEK for week in weeks["week"]]
-    axes = Axes.around([-0.5, at[-1] + 0.5], [0.0, float((t + 2.0 * u).max())], _BOX, 0.02)
+    axes = Axes.from_data([-0.5, at[-1] + 0.5], [0.0, float((t + 2.0 * u).max())], _BOX, 0.02)
     axes = Axes(axes.x, (0.0, axes.y[1]), _BOX)
     axes.draw(picture, f"weeks since {first}", "tonnes")
     for x, value, half in zip(at, t, 2.0 * u, strict=True):
-        left, top = axes.place(x - 0.4, float(value))
-        right, bottom = axes.place(x + 0.4, 0.0)
-        picture.bar(left, top, right - left, bottom - top, "bar")
-        middle, low = axes.place(x, float(value - half))
-        _, high = axes.place(x, float(value + half))
-        picture.line(middle, low, middle, high, "ideal")
+        left, top = axes.place_in_drawing(x - 0.4, float(value))
+        right, bottom = axes.place_in_drawing(x + 0.4, 0.0)
+        picture.fill_bar(left, top, right - left, bottom - top, "bar")
+        middle, low = axes.place_in_drawing(x, float(value - half))
+        _, high = axes.place_in_drawing(x, float(value + half))
+        picture.draw_line(middle, low, middle, high, "ideal")
     return picture
 
 
@@ -322,7 +324,7 @@ def drift_picture(number: int, shown: MachineChart) -> Drawing:
     count = min(max(since, _BASELINE), values.size)
     base = values[:count]
     centre, deviation = float(base.mean()), float(base.std(ddof=1))
-    points = _weeks(shown.days, values)
+    points = _average_by_week(shown.days, values)
     half = _LIMIT * deviation / np.sqrt(float(np.median([n for _, _, n in points])))
     signal = shown.signal
     unit = {"zero": "kg", "scale": "kg", "friction": "N·s/m"}[signal.name]
@@ -335,24 +337,24 @@ def drift_picture(number: int, shown: MachineChart) -> Drawing:
         _HEIGHT,
     )
     means = [mean for _, mean, _ in points]
-    axes = Axes.around(
+    axes = Axes.from_data(
         [at for at, _, _ in points], [*means, centre - half, centre + half], _BOX, 0.04
     )
-    left, top = axes.place(axes.x[0], centre + half)
-    right, bottom = axes.place(axes.x[1], centre - half)
-    picture.bar(left, top, right - left, bottom - top, "band")
+    left, top = axes.place_in_drawing(axes.x[0], centre + half)
+    right, bottom = axes.place_in_drawing(axes.x[1], centre - half)
+    picture.fill_bar(left, top, right - left, bottom - top, "band")
     axes.draw(picture, f"weeks since {shown.days[0]}", unit)
-    x, _ = axes.place((shown.days[flagged] - shown.days[0]).days / _WEEK, centre)
-    picture.line(x, _BOX[1], x, _BOX[3], "ideal")
+    x, _ = axes.place_in_drawing((shown.days[flagged] - shown.days[0]).days / _WEEK, centre)
+    picture.draw_line(x, _BOX[1], x, _BOX[3], "ideal")
     for at, mean, count in points:
         outside = abs(mean - centre) > half
         week = shown.days[0] + dt.timedelta(days=_WEEK * at)
         tip = f"week of {week}: {mean:,.1f} {unit}, {count} days"
-        picture.dot(*axes.place(at, mean), "left" if outside else "point", tip)
+        picture.draw_dot(*axes.place_in_drawing(at, mean), "left" if outside else "point", tip)
     return picture
 
 
-def _weeks(days: Sequence[dt.date], values: np.ndarray) -> list[tuple[float, float, int]]:
+def _average_by_week(days: Sequence[dt.date], values: np.ndarray) -> list[tuple[float, float, int]]:
     """The number since the first day, the mean and the count of each week that has values."""
     number = np.array([(day - days[0]).days // _WEEK for day in days])
     return [

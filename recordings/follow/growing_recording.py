@@ -1,4 +1,4 @@
-"""What is followed, recorded as it goes: a second at a time, each on disc when it is told.
+"""Recording of a followed log, second by second; each is on disc before it is reported.
 
 A part of a second is one append, whose last chunk is that of the excitation: where that is there,
 all of the second is. A recording that was cut goes on behind its last whole second.
@@ -25,7 +25,7 @@ from recordings.follow.growing_file import HEAD_BYTES, append_part, find_message
 from recordings.report.atomic_output import AppendedFile
 from recordings.rrd.blueprint import Page, lay_out_tabs, tab_panels, text_entity
 from recordings.rrd.display_frames import LANES, ROOT, display_frames
-from recordings.rrd.drawn_rows import drawn_batches
+from recordings.rrd.drawn_rows import iter_drawn_batches
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.stored_names import SINCE_START, STATE, TIME
 from recordings.rrd.writer import APPLICATION
@@ -67,12 +67,12 @@ _LAST_OF_PART: Final = "/display/excitation"
 
 @dataclass(frozen=True, slots=True)
 class FollowedLog:
-    """What a growing recording is of.
+    """The log, machine file and noise that a growing recording belongs to.
 
     Attributes:
         identity: of the log, the machine file and the noise; recordings of one are continued.
         t0_unix_ns: unix time of the first row.
-        recording_id: of all parts alike, or viewers show several recordings.
+        recording_id: shared by all parts, so that viewers show one recording.
     """
 
     identity: str
@@ -82,7 +82,7 @@ class FollowedLog:
 
 @dataclass(slots=True)
 class _RowsToSend:
-    """What was not sent yet, by frame: rows of `t_ns` and numbers."""
+    """Rows not sent yet, by frame: `t_ns` and numbers."""
 
     excitation: list[dict[str, Any]] = field(default_factory=list)
     gate: list[dict[str, Any]] = field(default_factory=list)
@@ -143,13 +143,13 @@ class GrowingRecording:
             stream.send_blueprint(layout, make_active=True, make_default=True)
             stream.send_recording_name(name)
             stream.send_recording_start_time_nanos(about.t0_unix_ns)
-        self._append()
+        self._append_to_file()
 
     def add(self, rows: Sequence[FollowedRow]) -> None:
         """Take the next rows; `flush` writes them."""
         for row in rows:
             if row.gate is not None:
-                self._add_row(row)
+                self._add_followed_row(row)
             for method, (t_ns, estimate) in row.estimates.items():
                 found = self._new.estimates.setdefault(method, [])
                 last = self._last.get(method)
@@ -163,11 +163,11 @@ class GrowingRecording:
                 found.append({"t_ns": t_ns, **dict(named)})
                 self._last[method] = t_ns
 
-    def _add_row(self, row: FollowedRow) -> None:
+    def _add_followed_row(self, row: FollowedRow) -> None:
         assert row.gate is not None
         new, t_ns = self._new, row.t_ns
         new.excitation.append({"t_ns": t_ns, **{name: row.excitation[name] for name in EXCITATION}})
-        numbers = row.gate.columns()
+        numbers = row.gate.gate_columns()
         new.gate.append({"t_ns": t_ns, **{name: numbers[name] for name in GATE}})
         for lane, state in zip(STATES, (row.gate.reason, row.phase), strict=True):
             if lane not in self._state or self._state[lane] != state:
@@ -184,8 +184,8 @@ class GrowingRecording:
         if not new.excitation:
             return
         for stream in self._streams:
-            self._send(stream, new, text)
-        self._append()
+            self._send_rows(stream, new, text)
+        self._append_to_file()
 
     def give_up_file(self) -> None:
         """Write no further; viewers go on."""
@@ -194,11 +194,11 @@ class GrowingRecording:
             self._file = None
             self._streams.pop(0)
 
-    def _append(self) -> None:
+    def _append_to_file(self) -> None:
         if self._file is not None and (part := self._bytes.read(flush=True)):
             append_part(self._file, part)
 
-    def _send(self, stream: "RecordingStream", new: _RowsToSend, text: str) -> None:
+    def _send_rows(self, stream: "RecordingStream", new: _RowsToSend, text: str) -> None:
         import numpy as np
         import rerun as rr
 
@@ -210,8 +210,8 @@ class GrowingRecording:
         for name, level in self._thresholds.items():
             frames[name] = pl.DataFrame({"t_ns": [t_ns], "threshold": [level]})
         for method, rows in new.estimates.items():
-            frames[f"display/estimates/{method}"] = _numeric_rows(rows, ESTIMATES)
-        frames["display/gate"] = _numeric_rows(new.gate, GATE)
+            frames[f"display/estimates/{method}"] = _make_numeric_frame(rows, ESTIMATES)
+        frames["display/gate"] = _make_numeric_frame(new.gate, GATE)
         now = np.array([t_ns])
         stream.send_columns(
             text_entity(ANSWER),
@@ -222,9 +222,9 @@ class GrowingRecording:
             columns=rr.TextDocument.columns(text=[text], media_type=[rr.MediaType.MARKDOWN]),
         )
         # the excitation last: see above
-        frames["display/excitation"] = _numeric_rows(new.excitation, EXCITATION)
+        frames["display/excitation"] = _make_numeric_frame(new.excitation, EXCITATION)
         for name, frame in frames.items():
-            for batch in drawn_batches(name, frame, self._about.t0_unix_ns):
+            for batch in iter_drawn_batches(name, frame, self._about.t0_unix_ns):
                 stream.send_record_batch(batch, index=[TIME, SINCE_START])
 
     def close(self) -> None:
@@ -235,7 +235,7 @@ class GrowingRecording:
             self._file.close()
 
 
-def _numeric_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> pl.DataFrame:
+def _make_numeric_frame(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> pl.DataFrame:
     return pl.DataFrame(rows, {"t_ns": pl.Int64, **dict.fromkeys(columns, pl.Float64)})
 
 
@@ -267,17 +267,19 @@ def empty_columns(settings: Settings) -> Run:
     """A run of a few rows without numbers, which tells the views what they will draw."""
     period_ns = round(1e9 / settings.align.rate_hz)
     frames = {
-        "excitation": _empty_rows(EXCITATION, period_ns).with_columns(phase=pl.lit("standstill")),
-        "gate": _empty_rows(GATE, period_ns).with_columns(reason_x=pl.lit("accepted")),
+        "excitation": _make_empty_rows(EXCITATION, period_ns).with_columns(
+            phase=pl.lit("standstill")
+        ),
+        "gate": _make_empty_rows(GATE, period_ns).with_columns(reason_x=pl.lit("accepted")),
     }
     for name in settings.trace.methods:
         alone = METHODS[name].feed is FeedKind.SEGMENTS
         columns = [each.removesuffix("_squared") for each in ESTIMATES]
-        frames[f"estimates/{name}"] = _empty_rows(columns, _APART_NS if alone else period_ns)
+        frames[f"estimates/{name}"] = _make_empty_rows(columns, _APART_NS if alone else period_ns)
     return Run(frames, Provenance(settings=settings))
 
 
-def _empty_rows(columns: "tuple[str, ...] | list[str]", apart_ns: int) -> pl.DataFrame:
+def _make_empty_rows(columns: "tuple[str, ...] | list[str]", apart_ns: int) -> pl.DataFrame:
     times = {"t_ns": [row * apart_ns for row in range(_ROWS)]}
     return pl.DataFrame({**times, **{name: [float("nan")] * _ROWS for name in columns}})
 
@@ -309,7 +311,7 @@ def read_recording_end(path: Path) -> RecordingEnd | None:
             return None
         head = data[: messages[:_FIRST][-1].end]
         found: dict[str, Any] = {}
-        for chunk in _chunks(head):
+        for chunk in _iter_chunks(head):
             if chunk.entity_path == f"/__properties/{PROPERTY}":
                 batch = chunk.to_record_batch()
                 found |= {name: batch.column(name)[0].as_py()[0] for name in batch.schema.names[1:]}
@@ -319,14 +321,14 @@ def read_recording_end(path: Path) -> RecordingEnd | None:
         parts = [data[begin:end] for begin, end, of_store in messages[:_FIRST] if of_store]
         store = b"".join([data[:HEAD_BYTES], *parts])
         for begin, end, _ in reversed(messages[-_SECOND:]):
-            for chunk in _chunks(store + data[begin:end]):
+            for chunk in _iter_chunks(store + data[begin:end]):
                 if chunk.entity_path == _LAST_OF_PART:
                     times = chunk.to_record_batch().column(SINCE_START)
                     return RecordingEnd(about, max(t.value for t in times), end)
     return None
 
 
-def _chunks(data: bytes) -> "Iterator[Chunk]":
+def _iter_chunks(data: bytes) -> "Iterator[Chunk]":
     """The chunks of whole messages."""
     import rerun as rr
     from rerun.error_utils import RerunWarning

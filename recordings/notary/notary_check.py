@@ -66,7 +66,7 @@ class CheckedList:
     @property
     def key(self) -> PublicKey | None:
         """The key that its head names."""
-        return None if self.head is None else PublicKey.of_text(self.head.public_key)
+        return None if self.head is None else PublicKey.from_text(self.head.public_key)
 
     def add_forgery(self, what: str, counter: int = 0) -> None:
         """Add what no honest notary writes."""
@@ -98,7 +98,7 @@ def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
             checked.add_forgery(str(fault))
             if len(checked.faults) >= _MOST_FAULTS:
                 return checked
-    _check_head(checked, lines)
+    _check_first_line(checked, lines)
     if checked.head is None:
         return checked
     checked.lines = lines[1:]
@@ -108,13 +108,13 @@ def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
     return checked
 
 
-def _check_head(checked: CheckedList, lines: Sequence[NotaryLine]) -> None:
+def _check_first_line(checked: CheckedList, lines: Sequence[NotaryLine]) -> None:
     """Check the signature of the first line by the key that the line names."""
     if not lines or not isinstance(lines[0].content, NotaryHead):
         checked.add_forgery("does not begin with the head of a list")
         return
     try:
-        key = PublicKey.of_text(lines[0].content.public_key)
+        key = PublicKey.from_text(lines[0].content.public_key)
     except EvidenceError as fault:
         checked.add_forgery(f"its head names no key: {fault}")
         return
@@ -124,7 +124,7 @@ def _check_head(checked: CheckedList, lines: Sequence[NotaryLine]) -> None:
             checked.add_forgery("has a second head: two lists were put together")
             return
     for line in lines:
-        if not line.by(key):
+        if not line.is_signed_by(key):
             counter = line.content.counter
             checked.add_forgery(f"number {counter} is not signed by the key of its head", counter)
 
@@ -135,7 +135,7 @@ def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) 
     for line in checked.lines:
         entry = line.content
         if isinstance(entry, NotaryEntry) and entry.head != head:
-            checked.add_forgery(f"number {entry.counter} is of another list", entry.counter)
+            checked.add_forgery(f"number {entry.counter} belongs to another list", entry.counter)
     for before, line in pairwise(lines):
         entry, last = line.content, before.content
         if not isinstance(entry, NotaryEntry):
@@ -160,12 +160,12 @@ def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) 
 
 
 def _time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[ListFault]:
-    """What clocks and times contradict."""
+    """Contradictions between clocks and times."""
     clock = dt.timedelta(seconds=CLOCK_S)
     latest: NotaryEntry | None = None
     ended: NotaryEntry | None = None
     for entry in entries:
-        begins, ends, listed = map(time_of, (entry.begins, entry.ends, entry.listed))
+        begins, ends, listed = map(parse_stamp, (entry.begins, entry.ends, entry.listed))
         assert listed is not None
         number = entry.counter
         if begins is not None and ends is not None and ends < begins:
@@ -209,12 +209,12 @@ def _time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[L
 
 
 def list_notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
-    """What is no fault, and yet is to be known."""
+    """Notes that are no faults."""
     seen: dict[tuple[str, ...], NotaryEntry] = {}
     late: dict[int, float] = {}
     undated: list[int] = []
     for entry in entries:
-        ends, listed = time_of(entry.ends), time_of(entry.listed)
+        ends, listed = parse_stamp(entry.ends), parse_stamp(entry.listed)
         if ends is None:
             undated.append(entry.counter)
         elif listed is not None and listed - ends > LATE:
@@ -222,7 +222,7 @@ def list_notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
         digests = tuple(sorted(file.sha256 for file in entry.files))
         first = seen.setdefault(digests, entry)
         if first is not entry:
-            yield f"number {entry.counter}: '{entry.log}' is the same log as number {first.counter}"
+            yield f"number {entry.counter}: '{entry.log}' is also number {first.counter}"
     if undated:
         yield f"{_line_numbers_text(undated)}: without an absolute time, or not readable"
     if late:
@@ -240,6 +240,6 @@ def _line_numbers_text(counters: Sequence[int]) -> str:
     return f"number {named}{more}"
 
 
-def time_of(stamp: str) -> dt.datetime | None:
+def parse_stamp(stamp: str) -> dt.datetime | None:
     """A time of a list; None where it does not tell."""
     return dt.datetime.fromisoformat(stamp) if stamp else None

@@ -105,21 +105,21 @@ class NotaryLine:
 
     @property
     def digest(self) -> str:
-        """What the line after it holds of it."""
+        """Digest by which the next line refers to this one."""
         return hashlib.sha256(self.data).hexdigest()
 
-    def by(self, key: PublicKey) -> bool:
+    def is_signed_by(self, key: PublicKey) -> bool:
         """Whether this key signed it."""
-        return key.signed(self.signature, _message(self.content))
+        return key.has_signed(self.signature, _bytes_to_sign(self.content))
 
 
-def _message(content: NotaryHead | NotaryEntry) -> bytes:
+def _bytes_to_sign(content: NotaryHead | NotaryEntry) -> bytes:
     return _DOMAIN + canonical_bytes(content.model_dump(mode="json"))
 
 
 def signed_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
     """A line with its signature."""
-    signature = key.sign(_message(content))
+    signature = key.sign(_bytes_to_sign(content))
     text = base64.b64encode(signature).decode()
     data = canonical_bytes({**content.model_dump(mode="json"), "signature": text})
     return NotaryLine(data, content, signature)
@@ -146,7 +146,7 @@ def parse_line(data: bytes, what: str) -> NotaryLine:
         signature = base64.b64decode(text, validate=True)
         content = model.model_validate_json(canonical_bytes(values))
     except (binascii.Error, ValueError) as fault:
-        raise EvidenceError(f"{what}: {_validation_fault_text(fault)}") from None
+        raise EvidenceError(f"{what}: {_format_validation_fault(fault)}") from None
     if canonical_bytes({**content.model_dump(mode="json"), "signature": text}) != data:
         raise EvidenceError(f"{what}: holds a value in a form that a notary does not write")
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
@@ -154,7 +154,7 @@ def parse_line(data: bytes, what: str) -> NotaryLine:
     return NotaryLine(data, content, signature)
 
 
-def _validation_fault_text(fault: Exception) -> str:
+def _format_validation_fault(fault: Exception) -> str:
     if isinstance(fault, ValidationError):
         first = fault.errors(include_url=False)[0]
         return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"

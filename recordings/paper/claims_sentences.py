@@ -9,7 +9,7 @@ from analysis.paper import printed_numbers
 from analysis.paper.claims import Claims, ls_buffer_bytes, rls_state_bytes
 from analysis.paper.excitation_figures import WINDOW_S
 from analysis.paper.simulated_sources import CRUISE_S
-from recordings.paper.paper_wording import NAMES, ItemSentences, percent
+from recordings.paper.paper_wording import NAMES, ItemSentences, format_percent
 
 _CLAIMS: Final = {
     "buffer": "RLS as accurate as OLS without a large buffer",
@@ -35,7 +35,7 @@ def label_claims(found: Claims) -> pl.DataFrame:
     words = pl.DataFrame(
         {
             "claim": [_CLAIMS[row["claim"]] for row in rows],
-            "case": [_case_text(row) for row in rows],
+            "case": [_describe_case(row) for row in rows],
             "paper": [_format_printed_number(row) for row in rows],
         }
     )
@@ -44,7 +44,7 @@ def label_claims(found: Claims) -> pl.DataFrame:
     return pl.concat([words, found.frame.select(*numbers, *shares)], how="horizontal")
 
 
-def _case_text(row: Mapping[str, Any]) -> str:
+def _describe_case(row: Mapping[str, Any]) -> str:
     if row["of"] == "constant":
         return "a constant that ignores the data"
     name = NAMES[row["method"]]
@@ -70,10 +70,10 @@ def _format_printed_number(row: Mapping[str, Any]) -> str:
     if row["claim"] == "buffer":
         return "–"
     if row["claim"] == "rms":
-        return "–" if row["of"] == "constant" else f"< {percent(printed_numbers.RMS_SHARE)}"
+        return "–" if row["of"] == "constant" else f"< {format_percent(printed_numbers.RMS_SHARE)}"
     if row["claim"] == "reduction":
         ungated = row["smaller_percent"] is None
-        return "–" if ungated else f"≥ {percent(printed_numbers.REDUCTION)} smaller"
+        return "–" if ungated else f"≥ {format_percent(printed_numbers.REDUCTION)} smaller"
     simulated = row["claim"] == "simulation"
     printed = printed_numbers.SIMULATION_ERROR if simulated else printed_numbers.EXPERIMENT_ERROR
     mean, spread = (100.0 * share for share in printed)
@@ -134,18 +134,22 @@ def _rms_sentence(found: Claims) -> str:
         f"{holds if found.rms_held else 'does not hold for every method'} "
         f"({low:.1f} to {high:.1f} kg). It says little: a constant that ignores the data is at "
         f"{found.constant_percent:.1f} %, and 1 % of the machine is "
-        f"{percent(found.rms_limit_kg / printed_numbers.LOAD_RANGE_KG)} of the payload range."
+        f"{format_percent(found.rms_limit_kg / printed_numbers.LOAD_RANGE_KG)} of the payload "
+        "range."
     )
 
 
 def _simulation_sentence(found: Claims) -> str:
     mean, spread = printed_numbers.SIMULATION_ERROR
     return (
-        f"{percent(mean, 4)} ± {percent(spread, 2)} in simulation: a single window of "
-        f"{WINDOW_S:g} s is within ± {percent(found.window_spread_1, 2)} at the noise that comes "
-        f"nearest to Table 1, whose own 11.66 kg are 0.32 %. ± {percent(spread, 2)} is what the "
+        f"{format_percent(mean, 4)} ± {format_percent(spread, 2)} in simulation: a single window "
+        "of "
+        f"{WINDOW_S:g} s is within ± {format_percent(found.window_spread_1, 2)} at the noise that "
+        "comes "
+        f"nearest to Table 1, whose own 11.66 kg are 0.32 %. ± {format_percent(spread, 2)} is "
+        "what the "
         f"mean of some {found.windows_claimed:.0f} such windows has. The mean of ours is "
-        f"{percent(found.bias_kg / printed_numbers.MASS_KG, 4)}, "
+        f"{format_percent(found.bias_kg / printed_numbers.MASS_KG, 4)}, "
         + (
             "more than chance: noise in its regressors biases LS."
             if found.biased
@@ -158,7 +162,7 @@ def _experiment_sentence(found: Claims) -> str:
     mean, spread = printed_numbers.EXPERIMENT_ERROR
     of_mass, of_range = found.experiment_mass_percent, found.experiment_range_percent
     return (
-        f"{percent(mean, 2)} ± {percent(spread, 2)} in the experiments is "
+        f"{format_percent(mean, 2)} ± {format_percent(spread, 2)} in the experiments is "
         f"{mean * printed_numbers.MASS_KG:.1f} ± {spread * printed_numbers.MASS_KG:.1f} kg: "
         "of the machine's mass a "
         f"simulated campaign has {of_mass[0]:.2f} to {of_mass[1]:.2f} %, which is "
@@ -170,13 +174,14 @@ def _experiment_sentence(found: Claims) -> str:
 def _reduction_sentence(found: Claims) -> str:
     rows = found.frame.filter(pl.col("claim") == "reduction").iter_rows(named=True)
     each = [
-        f"{_case_text(row)}, {row['found_kg']:,.1f} kg{_gain_text(row['smaller_percent'])}"
+        f"{_describe_case(row)}, {row['found_kg']:,.1f} kg{_describe_gain(row['smaller_percent'])}"
         for row in rows
     ]
     held = found.reduced
     verdict = "holds throughout" if all(held) else "depends on the drive" if any(held) else "fails"
     return (
-        f"At least {percent(printed_numbers.REDUCTION)} smaller than RLS without the criterion "
+        f"At least {format_percent(printed_numbers.REDUCTION)} smaller than RLS without the "
+        "criterion "
         f"{verdict}: "
         f"{'; '.join(each)}. Over a long cruise the gate saves RLS from forgetting while nothing "
         "happens, which directional forgetting does without a gate. "
@@ -184,7 +189,7 @@ def _reduction_sentence(found: Claims) -> str:
     )
 
 
-def _gain_text(smaller_percent: float | None) -> str:
+def _describe_gain(smaller_percent: float | None) -> str:
     if smaller_percent is None:
         return ""
     word = "smaller" if smaller_percent >= 0.0 else "larger"

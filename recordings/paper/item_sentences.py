@@ -9,7 +9,13 @@ from analysis.paper.campaign_tables import Extremes, SweptTable, Table2
 from analysis.paper.excitation_figures import EARLY_S, WINDOW_S, Figure2, Figure3, Figure4
 from analysis.paper.simulated_sources import THRESHOLD_NAT, WINDOW_SAMPLES
 from analysis.paper.table1 import LONG_S, RARE, Table1
-from recordings.paper.paper_wording import NAMES, NO_NUMBERS, ItemSentences, join_words, percent
+from recordings.paper.paper_wording import (
+    NAMES,
+    NO_NUMBERS,
+    ItemSentences,
+    format_percent,
+    join_words,
+)
 
 _TABLE_1_CHOICES: Final = (
     "Noise of single samples, which the paper does not give, is that which comes nearest to its "
@@ -39,7 +45,7 @@ _NO_GATE: Final = "Every complete window is used: the paper does not say that it
 _ALIKE: Final = (0.8, 1.25)
 
 
-def table_1(found: Table1) -> ItemSentences:
+def mass_error_table_sentences(found: Table1) -> ItemSentences:
     """Say what Table 1 shows."""
     return ItemSentences(
         _TABLE_1_CHOICES,
@@ -113,7 +119,7 @@ def _raw_units_sentence(found: Table1) -> str:
     )
 
 
-def table_2(found: Table2) -> ItemSentences:
+def calibration_line_table_sentences(found: Table2) -> ItemSentences:
     """Say what Table 2 shows."""
     chain, (alpha_1, beta_kg) = found.chain, found.printed
     ideal, through = found.ideal, found.chained
@@ -124,9 +130,10 @@ def table_2(found: Table2) -> ItemSentences:
             "estimate on the reference, turned round. As (19) is printed, the reference on the "
             "estimate, noise of the estimates flattens the slope a little.",
             "The second set of columns is a what-if: sensors on the front wheels, which carry "
-            f"{percent(chain.empty_share_1)} of the empty machine and, of a load "
+            f"{format_percent(chain.empty_share_1)} of the empty machine and, of a load "
             f"{chain.load_lever_1 - 1:.2f} wheelbases ahead of the front axle, "
-            f"{percent(chain.load_lever_1)}; a torque gain of {chain.gain_1:g} and an offset of "
+            f"{format_percent(chain.load_lever_1)}; a torque gain of {chain.gain_1:g} and an "
+            "offset of "
             f"{chain.offset_N / 1e3:g} kN; (17) without a share, as printed. The paper gives "
             "none of the four.",
         ),
@@ -138,14 +145,14 @@ def table_2(found: Table2) -> ItemSentences:
             f"With the assumed torque chain LS has {through.alpha_1:.3f} and "
             f"{through.beta_kg:.0f} kg, the paper {alpha_1:.3f} and "
             f"{beta_kg:.0f} kg: plausible, not proven.",
-            f"With so small a slope the offset is {percent(found.offset_share_1)} of the "
+            f"With so small a slope the offset is {format_percent(found.offset_share_1)} of the "
             "calibrated mass: the answer is nearly the mean of the reference masses, and nothing "
             "outside the loads it was fitted on should be read from it.",
         ),
     )
 
 
-def table_3(found: SweptTable) -> ItemSentences:
+def method_error_table_sentences(found: SweptTable) -> ItemSentences:
     """Say what Table 3 shows."""
     return ItemSentences(
         (
@@ -166,7 +173,7 @@ def table_3(found: SweptTable) -> ItemSentences:
     )
 
 
-def table_4(found: SweptTable) -> ItemSentences:
+def swept_setting_table_sentences(found: SweptTable) -> ItemSentences:
     """Say what Table 4 shows."""
     return ItemSentences(
         (
@@ -223,13 +230,13 @@ def _constant_sentence(best_kg: float) -> str:
     return (
         "For scale: a prediction that ignores every measurement is wrong by "
         f"{printed_numbers.CONSTANT_KG:.0f} kg "
-        f"({percent(printed_numbers.CONSTANT_KG / printed_numbers.MASS_KG, 1)} of the "
+        f"({format_percent(printed_numbers.CONSTANT_KG / printed_numbers.MASS_KG, 1)} of the "
         f"machine); our best {best_kg:.1f} kg is "
-        f"{percent(best_kg / printed_numbers.LOAD_RANGE_KG, 1)} of the payload range."
+        f"{format_percent(best_kg / printed_numbers.LOAD_RANGE_KG, 1)} of the payload range."
     )
 
 
-def figure_2(found: Figure2) -> ItemSentences:
+def excitation_figure_sentences(found: Figure2) -> ItemSentences:
     """Say what Figure 2 shows."""
     return ItemSentences(
         (
@@ -239,7 +246,7 @@ def figure_2(found: Figure2) -> ItemSentences:
         (
             f"The machine's time constant m/b is {found.constant_s:.2f} s; the paper's response "
             f"time T ≈ {printed_numbers.RESPONSE_S:g} s is where a step has settled to "
-            f"{percent(found.unsettled_1)}, and its period 3 T lets it settle twice.",
+            f"{format_percent(found.unsettled_1)}, and its period 3 T lets it settle twice.",
             "The triangle as printed, (A/T)|t mod T - T/2| + f0, is highest at t = 0 and ranges "
             "over A/2, not A.",
             NO_NUMBERS,
@@ -247,7 +254,7 @@ def figure_2(found: Figure2) -> ItemSentences:
     )
 
 
-def figure_3(found: Figure3) -> ItemSentences:
+def convergence_figure_sentences(found: Figure3) -> ItemSentences:
     """Say what Figure 3 shows."""
     return ItemSentences(
         (_NO_GATE,),
@@ -259,7 +266,7 @@ def figure_3(found: Figure3) -> ItemSentences:
     )
 
 
-def figure_4(found: Figure4) -> ItemSentences:
+def spin_figure_sentences(found: Figure4) -> ItemSentences:
     """Say what Figure 4 shows."""
     bias = found.bias_kg_m2
     return ItemSentences(
@@ -305,7 +312,7 @@ def _convergence_sentence(found: Figure3) -> str:
     )
 
 
-def figure_5(found: Figure5) -> ItemSentences:
+def gate_figure_sentences(found: Figure5) -> ItemSentences:
     """Say what Figure 5 shows."""
     highest = join_words(f"{nat:.1f} nat while {phase}" for phase, nat in found.highest_nat.items())
     return ItemSentences(
@@ -319,7 +326,7 @@ def figure_5(found: Figure5) -> ItemSentences:
     )
 
 
-def figure_6(found: Figure6) -> ItemSentences:
+def raw_mass_figure_sentences(found: Figure6) -> ItemSentences:
     """Say what Figure 6 shows."""
     first_kg, last_kg = found.implied_kg
     return ItemSentences(
@@ -337,7 +344,7 @@ def figure_6(found: Figure6) -> ItemSentences:
     )
 
 
-def figure_7(found: Figure7) -> ItemSentences:
+def calibrated_mass_figure_sentences(found: Figure7) -> ItemSentences:
     """Say what Figure 7 shows."""
     scatter = join_words(
         f"{NAMES[method]} {std:.1f} kg" for method, std in found.scatter_kg.items()
@@ -348,7 +355,7 @@ def figure_7(found: Figure7) -> ItemSentences:
     )
 
 
-def figure_8(found: Figure8) -> ItemSentences:
+def error_figure_sentences(found: Figure8) -> ItemSentences:
     """Say what Figure 8 shows."""
     return ItemSentences(
         (

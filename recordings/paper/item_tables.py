@@ -23,13 +23,13 @@ class RenderedItem:
     texts: int = 1
 
 
-def table_1(frame: pl.DataFrame) -> list[RenderedItem]:
+def render_table_1(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by window length, and the same over the bound."""
     errors = rows_beside_printed(
         frame, "window_s", "window, s", lambda row: interval_text(row, "rmse_kg"), "bound_kg"
     )
     ratios = rows_by_method(
-        frame, "window_s", "window, s", lambda row: _number_text(row["over_bound_1"], 2)
+        frame, "window_s", "window, s", lambda row: _format_number(row["over_bound_1"], 2)
     )
     trials = frame["trials"].max()
     return [
@@ -38,11 +38,11 @@ def table_1(frame: pl.DataFrame) -> list[RenderedItem]:
             "paper's one; bound: Cramér–Rao",
             *errors,
         ),
-        RenderedItem("The same over the bound", *ratios),
+        RenderedItem("R.m.s. error divided by the Cramér–Rao bound", *ratios),
     ]
 
 
-def table_2(frame: pl.DataFrame) -> list[RenderedItem]:
+def render_table_2(frame: pl.DataFrame) -> list[RenderedItem]:
     """Slope and offset by method."""
     of = {(row["chain"], row["method"]): row for row in frame.iter_rows(named=True)}
     methods = frame["method"].unique(maintain_order=True)
@@ -52,7 +52,7 @@ def table_2(frame: pl.DataFrame) -> list[RenderedItem]:
         for name, digits in (("alpha_1", 3), ("beta_kg", 1)):
             ideal, front = of["ideal", method], of["front_axle", method]
             cells += [
-                _number_text(ideal[f"paper_{name}"], digits),
+                _format_number(ideal[f"paper_{name}"], digits),
                 interval_text(ideal, name, digits),
                 interval_text(front, name, digits),
             ]
@@ -68,12 +68,12 @@ def table_2(frame: pl.DataFrame) -> list[RenderedItem]:
     ]
 
 
-def table_3(frame: pl.DataFrame) -> list[RenderedItem]:
+def render_table_3(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by threshold, own load in the fit and left out."""
     return _render_swept(frame, campaign_tables.THRESHOLD, "threshold, nat")
 
 
-def table_4(frame: pl.DataFrame) -> list[RenderedItem]:
+def render_table_4(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by window length, own load in the fit and left out."""
     return _render_swept(frame, campaign_tables.WINDOW, "samples")
 
@@ -96,18 +96,18 @@ def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[Rendere
     ]
 
 
-def figure_8(frame: pl.DataFrame) -> list[RenderedItem]:
+def render_figure_8(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by load, in the fit and left out."""
     header, rows = rows_by_method(
         frame,
         "load_kg",
         "load, kg",
-        lambda row: f"{_number_text(row['rms_kg'])} / {_number_text(row['rms_left_out_kg'])}",
+        lambda row: f"{_format_number(row['rms_kg'])} / {_format_number(row['rms_left_out_kg'])}",
     )
     return [RenderedItem("RMS error in kg: load in the fit / left out", header, rows)]
 
 
-def claims(frame: pl.DataFrame) -> list[RenderedItem]:
+def render_claims(frame: pl.DataFrame) -> list[RenderedItem]:
     """A row a finding."""
     rows = [
         [
@@ -132,8 +132,8 @@ def rows_by_method(
     """Header and rows: a row a value of `key`, a column a method."""
     methods = list(frame["method"].unique(maintain_order=True))
     rows = [
-        [_parameter_text(at), *(cell(by[m]) if m in by else "–" for m in methods)]
-        for at, by in _group_rows(frame, key)
+        [_format_parameter(at), *(cell(by[m]) if m in by else "–" for m in methods)]
+        for at, by in _group_rows_by_key(frame, key)
     ]
     return [title, *(NAMES[m] for m in methods)], rows
 
@@ -141,41 +141,41 @@ def rows_by_method(
 def rows_beside_printed(
     frame: pl.DataFrame, key: str, title: str, cell: Callable[[_Row], str], bound: str
 ) -> tuple[list[str], list[list[str]]]:
-    """The same, each method's number followed by the paper's; the bound in front."""
+    """Rows with each method's number followed by the paper's; the bound comes first."""
     methods = list(frame["method"].unique(maintain_order=True))
     header = [title, "bound"]
     for method in methods:
         header += [NAMES[method], *(["paper"] if method in printed_numbers.METHODS else [])]
     rows: list[list[str]] = []
-    for at, by in _group_rows(frame, key):
-        cells = [_parameter_text(at), _number_text(next(iter(by.values()))[bound])]
+    for at, by in _group_rows_by_key(frame, key):
+        cells = [_format_parameter(at), _format_number(next(iter(by.values()))[bound])]
         for method in methods:
             cells.append(cell(by[method]))
             if method in printed_numbers.METHODS:
-                cells.append(_number_text(by[method]["paper_kg"], 2))
+                cells.append(_format_number(by[method]["paper_kg"], 2))
         rows.append(cells)
     return header, rows
 
 
-def _group_rows(frame: pl.DataFrame, key: str) -> list[tuple[float, dict[str, _Row]]]:
+def _group_rows_by_key(frame: pl.DataFrame, key: str) -> list[tuple[float, dict[str, _Row]]]:
     groups: dict[float, dict[str, _Row]] = {}
     for row in frame.iter_rows(named=True):
         groups.setdefault(row[key], {})[row["method"]] = row
     return list(groups.items())
 
 
-def _parameter_text(value: float) -> str:
+def _format_parameter(value: float) -> str:
     return f"{value:g}"
 
 
-def _number_text(value: float | None, digits: int = 1) -> str:
+def _format_number(value: float | None, digits: int = 1) -> str:
     return "–" if value is None else f"{value:,.{digits}f}"
 
 
 def interval_text(row: _Row, name: str, digits: int = 1) -> str:
     """A number with its interval, as far as there is one."""
     value, low, high = (row[name + end] for end in ("", "_low", "_high"))
-    text = _number_text(value, digits)
+    text = _format_number(value, digits)
     if low is None or high is None:
         return text
-    return f"{text} [{_number_text(low, digits)}, {_number_text(high, digits)}]"
+    return f"{text} [{_format_number(low, digits)}, {_format_number(high, digits)}]"

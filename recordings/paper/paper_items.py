@@ -35,11 +35,11 @@ class Numbers(Protocol):
 N = TypeVar("N", bound=Numbers)
 
 
-def _own_frame(numbers: Numbers) -> pl.DataFrame:
+def _use_frame_of_numbers(numbers: Numbers) -> pl.DataFrame:
     return numbers.frame
 
 
-def _no_tables(_: pl.DataFrame) -> list[RenderedItem]:
+def _render_no_tables(_: pl.DataFrame) -> list[RenderedItem]:
     return []
 
 
@@ -63,8 +63,8 @@ class Item(Generic[N]):
     needs: tuple[Extract[Any, Any], ...]
     numbers: Callable[[Extracts], N]
     said: Callable[[N], ItemSentences]
-    frame: Callable[[N], pl.DataFrame] = _own_frame
-    tables: Callable[[pl.DataFrame], list[RenderedItem]] = _no_tables
+    frame: Callable[[N], pl.DataFrame] = _use_frame_of_numbers
+    tables: Callable[[pl.DataFrame], list[RenderedItem]] = _render_no_tables
     picture: Picture | None = None
 
 
@@ -94,40 +94,40 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "table1",
         "Table 1: error of the mass by window length, in simulation",
         (*window_table.AT_LENGTH.values(), window_table.RAW_UNITS),
-        window_table.table_1,
-        item_sentences.table_1,
-        tables=item_tables.table_1,
+        window_table.make_table_1,
+        item_sentences.mass_error_table_sentences,
+        tables=item_tables.render_table_1,
     ),
     Item(
         "table2",
         "Table 2: the calibration (19)",
         (campaign_tables.IDEAL_LINES, campaign_tables.CHAINED_LINES),
-        campaign_tables.table_2,
-        item_sentences.table_2,
-        tables=item_tables.table_2,
+        campaign_tables.make_table_2,
+        item_sentences.calibration_line_table_sentences,
+        tables=item_tables.render_table_2,
     ),
     Item(
         "table3",
         "Table 3: error of the calibrated mass by threshold of the index (11)",
         (campaign_tables.OVER_THRESHOLDS,),
-        campaign_tables.table_3,
-        item_sentences.table_3,
-        tables=item_tables.table_3,
+        campaign_tables.make_table_3,
+        item_sentences.method_error_table_sentences,
+        tables=item_tables.render_table_3,
     ),
     Item(
         "table4",
         "Table 4: error of the calibrated mass by window length",
         (campaign_tables.OVER_WINDOWS,),
-        campaign_tables.table_4,
-        item_sentences.table_4,
-        tables=item_tables.table_4,
+        campaign_tables.make_table_4,
+        item_sentences.swept_setting_table_sentences,
+        tables=item_tables.render_table_4,
     ),
     Item(
         "fig2",
         "Figure 2: force, acceleration and speed under the triangular force",
         (excitation_figures.FIGURE_2,),
         _take_extract(excitation_figures.FIGURE_2),
-        item_sentences.figure_2,
+        item_sentences.excitation_figure_sentences,
         picture=paper_pictures.FIGURE_2,
     ),
     Item(
@@ -135,7 +135,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 3: mass and friction in a linear motion, window of 10 s",
         (excitation_figures.FIGURE_3,),
         _take_extract(excitation_figures.FIGURE_3),
-        item_sentences.figure_3,
+        item_sentences.convergence_figure_sentences,
         picture=paper_pictures.FIGURE_3,
     ),
     Item(
@@ -143,7 +143,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 4: yaw inertia and friction in a rotational motion, window of 10 s",
         (excitation_figures.FIGURE_4,),
         _take_extract(excitation_figures.FIGURE_4),
-        item_sentences.figure_4,
+        item_sentences.spin_figure_sentences,
         picture=paper_pictures.FIGURE_4,
     ),
     Item(
@@ -151,32 +151,32 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 5: force, acceleration, speed and index of a start and stop",
         (campaign_figures.FIGURE_5,),
         _take_extract(campaign_figures.FIGURE_5),
-        item_sentences.figure_5,
+        item_sentences.gate_figure_sentences,
         picture=paper_pictures.FIGURE_5,
     ),
     Item(
         "fig6",
         "Figure 6: masses before calibration",
         (campaign_figures.LOADS,),
-        campaign_figures.figure_6,
-        item_sentences.figure_6,
+        campaign_figures.make_figure_6,
+        item_sentences.raw_mass_figure_sentences,
         picture=paper_pictures.FIGURE_6,
     ),
     Item(
         "fig7",
         "Figure 7: masses after calibration by (19)",
         (campaign_figures.LOADS,),
-        campaign_figures.figure_7,
-        item_sentences.figure_7,
+        campaign_figures.make_figure_7,
+        item_sentences.calibrated_mass_figure_sentences,
         picture=paper_pictures.FIGURE_7,
     ),
     Item(
         "fig8",
         "Figure 8: error of the calibrated mass by load",
         (campaign_figures.LOADS,),
-        campaign_figures.figure_8,
-        item_sentences.figure_8,
-        tables=item_tables.figure_8,
+        campaign_figures.make_figure_8,
+        item_sentences.error_figure_sentences,
+        tables=item_tables.render_figure_8,
         picture=paper_pictures.FIGURE_8,
     ),
     Item(
@@ -188,9 +188,9 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
             claims.CRUISE_ERRORS,
             campaign_tables.OVER_WINDOWS,
         ),
-        claims.claims,
+        claims.compare_claims,
         claims_sentences.word_claims,
         frame=claims_sentences.label_claims,
-        tables=item_tables.claims,
+        tables=item_tables.render_claims,
     ),
 )

@@ -9,7 +9,7 @@ import polars as pl
 
 from estimators.errors import OutputError
 from recordings.paper.paper_items import Item, ItemResult
-from recordings.paper.paper_pictures import draw
+from recordings.paper.paper_pictures import draw_paper_figure
 from recordings.report.atomic_output import atomic_files, check_output
 
 #: The page that holds every item.
@@ -30,7 +30,7 @@ def check_reproduction(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
-    for path in _targets(items, folder, output_format):
+    for path in _list_output_files(items, folder, output_format):
         check_output(path, force=force)
 
 
@@ -53,31 +53,31 @@ def write_reproduction(
     Raises:
         OutputError: one of them is there already, or cannot be written.
     """
-    targets = _targets([each.item for each in found], folder, output_format)
+    targets = _list_output_files([each.item for each in found], folder, output_format)
     with atomic_files(targets, force=force) as stage:
         for each in found:
             if each.item.picture:
-                draw(each.item.picture, each.frame, stage / _picture_name(each.item))
+                draw_paper_figure(each.item.picture, each.frame, stage / _name_picture(each.item))
         if output_format == "md":
-            (stage / PAGE).write_text(_page(found, about), encoding="utf-8")
+            (stage / PAGE).write_text(_render_page(found, about), encoding="utf-8")
         else:
             for each in found:
                 each.frame.write_csv(stage / f"{each.item.name}.csv")
-            _sentence_rows(found, about).write_csv(stage / SENTENCES)
+            _make_sentence_rows(found, about).write_csv(stage / SENTENCES)
     return targets
 
 
-def _targets(items: Sequence[Item[Any]], folder: Path, output_format: str) -> list[Path]:
+def _list_output_files(items: Sequence[Item[Any]], folder: Path, output_format: str) -> list[Path]:
     tables = [f"{item.name}.csv" for item in items]
     written = [PAGE] if output_format == "md" else [*tables, SENTENCES]
-    return [folder / name for name in (*written, *(_picture_name(i) for i in items if i.picture))]
+    return [folder / name for name in (*written, *(_name_picture(i) for i in items if i.picture))]
 
 
-def _picture_name(item: Item[Any]) -> str:
+def _name_picture(item: Item[Any]) -> str:
     return f"{item.name}.png"
 
 
-def _page(found: Sequence[ItemResult], about: str) -> str:
+def _render_page(found: Sequence[ItemResult], about: str) -> str:
     from jinja2 import Environment, StrictUndefined
 
     # Markdown for a reader, not HTML for a browser: nothing to escape
@@ -86,7 +86,7 @@ def _page(found: Sequence[ItemResult], about: str) -> str:
     sections = [
         {
             "title": each.item.title,
-            "picture": _picture_name(each.item) if each.item.picture else None,
+            "picture": _name_picture(each.item) if each.item.picture else None,
             "tables": each.item.tables(each.frame),
             "findings": each.said.findings,
             "choices": each.said.choices,
@@ -96,7 +96,7 @@ def _page(found: Sequence[ItemResult], about: str) -> str:
     return environment.from_string(source).render(about=about, sections=sections)
 
 
-def _sentence_rows(found: Sequence[ItemResult], about: str) -> pl.DataFrame:
+def _make_sentence_rows(found: Sequence[ItemResult], about: str) -> pl.DataFrame:
     rows = [("", "about", about)]
     for each in found:
         rows += [(each.item.name, "finding", sentence) for sentence in each.said.findings]

@@ -33,7 +33,7 @@ class Picture(NamedTuple):
     paint: Callable[["Figure", pl.DataFrame], None]
 
 
-def draw(picture: Picture, frame: pl.DataFrame, path: Path) -> None:
+def draw_paper_figure(picture: Picture, frame: pl.DataFrame, path: Path) -> None:
     """Draw a frame as PNG.
 
     Args:
@@ -48,11 +48,11 @@ def draw(picture: Picture, frame: pl.DataFrame, path: Path) -> None:
     figure.savefig(path, dpi=_DPI, format="png")
 
 
-def _figure_2(figure: "Figure", series: pl.DataFrame) -> None:
+def _draw_figure_2(figure: "Figure", series: pl.DataFrame) -> None:
     _draw_panels(figure, series, _MOTION)
 
 
-def _figure_3(figure: "Figure", series: pl.DataFrame) -> None:
+def _draw_figure_3(figure: "Figure", series: pl.DataFrame) -> None:
     draw_traces(
         figure,
         series,
@@ -61,7 +61,7 @@ def _figure_3(figure: "Figure", series: pl.DataFrame) -> None:
     )
 
 
-def _figure_4(figure: "Figure", series: pl.DataFrame) -> None:
+def _draw_figure_4(figure: "Figure", series: pl.DataFrame) -> None:
     draw_traces(
         figure,
         series,
@@ -70,7 +70,7 @@ def _figure_4(figure: "Figure", series: pl.DataFrame) -> None:
     )
 
 
-def _figure_5(figure: "Figure", series: pl.DataFrame) -> None:
+def _draw_figure_5(figure: "Figure", series: pl.DataFrame) -> None:
     rows = _draw_panels(figure, series, {**_MOTION, "mi_x_nat": "index (11) (nat)"})
     for axes in rows:
         shade_phases(axes, series, "phase", ("accelerating", "braking"))
@@ -106,11 +106,11 @@ def draw_traces(figure: "Figure", series: pl.DataFrame, *panels: tuple[str, str,
     rows[-1].set_xlabel("time (s)", fontsize=8)
 
 
-def _figure_6(figure: "Figure", table: pl.DataFrame) -> None:
+def _draw_figure_6(figure: "Figure", table: pl.DataFrame) -> None:
     draw_masses(figure, table, "estimate_kg", "estimate_std_kg", "estimate before calibration (kg)")
 
 
-def _figure_7(figure: "Figure", table: pl.DataFrame) -> None:
+def _draw_figure_7(figure: "Figure", table: pl.DataFrame) -> None:
     draw_masses(figure, table, "calibrated_kg", "calibrated_std_kg", "mass after (19) (kg)")
 
 
@@ -145,7 +145,7 @@ def draw_masses(figure: "Figure", table: pl.DataFrame, mean: str, std: str, labe
     panels[0].legend(fontsize=6, loc="best")
 
 
-def _figure_8(figure: "Figure", table: pl.DataFrame) -> None:
+def _draw_figure_8(figure: "Figure", table: pl.DataFrame) -> None:
     axes = figure.subplots()
     methods = list(table["method"].unique(maintain_order=True))
     loads = table["load_kg"].unique(maintain_order=True).sort().to_numpy()
@@ -202,10 +202,10 @@ def shade_phases(axes: "Axes", series: pl.DataFrame, column: str, wanted: tuple[
         )
 
 
-FIGURE_2: Final = Picture(3 * _PANEL_IN, _figure_2)
-FIGURE_3: Final = Picture(5.0, _figure_3)
-FIGURE_4: Final = Picture(5.0, _figure_4)
-FIGURE_5: Final = Picture(4 * _PANEL_IN, _figure_5)
-FIGURE_6: Final = Picture(3.0, _figure_6)
-FIGURE_7: Final = Picture(3.0, _figure_7)
-FIGURE_8: Final = Picture(3.6, _figure_8)
+FIGURE_2: Final = Picture(3 * _PANEL_IN, _draw_figure_2)
+FIGURE_3: Final = Picture(5.0, _draw_figure_3)
+FIGURE_4: Final = Picture(5.0, _draw_figure_4)
+FIGURE_5: Final = Picture(4 * _PANEL_IN, _draw_figure_5)
+FIGURE_6: Final = Picture(3.0, _draw_figure_6)
+FIGURE_7: Final = Picture(3.0, _draw_figure_7)
+FIGURE_8: Final = Picture(3.6, _draw_figure_8)

@@ -10,7 +10,7 @@ from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from recordings.plots.time_panels import series_numbers
 from recordings.report import colours
-from recordings.report.picture import legend_above
+from recordings.report.picture import draw_legend_above
 from recordings.rrd.display_frames import span_ns
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
             low, high = min(low, ends[0]), max(high, ends[1])
     room = _ROOM * (high - low) or 0.05 * abs(high) or 1.0
     axes.set_ylim(low - room, high + room)
-    legend_above(axes, 7)
+    draw_legend_above(axes, 7)
 
 
 def _load_starts(run: Run) -> list[int]:
@@ -105,7 +105,7 @@ def _draw_recursion(
 
 
 def _draw_running_means(axes: "Axes", run: Run) -> list[float]:
-    """Of the manoeuvres of each load, weighted by their variances, after each of them."""
+    """Draw the variance-weighted mean of each load after each of its manoeuvres."""
     frame = run.frames.get("manoeuvres")
     if frame is None:
         return []

@@ -16,7 +16,7 @@ from recordings.report import colours
 from recordings.report.picture import check_picture, write_picture
 from recordings.rrd.display_frames import display_frames, drawn_columns_of_view
 from recordings.rrd.recording_table import PAGE, TABS
-from recordings.rrd.recording_texts import summary_text
+from recordings.rrd.recording_texts import format_summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
@@ -66,7 +66,9 @@ def draw_run(run: Run, at_s: float | None = None) -> "Figure":
     from matplotlib.figure import Figure
 
     lines = [
-        part for line in summary_text(run).splitlines() for part in wrap(line, _CHARACTERS) or [""]
+        part
+        for line in format_summary(run).splitlines()
+        for part in wrap(line, _CHARACTERS) or [""]
     ]
     shown = display_frames(run, decimate=False)
     views = [(view, drawn) for view in PAGE if (drawn := drawn_columns_of_view(view, run, shown))]

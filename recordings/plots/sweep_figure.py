@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recordings.report import colours
-from recordings.report.picture import legend_beside, write_picture
+from recordings.report.picture import draw_legend_beside, write_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,14 +84,14 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     if reference_kg is not None:
         mass.axhline(reference_kg, color="black", lw=0.8, ls=":", label="reference")
     mass.set_ylabel("mass (kg)")
-    legend_beside(mass)
+    draw_legend_beside(mass)
     if loads:
         _draw_payloads(panels.pop(0), rows, at)
     for title in titles:
         axes = panels.pop(0)
-        _by_method(axes, at, [row.errors.get(title, {}) for row in rows])
+        _draw_by_method(axes, at, [row.errors.get(title, {}) for row in rows])
         axes.set_ylabel(title)
-        legend_beside(axes)
+        draw_legend_beside(axes)
     _draw_used_setting(panels[0], rows, at)
     return figure
 
@@ -109,7 +109,7 @@ def place_combinations(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.flo
         return places
     at = np.arange(len(rows), dtype=float)
     axes.set_xlabel(" · ".join(names))
-    labels = [" · ".join(_format_value(row.over[name]) for name in names) for row in rows]
+    labels = [" · ".join(_format_setting_value(row.over[name]) for name in names) for row in rows]
     axes.set_xticks(at, labels, rotation=90 if len(rows) > _LEVEL else 0, fontsize=7)
     return at
 
@@ -118,7 +118,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _format_value(value: object) -> str:
+def _format_setting_value(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return f"{value:g}" if isinstance(value, int | float) else str(value)
@@ -136,7 +136,9 @@ def _line_style(method: str) -> dict[str, Any]:
     return {"color": colours.method_colour(method), "lw": 1.0}
 
 
-def _method_values(parts: Sequence[Mapping[str, float | None]], method: str) -> NDArray[np.float64]:
+def _values_of_method(
+    parts: Sequence[Mapping[str, float | None]], method: str
+) -> NDArray[np.float64]:
     return np.array([np.nan if (v := part.get(method)) is None else v for part in parts])
 
 
@@ -151,7 +153,7 @@ def _draw_masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]
     answer = [method for method in methods if method == _JOINT]
     places = {method: n - half for n, method in enumerate([*paper[:half], *answer, *paper[half:]])}
     for method in methods:
-        values, std = _method_values(masses, method), _method_values(stds, method)
+        values, std = _values_of_method(masses, method), _values_of_method(stds, method)
         if np.isfinite(values).any():
             shifted = at + apart * places[method]
             axes.errorbar(
@@ -172,11 +174,11 @@ def _draw_payloads(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float6
     axes.set_ylabel("largest payload (kg)")
 
 
-def _by_method(
+def _draw_by_method(
     axes: "Axes", at: NDArray[np.float64], parts: Sequence[Mapping[str, float | None]]
 ) -> None:
     for method in _order_methods(parts):
-        values = _method_values(parts, method)
+        values = _values_of_method(parts, method)
         if np.isfinite(values).any():
             axes.plot(at, values, "o-", ms=3, label=method, **_line_style(method))
     _say_if_empty(axes)
@@ -192,4 +194,4 @@ def _draw_used_setting(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.fl
         )
     axes.set_ylim(-5.0, 105.0)
     axes.set_ylabel("samples used (%)")
-    legend_beside(axes)
+    draw_legend_beside(axes)

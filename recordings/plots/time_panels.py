@@ -15,12 +15,12 @@ from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from estimators.arrays import Floats
 from recordings.report import colours
-from recordings.report.picture import legend_above
+from recordings.report.picture import draw_legend_above
 from recordings.rrd.display_frames import (
     LANES,
     DisplayColumn,
     axis_range,
-    bin_rows,
+    bin_frame_rows,
     drawn_columns_of_view,
     draws_as_points,
     span_ns,
@@ -75,7 +75,7 @@ def draw_over_time(
         if view.kind is Kind.STATES:
             _draw_lanes(axes, drawn, shown, span)
         else:
-            _draw_lines(axes, view, drawn, shown, span)
+            _draw_series_lines(axes, view, drawn, shown, span)
             axes.set_ylim(axis_range(view, run))
         if at_s is not None:
             axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
@@ -88,7 +88,7 @@ def panel_height(view: View, drawn: Sequence[DisplayColumn]) -> float:
     return 0.35 * len(drawn) + 0.1 if view.kind is Kind.STATES else 1.0
 
 
-def _draw_lines(
+def _draw_series_lines(
     axes: "Axes",
     view: View,
     drawn: Sequence[DisplayColumn],
@@ -96,28 +96,30 @@ def _draw_lines(
     span: tuple[int, int],
 ) -> None:
     for each in drawn:
-        _draw(axes, each, shown[each.frame], span)
+        _draw_panel(axes, each, shown[each.frame], span)
     lane = "gate" if view.threshold else "phase"
     _shade_states(axes, shown.get(f"{LANES}/{lane}"), colours.SHADED[lane])
     unit = view.title.removeprefix(view.name).strip()
     words = [*wrap(view.name, _LABEL), *([unit] if unit else [])]
     axes.set_ylabel("\n".join(words), fontsize=_SMALL)
-    legend_above(axes)
+    draw_legend_above(axes)
 
 
-def _draw(axes: "Axes", drawn: DisplayColumn, frame: pl.DataFrame, span: tuple[int, int]) -> None:
+def _draw_panel(
+    axes: "Axes", drawn: DisplayColumn, frame: pl.DataFrame, span: tuple[int, int]
+) -> None:
     value = pl.col(drawn.column)
     if frame.height > _POINTS:
         # bins over the whole span: one without rows stays empty, so that no line crosses a gap
         width_ns = max((span[1] - span[0]) // _BINS, 1)
         if drawn.variance:
             # of an estimate the median: a few may be wild
-            frame = bin_rows(
+            frame = bin_frame_rows(
                 frame, [value.median(), pl.col(drawn.variance).median()], span, width_ns
             )
         else:
             ends = [value.min().alias("low"), value.max().alias("high")]
-            frame = bin_rows(frame, [value.mean(), *ends], span, width_ns)
+            frame = bin_frame_rows(frame, [value.mean(), *ends], span, width_ns)
             low, high = (series_numbers(frame[end]) for end in ("low", "high"))
             t_s = frame["t_ns"].to_numpy() / NS_PER_S
             axes.fill_between(t_s, low, high, color=drawn.colour, alpha=0.3, lw=0)
@@ -163,7 +165,7 @@ def _draw_lanes(
     axes.set_yticks([len(drawn) - 0.5 - n for n in range(len(drawn))], labels, fontsize=_SMALL)
     for state in sorted(seconds, key=lambda state: -seconds[state])[:_NAMED]:
         axes.plot([], [], "s", color=_state_colour(state), ms=5, label=state.replace("_", " "))
-    legend_above(axes)
+    draw_legend_above(axes)
 
 
 def _state_colour(state: str) -> str:
@@ -179,7 +181,7 @@ def _draw_spans(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
 
 
 def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], bottom: float) -> None:
-    """Of each bin the share of every state, stacked."""
+    """Draw the share of every state in each bin, stacked."""
     edges = np.linspace(span[0], span[1], _SHARES + 1)
     width = max(float(edges[1] - edges[0]), 1.0)
     base = np.full(_SHARES, bottom + 0.08)

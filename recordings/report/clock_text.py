@@ -40,51 +40,53 @@ class ShiftClock:
 
     @property
     def axis_label(self) -> str:
-        """What the ticks of an axis are."""
+        """Label of an axis."""
         if not self.is_dated:
             return "h:min since the start"
         return (
-            f"local time (UTC{self._offset(0.0)})" if self._has_one_offset else "local time, UTC±h"
+            f"local time (UTC{self._format_utc_offset(0.0)})"
+            if self._has_one_offset
+            else "local time, UTC±h"
         )
 
-    def at(self, s: float) -> str:
+    def format_time(self, s: float) -> str:
         """A time in s since the first sample, with date where the shift has two, and offset."""
         if not self.is_dated:
             return _format_elapsed(s)
-        local = self.local(s)
+        local = self.to_local_datetime(s)
         day = "" if self._is_of_one_day else f"{local:%Y-%m-%d} "
-        return f"{day}{local:%H:%M:%S} {self._offset(s)}"
+        return f"{day}{local:%H:%M:%S} {self._format_utc_offset(s)}"
 
-    def hour(self, s: float) -> str:
+    def format_hour(self, s: float) -> str:
         """The beginning of the hour in which a time lies, with offset; h:00 without a date."""
         if not self.is_dated:
             return f"{int(s // _HOUR_S)}:00"
-        local = self.local(s)
+        local = self.to_local_datetime(s)
         day = "" if self._is_of_one_day else f"{local:%Y-%m-%d} "
-        return f"{day}{local:%H}:00 {self._offset(s)}"
+        return f"{day}{local:%H}:00 {self._format_utc_offset(s)}"
 
-    def next_hour(self, s: float) -> float:
+    def next_hour_s(self, s: float) -> float:
         """When the hour after that of a time begins, in s since the first sample."""
         if not self.is_dated:
             return _HOUR_S * (s // _HOUR_S + 1.0)
-        local = self.local(s)
+        local = self.to_local_datetime(s)
         return s + _HOUR_S - local.minute * _MINUTE_S - local.second
 
     def day_and_time(self, when: datetime) -> str:
         """Any time, of another day than the shift as well, as the machine's clock has it."""
         local = when.astimezone(ZoneInfo(self.zone))
-        return f"{local:%Y-%m-%d %H:%M:%S} {_offset_text(local)}"
+        return f"{local:%Y-%m-%d %H:%M:%S} {_format_offset(local)}"
 
-    def at_unix_ns(self, unix_ns: int) -> str:
-        """The same of a unix time."""
-        return self.at((unix_ns - self.t0_unix_ns) / NS)
+    def format_unix_ns(self, unix_ns: int) -> str:
+        """Format a unix time."""
+        return self.format_time((unix_ns - self.t0_unix_ns) / NS)
 
-    def local(self, s: float) -> datetime:
+    def to_local_datetime(self, s: float) -> datetime:
         """A time in s since the first sample in the machine's zone, to the second."""
         unix_s = (self.t0_unix_ns + round(s * NS)) // NS
         return datetime.fromtimestamp(unix_s, UTC).astimezone(ZoneInfo(self.zone))
 
-    def ticks(self, low_s: float, high_s: float) -> list[tuple[float, str]]:
+    def make_ticks(self, low_s: float, high_s: float) -> list[tuple[float, str]]:
         """Round local times between two in s since the first sample, with their texts.
 
         Where the offset changes, each tick has its own.
@@ -93,34 +95,36 @@ class ShiftClock:
         # minutes since local midnight by the first offset: a tick is round on the wall
         shift_s = 0.0
         if self.is_dated:
-            first = self.local(0.0)
+            first = self.to_local_datetime(0.0)
             midnight_s = first.hour * _HOUR_S + first.minute * _MINUTE_S + first.second
             shift_s = midnight_s + (self.t0_unix_ns % NS) / NS
         begin = int(-(-(low_s + shift_s) // step_s))
         end = int((high_s + shift_s) // step_s)
         places = [k * step_s - shift_s for k in range(begin, end + 1)]
-        return [(place, self._tick_label(place)) for place in places]
+        return [(place, self._format_tick(place)) for place in places]
 
-    def _tick_label(self, s: float) -> str:
+    def _format_tick(self, s: float) -> str:
         if not self.is_dated:
             return _format_elapsed(s).removesuffix(":00")
         # a tick that float rounding puts a hair before its minute is that minute
-        local = self.local(s + 0.5)
-        return f"{local:%H:%M}{'' if self._has_one_offset else self._offset(s + 0.5)[:3]}"
+        local = self.to_local_datetime(s + 0.5)
+        return (
+            f"{local:%H:%M}{'' if self._has_one_offset else self._format_utc_offset(s + 0.5)[:3]}"
+        )
 
-    def _offset(self, s: float) -> str:
-        return _offset_text(self.local(s))
+    def _format_utc_offset(self, s: float) -> str:
+        return _format_offset(self.to_local_datetime(s))
 
     @property
     def _has_one_offset(self) -> bool:
-        return self._offset(0.0) == self._offset(self.duration_s)
+        return self._format_utc_offset(0.0) == self._format_utc_offset(self.duration_s)
 
     @property
     def _is_of_one_day(self) -> bool:
-        return self.local(0.0).date() == self.local(self.duration_s).date()
+        return self.to_local_datetime(0.0).date() == self.to_local_datetime(self.duration_s).date()
 
 
-def _offset_text(local: datetime) -> str:
+def _format_offset(local: datetime) -> str:
     text = f"{local:%z}"
     return f"{text[:3]}:{text[3:5]}"
 

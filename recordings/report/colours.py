@@ -67,12 +67,12 @@ def method_colour(name: str) -> str:
     return line_colour(_METHODS.index(name)) if name in _METHODS else _QUIET
 
 
-def lighten(colour: str) -> str:
+def lighten_colour(colour: str) -> str:
     """A colour halfway to white."""
     parts = (int(colour[at : at + 2], 16) for at in (1, 3, 5))
     return "#" + "".join(f"{(part + 255) // 2:02x}" for part in parts)
 
 
-def rgba(colour: str, alpha: str = "ff") -> int:
+def pack_rgba(colour: str, alpha: str = "ff") -> int:
     """A colour as the viewer takes it: red, green, blue and opacity in one number."""
     return int(colour[1:] + alpha, 16)

@@ -6,28 +6,48 @@ from typing import Any, Final
 from analysis.explain import Finding
 from analysis.model.run_record import Run
 from recordings.report.clock_text import ShiftClock
-from recordings.report.number_text import number_text, plus_minus
+from recordings.report.number_text import format_number, format_plus_minus
 
-#: What a severity leads to.
-LEADS_TO: Final = {
+_LEADS_TO: Final = {
     "withhold": "invalidates the mass",
     "widen": "moves the mass by more than its uncertainty",
-    "tell": "moves the mass by less than its uncertainty, or by an unknown amount",
+    "tell": "moves the mass by less than its uncertainty",
 }
 
 
-def findings_of(run: Run) -> tuple[Finding, ...]:
-    """The findings of a run, the likeliest first; none of a run that was not looked at."""
+def consequence_text(finding: Finding) -> str:
+    """Describe what a cause does to the mass."""
+    if finding.severity == "tell" and finding.mass_change_kg is None:
+        return "its effect on the mass is not known"
+    return _LEADS_TO[finding.severity]
+
+
+def order_by_effect(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Order causes as they are printed everywhere.
+
+    Those that invalidate the mass come first, then those that may change it, then the others; the
+    likeliest first among each.
+    """
+    return tuple(
+        sorted(
+            findings,
+            key=lambda each: (each.severity != "withhold", not may_change_mass(each), each.rank),
+        )
+    )
+
+
+def findings_of_run(run: Run) -> tuple[Finding, ...]:
+    """The findings of a run the likeliest first; none where none were looked for."""
     frame = run.frames.get("findings")
-    return () if frame is None else findings_from(frame.iter_rows(named=True))
+    return () if frame is None else findings_of_rows(frame.iter_rows(named=True))
 
 
-def findings_from(rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
-    """The findings of rows of the frame `findings`."""
-    return tuple(Finding.of(row) for row in rows)
+def findings_of_rows(rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
+    """The findings of rows of the frame `findings`, the likeliest first."""
+    return tuple(Finding.from_row(row) for row in rows)
 
 
-def name_of(cause: str) -> str:
+def cause_name(cause: str) -> str:
     """A cause as a person reads it."""
     return cause.replace("_", " ")
 
@@ -37,22 +57,22 @@ def may_change_mass(finding: Finding) -> bool:
     return finding.severity != "tell" or finding.mass_change_kg is not None
 
 
-def change_of(finding: Finding) -> str:
-    """What mending would do to the mass, or nothing where that is not known."""
+def mass_change_text(finding: Finding) -> str:
+    """How mending would change the mass; empty if unknown."""
     change, u = finding.mass_change_kg, finding.mass_change_u_kg
     if change is None:
         return ""
-    text = plus_minus(change, u)
+    text = format_plus_minus(change, u)
     signed = f"+{text}" if change > 0 else text.replace("-", "−", 1)
     return f"fixing it changes the mass by {signed} kg"
 
 
-def span_of(finding: Finding, clock: ShiftClock | None = None) -> str:
+def finding_span_text(finding: Finding, clock: ShiftClock | None = None) -> str:
     """Where it is, or nothing for the whole log: in s since the start, or by a clock."""
     if finding.start_s is None or finding.end_s is None:
         return ""
     if clock is not None:
-        begin, end = clock.at(finding.start_s), clock.at(finding.end_s)
+        begin, end = clock.format_time(finding.start_s), clock.format_time(finding.end_s)
         return begin if begin == end else f"{begin} to {end}"
     begin, end = f"{finding.start_s:,.1f}", f"{finding.end_s:,.1f}"
     return f"{begin} s" if begin == end else f"{begin} to {end} s"
@@ -60,14 +80,14 @@ def span_of(finding: Finding, clock: ShiftClock | None = None) -> str:
 
 def finding_line(finding: Finding, clock: ShiftClock | None = None) -> str:
     """One line: the cause, where, what was measured, what mending it would do."""
-    where = ", ".join(filter(None, (finding.channel, span_of(finding, clock))))
-    parts = [f"{name_of(finding.cause)}{f' ({where})' if where else ''}: {finding.evidence}"]
-    parts += filter(None, [change_of(finding)])
+    where = ", ".join(filter(None, (finding.channel, finding_span_text(finding, clock))))
+    parts = [f"{cause_name(finding.cause)}{f' ({where})' if where else ''}: {finding.evidence}"]
+    parts += filter(None, [mass_change_text(finding)])
     return "; ".join(parts)
 
 
-def proposal_of(finding: Finding) -> str:
-    """What to write into the machine file, or nothing."""
+def proposal_text(finding: Finding) -> str:
+    """Keys to write into the machine file; empty if none."""
     if finding.setting is None or finding.value is None:
         return ""
     keys, values = finding.setting.split(", "), finding.value.split(", ")
@@ -82,7 +102,7 @@ def indistinguishable_causes(finding: Finding) -> str:
     """Which causes it cannot be told from, or nothing."""
     if not finding.alternatives:
         return ""
-    names = ", ".join(map(name_of, finding.alternatives))
+    names = ", ".join(map(cause_name, finding.alternatives))
     return f"cannot be distinguished from: {names}"
 
 
@@ -90,18 +110,20 @@ def findings_text(run: Run) -> str:
     """Every finding in Markdown; a sentence where none shows, nothing where none was looked for."""
     if "findings" not in run.frames:
         return ""
-    found = findings_of(run)
+    found = order_by_effect(findings_of_run(run))
     if not found:
         return "# Findings\n\nNone of the known causes of a wrong mass was detected in this log."
     parts = ["# Findings"]
-    for each in found:
+    for number, each in enumerate(found, 1):
         lines = [
             each.evidence,
-            *filter(None, (change_of(each), proposal_of(each), indistinguishable_causes(each))),
-            LEADS_TO[each.severity],
+            *filter(
+                None, (mass_change_text(each), proposal_text(each), indistinguishable_causes(each))
+            ),
+            consequence_text(each),
         ]
-        where = ", ".join(filter(None, (each.channel, span_of(each))))
-        parts.append(f"## {each.rank}. {name_of(each.cause)}{f' ({where})' if where else ''}")
-        strength = f"{number_text(each.strength_1)} × the detection threshold"
+        where = ", ".join(filter(None, (each.channel, finding_span_text(each))))
+        parts.append(f"## {number}. {cause_name(each.cause)}{f' ({where})' if where else ''}")
+        strength = f"{format_number(each.strength_1)} × the detection threshold"
         parts.append(f"{each.says}; {strength}\n\n" + "\n".join(f"- {line}" for line in lines))
     return "\n\n".join(parts)

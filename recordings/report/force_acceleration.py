@@ -7,7 +7,7 @@ import polars as pl
 from analysis.model.run_record import Run
 from analysis.model.windows import samples_in_windows
 from recordings.report import colours
-from recordings.report.number_text import plus_minus
+from recordings.report.number_text import format_plus_minus
 
 #: The acceleration that multiplies the mass, a column of the excitation.
 ACCELERATION: Final = "regressor_acc_x_m_s2"
@@ -38,11 +38,11 @@ class MassLine(NamedTuple):
     @property
     def label(self) -> str:
         """The name, the mass and U."""
-        return f"{self.name} {plus_minus(self.mass_kg, 2 * self.u_kg)} kg (k = 2)"
+        return f"{self.name} {format_plus_minus(self.mass_kg, 2 * self.u_kg)} kg (k = 2)"
 
 
 class ForceAcceleration(NamedTuple):
-    """What is drawn of force against acceleration.
+    """Data of the plot of force against acceleration.
 
     Attributes:
         points: all of them, `t_ns`, `ACCELERATION` and `FORCE`.

@@ -11,7 +11,7 @@ from analysis.model.verdict import Check
 REMARKED: Final = {"widen": "widened", "method": "withheld", "tell": "note"}
 
 
-def outcome_text(check: Check, *, passed: str, failed: str, absent: str) -> str:
+def format_check_outcome(check: Check, *, passed: str, failed: str, absent: str) -> str:
     """A check's outcome in a word: a failed one that withholds nothing is named by its consequence.
 
     Args:
@@ -25,7 +25,7 @@ def outcome_text(check: Check, *, passed: str, failed: str, absent: str) -> str:
     return passed if check.passed else REMARKED.get(check.consequence, failed)
 
 
-def number_text(value: object) -> str:
+def format_number(value: object) -> str:
     """A cell of a table: five significant digits, thousands apart, a dash for nothing."""
     if value is None:
         return "–"
@@ -37,10 +37,10 @@ def number_text(value: object) -> str:
     return str(value)
 
 
-def plus_minus(value: float | None, std: float | None) -> str:
+def format_plus_minus(value: float | None, std: float | None) -> str:
     """A value with its standard deviation to two digits, both to the same place."""
     if value is None or std is None or not (std > 0 and isfinite(std)):
-        return number_text(value)
+        return format_number(value)
     places = max(0, 1 - floor(log10(std)))
     return f"{value:.{places}f} ± {std:.{places}f}"
 
@@ -71,7 +71,7 @@ _UNCERTAINTY_KEYS: Final = {
 def markdown_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A Markdown table, or "none"."""
     body = [
-        "| " + " | ".join(number_text(cell).replace("|", "\\|") for cell in row) + " |"
+        "| " + " | ".join(format_number(cell).replace("|", "\\|") for cell in row) + " |"
         for row in rows
     ]
     if not body:

@@ -40,7 +40,7 @@ def write_picture(figure: "Figure", path: Path, *, force: bool) -> Path:
     return path
 
 
-def legend_beside(axes: "Axes", size: float = 7.0) -> None:
+def draw_legend_beside(axes: "Axes", size: float = 7.0) -> None:
     """Name the lines of a panel to its right, where no data lie; none where there is one line."""
     handles, labels = axes.get_legend_handles_labels()
     if len(labels) > 1:
@@ -55,7 +55,7 @@ def legend_beside(axes: "Axes", size: float = 7.0) -> None:
         )
 
 
-def legend_above(axes: "Axes", size: float = 6.0) -> None:
+def draw_legend_above(axes: "Axes", size: float = 6.0) -> None:
     """Name the lines of a panel above it, where no data lie; none where there is one line."""
     if len(axes.get_legend_handles_labels()[1]) > 1:
         axes.legend(

@@ -6,9 +6,9 @@ from typing import Any
 from analysis.model.run_record import Run
 from estimators.errors import counted
 from recordings.report.number_text import (
+    format_number,
+    format_plus_minus,
     markdown_table,
-    number_text,
-    plus_minus,
     scale_unknown_line,
 )
 
@@ -80,8 +80,8 @@ def planar_markdown(run: Run) -> str:
             f"{row['start_t_ns'] / 1e9:.2f} – {row['end_t_ns'] / 1e9:.2f}",
             row["speed_x_m_s"],
             row["yaw_rate_rad_s"],
-            plus_minus(row["com_x_m"], row["com_x_std_m"]),
-            plus_minus(row["com_y_m"], row["com_y_std_m"]),
+            format_plus_minus(row["com_x_m"], row["com_x_std_m"]),
+            format_plus_minus(row["com_y_m"], row["com_y_std_m"]),
             "withheld" if row["withheld"] else row["reason"].replace("_", " "),
         )
         for row in rows
@@ -98,7 +98,7 @@ def planar_markdown(run: Run) -> str:
             # smaller shares of the variance are not listed
             if row["share_1"] is not None and row["share_1"] < _SMALL:
                 continue
-            u = "not known" if row["u"] is None else f"{number_text(row['u'])} {row['unit']}"
+            u = "not known" if row["u"] is None else f"{format_number(row['u'])} {row['unit']}"
             # a list, not a table: the viewer wraps it
             line = f"- **{row['cause']}** ({row['kind']}): {u}; shrinks with {row['shrinks']}"
             lines.setdefault(row["quantity"], []).append(line)
@@ -120,22 +120,22 @@ def _fit_line(row: Mapping[str, Any]) -> str:
     if row["com_x_m"] is None:
         return f"centre of mass from {of}: none; {list_determined(row)}"
     along = (
-        f"{_distance_text(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
+        f"{_format_distance(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
     )
     if row["com_y_m"] is None:
         return f"centre of mass from {of}: {along}"
-    across = f"{_distance_text(row, 'y')} to its {'left' if row['com_y_m'] >= 0 else 'right'}"
+    across = f"{_format_distance(row, 'y')} to its {'left' if row['com_y_m'] >= 0 else 'right'}"
     return f"centre of mass from {of}: {along}, {across}"
 
 
-def _distance_text(row: Mapping[str, Any], axis: str) -> str:
-    return f"{plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
+def _format_distance(row: Mapping[str, Any], axis: str) -> str:
+    return f"{format_plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
 
 
 def list_determined(row: Mapping[str, Any]) -> str:
     """Which numbers the motion determines, with those that may be told."""
     told = [
-        f"{name} {plus_minus(row[value], row[std])} {unit}"
+        f"{name} {format_plus_minus(row[value], row[std])} {unit}"
         for name, (value, std, unit) in _NAMES.items()
         if row[value] is not None
     ]

@@ -9,7 +9,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final
 
 from estimators.errors import one_line
-from recordings.report.number_text import number_text
+from recordings.report.number_text import format_number
 from recordings.report.svg_shapes import WIDTH
 
 if TYPE_CHECKING:
@@ -64,8 +64,8 @@ def page_templates(package: str, scripts: tuple[str, ...]) -> "tuple[Environment
         lstrip_blocks=True,
         finalize=_strip_control_characters,
     )
-    environment.filters["number"] = number_text
-    environment.filters["percent"] = _percent
+    environment.filters["number"] = format_number
+    environment.filters["percent"] = _format_percent
     return environment, base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
 
 
@@ -74,5 +74,5 @@ def _strip_control_characters(value: object) -> object:
     return one_line(value) if type(value) is str else value
 
 
-def _percent(share: float | None) -> str:
+def _format_percent(share: float | None) -> str:
     return "–" if share is None else f"{share:.2%}"

@@ -1,4 +1,4 @@
-"""What a shift came to, in a sentence: for the page, the terminal and the recording alike."""
+"""Result of a shift in a sentence, for page, terminal and recording alike."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -10,22 +10,22 @@ from recordings.report.number_text import SCALE_NOT_KNOWN
 K: Final = 2.0
 
 
-def shift_sentence(shift: Mapping[str, Any]) -> str:
+def shift_payload_sentence(shift: Mapping[str, Any]) -> str:
     """The tonnes of a shift of which a cycle counts.
 
     Args:
         shift: row of the frame `shift`.
     """
     loads = counted(shift["cycles_counted"], "load")
-    answer = f"{tonnes(shift['payload_kg'], K * shift['payload_u_kg'])} in {loads}"
+    answer = f"{format_tonnes(shift['payload_kg'], K * shift['payload_u_kg'])} in {loads}"
     scale = f", {SCALE_NOT_KNOWN}" if shift["scale_unknown"] else ""
     if not includes_uncounted(shift):
         return answer + scale
-    whole = tonnes(shift["total_kg"], K * shift["total_u_kg"])
+    whole = format_tonnes(shift["total_kg"], K * shift["total_u_kg"])
     return f"{whole} in the shift: {answer} counted{scale}"
 
 
-def tonnes(kg: float, u_kg: float) -> str:
+def format_tonnes(kg: float, u_kg: float) -> str:
     """A sum in t with its expanded uncertainty, to the digits that it is worth."""
     digits = 1 if u_kg >= 3000.0 else 2 if u_kg >= 300.0 else 3
     return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"

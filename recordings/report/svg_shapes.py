@@ -48,34 +48,47 @@ class Drawing:
         runs = groupby(self.shapes, key=lambda shape: shape.look)
         return [({"class": look, **_LOOKS[look]}, list(shapes)) for look, shapes in runs]
 
-    def line(self, x0: float, y0: float, x1: float, y1: float, look: str) -> None:
+    def draw_line(self, x0: float, y0: float, x1: float, y1: float, look: str) -> None:
         """Draw a straight line."""
-        at = {"x1": _n(x0), "y1": _n(y0), "x2": _n(x1), "y2": _n(y1)}
+        at = {
+            "x1": _format_coordinate(x0),
+            "y1": _format_coordinate(y0),
+            "x2": _format_coordinate(x1),
+            "y2": _format_coordinate(y1),
+        }
         self.shapes.append(Shape(look, "line", at))
 
-    def path(self, ways: Sequence[Sequence[tuple[float, float]]], look: str) -> None:
+    def draw_path(self, ways: Sequence[Sequence[tuple[float, float]]], look: str) -> None:
         """Draw ways from corner to corner, all as one element."""
-        d = "".join("M" + "L".join(f"{_n(x)} {_n(y)}" for x, y in corners) for corners in ways)
+        d = "".join(
+            "M" + "L".join(f"{_format_coordinate(x)} {_format_coordinate(y)}" for x, y in corners)
+            for corners in ways
+        )
         self.shapes.append(Shape(look, "path", {"d": d, "fill": "none"}))
 
-    def polygon(self, corners: Sequence[tuple[float, float]], look: str) -> None:
+    def fill_polygon(self, corners: Sequence[tuple[float, float]], look: str) -> None:
         """Fill an area."""
-        points = " ".join(f"{_n(x)},{_n(y)}" for x, y in corners)
+        points = " ".join(f"{_format_coordinate(x)},{_format_coordinate(y)}" for x, y in corners)
         self.shapes.append(Shape(look, "polygon", {"points": points}))
 
-    def dot(self, x: float, y: float, look: str, tip: str) -> None:
+    def draw_dot(self, x: float, y: float, look: str, tip: str) -> None:
         """Draw a point that says what it is when it is pointed at."""
-        at = {"cx": _n(x), "cy": _n(y), "r": "3.2"}
+        at = {"cx": _format_coordinate(x), "cy": _format_coordinate(y), "r": "3.2"}
         self.shapes.append(Shape(look, "circle", at, tip))
 
-    def bar(self, x: float, y: float, width: float, height: float, look: str) -> None:
+    def fill_bar(self, x: float, y: float, width: float, height: float, look: str) -> None:
         """Fill a rectangle."""
-        at = {"x": _n(x), "y": _n(y), "width": _n(width), "height": _n(height)}
+        at = {
+            "x": _format_coordinate(x),
+            "y": _format_coordinate(y),
+            "width": _format_coordinate(width),
+            "height": _format_coordinate(height),
+        }
         self.shapes.append(Shape(look, "rect", at))
 
     def write(self, x: float, y: float, text: str, anchor: str = "middle") -> None:
         """Write a text."""
-        at = {"x": _n(x), "y": _n(y), "text-anchor": anchor}
+        at = {"x": _format_coordinate(x), "y": _format_coordinate(y), "text-anchor": anchor}
         self.shapes.append(Shape("ink", "text", at, text))
 
 
@@ -102,7 +115,7 @@ class Axes:
     box: tuple[float, float, float, float]
 
     @classmethod
-    def around(
+    def from_data(
         cls,
         x: Sequence[float],
         y: Sequence[float],
@@ -112,7 +125,7 @@ class Axes:
         """Axes whose ranges contain all these numbers, with a margin."""
         return cls(_padded_range(x, pad), _padded_range(y, pad), box)
 
-    def place(self, x: float, y: float) -> tuple[float, float]:
+    def place_in_drawing(self, x: float, y: float) -> tuple[float, float]:
         """Where a pair of numbers lies."""
         left, top, right, bottom = self.box
         across = (x - self.x[0]) / (self.x[1] - self.x[0])
@@ -128,21 +141,21 @@ class Axes:
     ) -> None:
         """Draw grid, numbers and labels; `x_ticks` are others than round numbers, as of a clock."""
         left, top, right, bottom = self.box
-        for value, text in ticks(*self.x) if x_ticks is None else x_ticks:
-            x, _ = self.place(value, self.y[0])
-            picture.line(x, top, x, bottom, "grid")
+        for value, text in round_ticks(*self.x) if x_ticks is None else x_ticks:
+            x, _ = self.place_in_drawing(value, self.y[0])
+            picture.draw_line(x, top, x, bottom, "grid")
             picture.write(x, bottom + 14, text)
-        for value, text in ticks(*self.y):
-            _, y = self.place(self.x[0], value)
-            picture.line(left, y, right, y, "grid")
+        for value, text in round_ticks(*self.y):
+            _, y = self.place_in_drawing(self.x[0], value)
+            picture.draw_line(left, y, right, y, "grid")
             picture.write(left - 4, y + 4, text, "end")
-        picture.line(left, bottom, right, bottom, "axis")
-        picture.line(left, top, left, bottom, "axis")
+        picture.draw_line(left, bottom, right, bottom, "axis")
+        picture.draw_line(left, top, left, bottom, "axis")
         picture.write((left + right) / 2, bottom + 29, x_label)
         picture.write(2, top - 8, y_label, "start")
 
 
-def ticks(low: float, high: float) -> list[tuple[float, str]]:
+def round_ticks(low: float, high: float) -> list[tuple[float, str]]:
     """Round numbers between two, at most about five, as texts of one length after the point."""
     raw = (high - low) / _TICKS
     power = 10.0 ** np.floor(np.log10(raw))
@@ -153,7 +166,7 @@ def ticks(low: float, high: float) -> list[tuple[float, str]]:
     return [(k * step, f"{k * step + 0.0:,.{digits}f}") for k in range(first, last + 1)]
 
 
-def shorten(text: str, width: float) -> str:
+def shorten_text(text: str, width: float) -> str:
     """The text, cut where it is wider than so much of the drawing."""
     most = max(int(width / _TEXT), 4)
     return text if len(text) <= most else f"{text[: most - 1]}…"
@@ -165,6 +178,6 @@ def _padded_range(values: Sequence[float], pad: float) -> tuple[float, float]:
     return low - room, high + room
 
 
-def _n(value: float) -> str:
+def _format_coordinate(value: float) -> str:
     """A place in the drawing: a tenth of its unit is less than a pixel of a printer."""
     return f"{value:.1f}".removesuffix(".0")

@@ -1,4 +1,4 @@
-"""What the answer is worth, in lines: loads and payloads, other priors, where uncertainty is."""
+"""Lines about the answer: loads and payloads, prior sensitivity, largest uncertainty."""
 
 from collections.abc import Mapping
 from math import ceil
@@ -9,8 +9,8 @@ from analysis.model.physical_units import NS_PER_S
 from estimators.errors import counted
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
-    number_text,
-    plus_minus,
+    format_number,
+    format_plus_minus,
     scale_unknown_line,
 )
 
@@ -27,7 +27,7 @@ _HEADS: Final = ("load", "from s", "to s", "manoeuvres", "mass kg", "payload kg"
 _CALIBRATED: Final = ("calibrated kg", "from kg", "to kg")
 
 
-def load_heads(said: Answer) -> tuple[str, ...]:
+def table_heads_of_loads(said: Answer) -> tuple[str, ...]:
     """Heads of `load_rows`."""
     return (*_HEADS, *(_CALIBRATED if _is_calibrated(said) else ()), "")
 
@@ -36,7 +36,7 @@ def _is_calibrated(said: Answer) -> bool:
     return any("calibrated_kg" in load for load in said.loads)
 
 
-def load_rows(said: Answer) -> list[tuple[str, ...]]:
+def table_rows_of_loads(said: Answer) -> list[tuple[str, ...]]:
     """A row a load: number, from, to, manoeuvres, mass, payload, remark.
 
     Before the remark, where a calibration was given, its mass and the interval of that.
@@ -44,13 +44,13 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
     return [
         (
             str(load["load_id"]),
-            _seconds_text(load["start_t_ns"]),
-            _seconds_text(load["end_t_ns"]),
+            _format_seconds(load["start_t_ns"]),
+            _format_seconds(load["end_t_ns"]),
             str(load["manoeuvres"]),
-            "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
-            _payload_text(load),
-            *(calibrated_interval(load) if _is_calibrated(said) else ()),
-            _load_remark(load),
+            "–" if load["mass_kg"] is None else format_plus_minus(load["mass_kg"], load["u_kg"]),
+            _format_payload(load),
+            *(calibrated_mass_cells(load) if _is_calibrated(said) else ()),
+            _remark_on_load(load),
         )
         for load in said.loads
     ]
@@ -59,7 +59,7 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
 def load_sentences(said: Answer, most: int) -> list[str]:
     """A line a load, up to so many."""
     lines: list[str] = []
-    rows = zip(load_rows(said)[:most], said.loads, strict=False)
+    rows = zip(table_rows_of_loads(said)[:most], said.loads, strict=False)
     for (load, begin, end, manoeuvres, mass, payload, *_, remark), row in rows:
         carried = payload if payload in ("empty", "–") else f"payload {payload} kg"
         told = ", ".join(filter(None, (f"{mass} kg", carried, calibrated_line(row), remark)))
@@ -77,7 +77,7 @@ def answer_lines(said: Answer, *, brief: bool = False) -> list[str]:
     empty = [load for load in said.loads if load.get("empty")]
     if len(empty) == 1:
         mass = empty[0]["mass_kg"]
-        known = "" if mass is None else f" ({plus_minus(mass, empty[0]['u_kg'])} kg)"
+        known = "" if mass is None else f" ({format_plus_minus(mass, empty[0]['u_kg'])} kg)"
         lines.append(
             f"payloads are differences to load {empty[0]['load_id']}, taken as empty{known}; "
             "--empty FROM:TO says when it was"
@@ -88,7 +88,7 @@ def answer_lines(said: Answer, *, brief: bool = False) -> list[str]:
             "--empty FROM:TO says when it was"
         )
     known = [load for load in said.loads if load["mass_kg"] is not None]
-    return lines + (_load_notes(known[0]) if known else [])
+    return lines + (_note_on_all_loads(known[0]) if known else [])
 
 
 def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
@@ -98,28 +98,28 @@ def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
     mass, u = load["mass_kg"], load["u_kg"]
     low, high = mass - COVERAGE * u, mass + COVERAGE * u
     lines = [
-        f"mass {plus_minus(mass, u)} kg (standard uncertainty), 95 %: "
-        f"{number_text(low)} to {number_text(high)} kg, from {load['manoeuvres']} "
+        f"mass {format_plus_minus(mass, u)} kg (standard uncertainty), 95 %: "
+        f"{format_number(low)} to {format_number(high)} kg, from {load['manoeuvres']} "
         f"{'manoeuvre' if load['manoeuvres'] == 1 else 'manoeuvres'}"
     ]
     lines += filter(None, [calibrated_line(load)])
     if load["payload_kg"] is not None:
-        lines.append(f"payload {_payload_text(load)} kg")
+        lines.append(f"payload {_format_payload(load)} kg")
     if not brief:
-        lines.append(prior_line(load))
-    return lines + _load_notes(load)
+        lines.append(prior_sensitivity_line(load))
+    return lines + _note_on_all_loads(load)
 
 
-def prior_line(load: Mapping[str, Any]) -> str:
+def prior_sensitivity_line(load: Mapping[str, Any]) -> str:
     """The mass under priors half and twice as wide."""
     return (
-        f"prior sensitivity: {number_text(load['mass_halved_priors_kg'])} kg (×½) … "
-        f"{number_text(load['mass_doubled_priors_kg'])} kg (×2)"
+        f"prior sensitivity: {format_number(load['mass_halved_priors_kg'])} kg (×½) … "
+        f"{format_number(load['mass_doubled_priors_kg'])} kg (×2)"
     )
 
 
-def _load_notes(load: Mapping[str, Any]) -> list[str]:
-    """What holds for every load of the log."""
+def _note_on_all_loads(load: Mapping[str, Any]) -> list[str]:
+    """Notes that apply to every load of the log."""
     lines = [load[name] for name in ("said", "calibrated_said") if load.get(name)]
     told = load.get("payload_to") is not None and not load.get("payload_scale_unknown")
     if load["scale_unknown"]:
@@ -130,7 +130,7 @@ def _load_notes(load: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def goal_lines(said: Answer, goal_kg: float) -> list[str]:
+def describe_starts_to_goal(said: Answer, goal_kg: float) -> list[str]:
     """How many manoeuvres would bring each load's number to ± `goal_kg`, by this log's figures."""
     lines: list[str] = []
     for load in said.loads:
@@ -198,7 +198,7 @@ _SCATTER_UNKNOWN: Final = "an assumed disagreement of manoeuvres of one load"
 
 
 def uncertainty_advice(said: Answer) -> str | None:
-    """What would shrink the uncertainty most; None without an answer."""
+    """The measure that would reduce the uncertainty most; None without an answer."""
     shown = best_known_load(said)
     known = [s for s in said.budget if s["u_kg"] and s.get("load_id", 0) == shown]
     if not known or not any(load["mass_kg"] is not None for load in said.loads):
@@ -212,7 +212,7 @@ def uncertainty_advice(said: Answer) -> str | None:
     return f"largest contribution: {meaning} ({most['cause']}{part}); to reduce: {most['shrinks']}"
 
 
-def _payload_text(load: Mapping[str, Any]) -> str:
+def _format_payload(load: Mapping[str, Any]) -> str:
     if load["payload_kg"] is None:
         return "–"
     if load.get("empty"):
@@ -221,22 +221,22 @@ def _payload_text(load: Mapping[str, Any]) -> str:
         names = ("payload_kg", "payload_low_kg", "payload_high_kg")
         mass, low, high = (f"{load[f'calibrated_{name}']:,.1f}" for name in names)
         return f"{mass} ({low} to {high})"
-    return plus_minus(load["payload_kg"], load["payload_u_kg"])
+    return format_plus_minus(load["payload_kg"], load["payload_u_kg"])
 
 
-def calibrated_interval(load: Mapping[str, Any]) -> tuple[str, ...]:
+def calibrated_mass_cells(load: Mapping[str, Any]) -> tuple[str, ...]:
     """Calibrated mass and the ends of its interval."""
     names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg")
     return tuple("–" if load[name] is None else f"{load[name]:,.1f}" for name in names)
 
 
 def calibrated_line(load: Mapping[str, Any]) -> str:
-    """The same in words; nothing where no calibration was given."""
+    """The calibrated mass in words; empty if no calibration was given."""
     if "calibrated_kg" not in load:
         return ""
     if load["calibrated_kg"] is None:
         return f"not calibrated: {load['calibrated_reason']}"
-    mass, low, high = calibrated_interval(load)
+    mass, low, high = calibrated_mass_cells(load)
     unlike_kg = load.get("calibrated_unlike_u_kg") or 0.0
     # less is lost in the rounding of the whole
     tells = unlike_kg > _TELLS * load["calibrated_u_kg"]
@@ -244,7 +244,7 @@ def calibrated_line(load: Mapping[str, Any]) -> str:
     return f"calibrated {mass} kg, {low} to {high} kg{more}"
 
 
-def _load_remark(load: Mapping[str, Any]) -> str:
+def _remark_on_load(load: Mapping[str, Any]) -> str:
     if load["mass_kg"] is None:
         return load["withheld_for"]
     if load.get("scatter_known") is False:
@@ -254,12 +254,12 @@ def _load_remark(load: Mapping[str, Any]) -> str:
     return ""
 
 
-def _seconds_text(t_ns: int | None) -> str:
+def _format_seconds(t_ns: int | None) -> str:
     return "–" if t_ns is None else f"{t_ns / NS_PER_S:,.1f}"
 
 
-def shift_lines(answer: Answer) -> list[str]:
-    """What the cycles of a log add up to, in a line; none where nothing was dumped."""
+def summarise_shift_lines(answer: Answer) -> list[str]:
+    """Sum of the cycles of a log in a line; no line if nothing was dumped."""
     shift = answer.shift
     if not shift:
         return []

@@ -7,7 +7,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.cycle_energy import PARTS, PHASES, WHOLE, EnergyAmount, EnergyRow
-from recordings.report.number_text import plus_minus
+from recordings.report.number_text import format_plus_minus
 from recordings.report.shift_text import K
 from recordings.review.review_state import ReviewState
 
@@ -21,17 +21,17 @@ FUEL: Final = "fuel_L"
 FUEL_U: Final = "fuel_u_L"
 
 
-def value_column(name: str) -> str:
+def energy_column_name(name: str) -> str:
     """The ledger's column of an energy."""
     return f"{name}_kWh"
 
 
-def u_column(name: str) -> str:
+def uncertainty_column_name(name: str) -> str:
     """The column of its standard uncertainty."""
     return f"{name}_u_kWh"
 
 
-def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
+def add_energy_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     """The ledger with the energy of each cycle; null where it is not known.
 
     Args:
@@ -41,18 +41,22 @@ def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     by_cycle: dict[int, dict[str, EnergyAmount]] = {}
     for row in state.energy.rows:
         if row.cycle is not None:
-            by_cycle.setdefault(row.cycle, {}).update(amounts_by_name(row))
+            by_cycle.setdefault(row.cycle, {}).update(energy_amounts_by_column(row))
     found: list[dict[str, EnergyAmount]] = []
     for ledger_row in rows.iter_rows(named=True):
         amounts = by_cycle.get(ledger_row["cycle"], {})
         if "energy" in amounts and ledger_row["counted"]:
-            amounts = amounts | {"energy_per_t": _per_tonne(amounts["energy"], ledger_row)}
+            amounts = amounts | {
+                "energy_per_t": _energy_per_tonne_text(amounts["energy"], ledger_row)
+            }
         found.append(amounts)
     columns: list[pl.Series] = []
     for name in ENERGIES:
         pairs = [each.get(name, (None, None)) for each in found]
-        columns.append(pl.Series(value_column(name), [p[0] for p in pairs], dtype=pl.Float64))
-        columns.append(pl.Series(u_column(name), [p[1] for p in pairs], dtype=pl.Float64))
+        columns.append(pl.Series(energy_column_name(name), [p[0] for p in pairs], dtype=pl.Float64))
+        columns.append(
+            pl.Series(uncertainty_column_name(name), [p[1] for p in pairs], dtype=pl.Float64)
+        )
     burnt = {row.cycle: row.fuel_L for row in state.energy.rows if row.phase == WHOLE}
     fuel_L = [burnt.get(number) for number in rows["cycle"]]
     u_1 = state.energy.fuel_u_1
@@ -61,14 +65,14 @@ def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     return rows.with_columns(columns)
 
 
-def amounts_by_name(row: EnergyRow) -> dict[str, EnergyAmount]:
-    """What a row of the energy says, by the ledger's names."""
+def energy_amounts_by_column(row: EnergyRow) -> dict[str, EnergyAmount]:
+    """Energy amounts of a row, by the ledger's column names."""
     if row.phase != WHOLE:
         return {row.phase: row.work}
     return {"energy": row.work, **{part: getattr(row, part) for part in PARTS[1:]}}
 
 
-def _per_tonne(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmount:
+def _energy_per_tonne_text(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmount:
     """Energy over a payload in kg; their uncertainties are independent."""
     t, u_t = row["payload_kg"] / 1e3, row["payload_u_kg"] / 1e3
     if t <= 0.0:
@@ -96,9 +100,9 @@ def energy_of_tonnes(
     return EnergyAmount(per_t, per_t * relative)
 
 
-def amount_text(amount: EnergyAmount) -> str:
+def format_energy_amount(amount: EnergyAmount) -> str:
     """An energy with its 95 % interval, in kWh."""
-    return plus_minus(amount.kWh, K * amount.u_kWh)
+    return format_plus_minus(amount.kWh, K * amount.u_kWh)
 
 
 def energy_facts(
@@ -109,7 +113,7 @@ def energy_facts(
         return []
     whole = state.energy.rows[0]
     per_t = energy_of_tonnes(ledger, shift, state)
-    each = "" if per_t is None else f", {amount_text(per_t)} kWh/t"
+    each = "" if per_t is None else f", {format_energy_amount(per_t)} kWh/t"
     of = ", ".join(
         # no -0 %
         f"{part} {round(getattr(whole, part).kWh / whole.work.kWh, 2) + 0.0:.0%}"
@@ -119,13 +123,15 @@ def energy_facts(
     some = "" if known == ledger.height else f" in {known} of {ledger.height} cycles"
     lacks = state.energy.scale_unknown
     scale = f"; scale error not included (set {lacks})" if lacks else ""
-    found = [("energy at the wheels", f"{amount_text(whole.work)} kWh{some}{each}: {of}{scale}")]
+    found = [
+        ("energy at the wheels", f"{format_energy_amount(whole.work)} kWh{some}{each}: {of}{scale}")
+    ]
     if whole.fuel_L is not None:
-        found.append(("fuel", _fuel_text(whole.fuel_L, ledger, shift, state.energy.fuel_u_1)))
+        found.append(("fuel", _format_fuel(whole.fuel_L, ledger, shift, state.energy.fuel_u_1)))
     return found
 
 
-def _fuel_text(
+def _format_fuel(
     fuel_L: float, ledger: pl.DataFrame, shift: Mapping[str, Any], u_1: float | None
 ) -> str:
     """The fuel of the cycles, and of a counted tonne."""
@@ -138,8 +144,8 @@ def _fuel_text(
     each = ""
     if per_t is not None:
         u_per_t = per_t * hypot(u_1, shift["payload_u_kg"] / shift["payload_kg"])
-        each = f", {plus_minus(per_t, K * u_per_t)} L/t"
-    return f"{plus_minus(fuel_L, K * u_1 * fuel_L)} L in the cycles{each}"
+        each = f", {format_plus_minus(per_t, K * u_per_t)} L/t"
+    return f"{format_plus_minus(fuel_L, K * u_1 * fuel_L)} L in the cycles{each}"
 
 
 def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
@@ -150,22 +156,24 @@ def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
     # all cells to the place that the whole work is worth
     digits = min(max(1 - floor(log10(max(K * rows[0].work.u_kWh, 1e-9))), 0), _MOST_DIGITS)
     found: list[tuple[str, Sequence[str]]]
-    found = [(part, [energy_cell(getattr(row, part), digits) for row in rows]) for part in PARTS]
+    found = [
+        (part, [make_energy_cell(getattr(row, part), digits) for row in rows]) for part in PARTS
+    ]
     if any(row.fuel_L is not None for row in rows):
         u_1 = state.energy.fuel_u_1
         head = "fuel in L" if u_1 is not None else "fuel in L, ± not known"
-        found.append((head, [litres_cell(row.fuel_L, u_1) for row in rows]))
+        found.append((head, [format_litres_cell(row.fuel_L, u_1) for row in rows]))
     return found
 
 
-def litres_cell(fuel_L: float | None, u_1: float | None) -> str:
+def format_litres_cell(fuel_L: float | None, u_1: float | None) -> str:
     """The fuel of a phase in the table, with its interval where that is known."""
     if fuel_L is None:
         return "–"
     return f"{fuel_L:.2f}" if u_1 is None else f"{fuel_L:.2f} ± {K * u_1 * fuel_L:.2f}"
 
 
-def energy_cell(amount: EnergyAmount, digits: int) -> str:
+def make_energy_cell(amount: EnergyAmount, digits: int) -> str:
     """An energy in the table; a dash where it is nothing."""
     least = 0.5 * 10.0**-digits
     if abs(amount.kWh) < least and K * amount.u_kWh < least:

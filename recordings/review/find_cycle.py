@@ -104,8 +104,10 @@ def match_instants(match: re.Match[str], clock: ShiftClock) -> list[float]:
     hour, minute, second = (int(match[name] or 0) for name in ("h", "m", "s"))
     if not clock.is_dated:
         return [clock.t0_unix_ns / NS + 3600 * hour + 60 * minute + second]
-    zone = _offset(match["offset"]) if match["offset"] else ZoneInfo(clock.zone)
-    first, last = (clock.local(s).astimezone(zone).date() for s in (0.0, clock.duration_s))
+    zone = _parse_utc_offset(match["offset"]) if match["offset"] else ZoneInfo(clock.zone)
+    first, last = (
+        clock.to_local_datetime(s).astimezone(zone).date() for s in (0.0, clock.duration_s)
+    )
     days = [first + dt.timedelta(days=k) for k in range((last - first).days + 1)]
     if match["day"]:
         days = [dt.date.fromisoformat(match["day"])]
@@ -120,7 +122,7 @@ def match_instants(match: re.Match[str], clock: ShiftClock) -> list[float]:
     return sorted(found)
 
 
-def _offset(text: str) -> dt.timezone:
+def _parse_utc_offset(text: str) -> dt.timezone:
     if text == "Z":
         return dt.UTC
     sign, digits = (-1 if text[0] == "-" else 1), text[1:].replace(":", "")

@@ -13,9 +13,15 @@ from analysis.model.physical_units import NS
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.shift_text import K
-from recordings.review.energy_columns import ENERGIES, FUEL, FUEL_U, u_column, value_column
+from recordings.review.energy_columns import (
+    ENERGIES,
+    FUEL,
+    FUEL_U,
+    energy_column_name,
+    uncertainty_column_name,
+)
 from recordings.review.reviewer_verdicts import LABELS
-from recordings.review.shift_ledger import remark, safe_cell
+from recordings.review.shift_ledger import remark_on_cycle, safe_cell
 
 XLSX: Final = "ledger.xlsx"
 TABLE_CSV: Final = "ledger_table.csv"
@@ -37,11 +43,11 @@ class TableColumn(NamedTuple):
     digits: int | None = None
 
 
-def _scale_column(name: str, factor: float = 1.0) -> Callable[[Row, ShiftClock], Cell]:
+def _make_scaled_getter(name: str, factor: float = 1.0) -> Callable[[Row, ShiftClock], Cell]:
     return lambda row, _: None if row[name] is None else factor * row[name]
 
 
-def _as_it_is(name: str) -> Callable[[Row, ShiftClock], Cell]:
+def _make_plain_getter(name: str) -> Callable[[Row, ShiftClock], Cell]:
     return lambda row, _: row[name]
 
 
@@ -54,7 +60,7 @@ def _utc_cell(row: Row, _: ShiftClock) -> Cell:
 def _local_time_cell(row: Row, clock: ShiftClock) -> dt.datetime | None:
     if not clock.is_dated:
         return None
-    return clock.local((row["end_unix_ns"] - clock.t0_unix_ns) / NS)
+    return clock.to_local_datetime((row["end_unix_ns"] - clock.t0_unix_ns) / NS)
 
 
 def _wall_clock_cell(row: Row, clock: ShiftClock) -> Cell:
@@ -62,57 +68,57 @@ def _wall_clock_cell(row: Row, clock: ShiftClock) -> Cell:
     return None if local is None else local.replace(tzinfo=None)
 
 
-def _offset_h(row: Row, clock: ShiftClock) -> Cell:
+def _utc_offset_h(row: Row, clock: ShiftClock) -> Cell:
     local = _local_time_cell(row, clock)
     offset = None if local is None else local.utcoffset()
     return None if offset is None else offset / dt.timedelta(hours=1)
 
 
-def _describe_counted(row: Row, _: ShiftClock) -> Cell:
+def _describe_why_counted(row: Row, _: ShiftClock) -> Cell:
     return "yes" if row["counted"] else "no"
 
 
 def _remark_cell(row: Row, _: ShiftClock) -> Cell:
-    return remark(row)
+    return remark_on_cycle(row)
 
 
-def _energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
+def _make_energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
     """An energy, and its interval."""
     own = {"energy": "energy", "energy_per_t": "energy per tonne"}
     head = own.get(name, f"energy, {name}")
     unit = "kWh/t" if name == "energy_per_t" else "kWh"
     return (
-        TableColumn(head, unit, _scale_column(value_column(name)), 4),
-        TableColumn(f"± {head}", unit, _scale_column(u_column(name), K), 4),
+        TableColumn(head, unit, _make_scaled_getter(energy_column_name(name)), 4),
+        TableColumn(f"± {head}", unit, _make_scaled_getter(uncertainty_column_name(name), K), 4),
     )
 
 
 #: Times are those of the dump; the offset tells two 02:30 of one night apart.
 COLUMNS: Final = (
-    TableColumn("cycle", "1", _as_it_is("cycle"), 0),
+    TableColumn("cycle", "1", _make_plain_getter("cycle"), 0),
     TableColumn("local time", "date", _wall_clock_cell),
-    TableColumn("offset from UTC", "h", _offset_h, 2),
+    TableColumn("offset from UTC", "h", _utc_offset_h, 2),
     TableColumn("UTC", "date", _utc_cell),
-    TableColumn("payload", "kg", _scale_column("payload_kg"), 0),
-    TableColumn("± (95 %, k = 2)", "kg", _scale_column("payload_u_kg", K), 0),
-    TableColumn("counted", "yes or no", _describe_counted),
-    TableColumn("quality", "", _as_it_is("quality")),
+    TableColumn("payload", "kg", _make_scaled_getter("payload_kg"), 0),
+    TableColumn("± (95 %, k = 2)", "kg", _make_scaled_getter("payload_u_kg", K), 0),
+    TableColumn("counted", "yes or no", _describe_why_counted),
+    TableColumn("quality", "", _make_plain_getter("quality")),
     TableColumn("remark", "", _remark_cell),
-    *(TableColumn(name, "", _as_it_is(name)) for name in LABELS),
-    TableColumn("note", "", _as_it_is("note")),
-    TableColumn("author", "", _as_it_is("author")),
-    TableColumn("haul", "m", _scale_column("haul_m"), 0),
-    TableColumn("top speed", "km/h", _scale_column("top_speed_m_s", _KM_H), 1),
-    TableColumn("moving", "s", _scale_column("moving_s"), 0),
-    TableColumn("standing", "s", _scale_column("standing_s"), 0),
-    *(column for name in ENERGIES for column in _energy_columns(name)),
-    TableColumn("fuel", "L", _scale_column(FUEL), 3),
-    TableColumn("± fuel", "L", _scale_column(FUEL_U, K), 3),
-    TableColumn("id", "", _as_it_is("id")),
+    *(TableColumn(name, "", _make_plain_getter(name)) for name in LABELS),
+    TableColumn("note", "", _make_plain_getter("note")),
+    TableColumn("author", "", _make_plain_getter("author")),
+    TableColumn("haul", "m", _make_scaled_getter("haul_m"), 0),
+    TableColumn("top speed", "km/h", _make_scaled_getter("top_speed_m_s", _KM_H), 1),
+    TableColumn("moving", "s", _make_scaled_getter("moving_s"), 0),
+    TableColumn("standing", "s", _make_scaled_getter("standing_s"), 0),
+    *(column for name in ENERGIES for column in _make_energy_columns(name)),
+    TableColumn("fuel", "L", _make_scaled_getter(FUEL), 3),
+    TableColumn("± fuel", "L", _make_scaled_getter(FUEL_U, K), 3),
+    TableColumn("id", "", _make_plain_getter("id")),
 )
 
 
-def table_rows(ledger: pl.DataFrame, clock: ShiftClock) -> list[list[Cell]]:
+def make_table_rows(ledger: pl.DataFrame, clock: ShiftClock) -> list[list[Cell]]:
     """The cells, a row a cycle.
 
     Args:
@@ -133,7 +139,7 @@ def write_xlsx(ledger: pl.DataFrame, clock: ShiftClock, path: Path) -> None:
         sheet = book.add_worksheet("ledger")
         bold, quiet = book.add_format({"bold": True}), book.add_format({"italic": True})
         sheet.freeze_panes(2, 1)
-        rows = table_rows(ledger, clock)
+        rows = make_table_rows(ledger, clock)
         for place, column in enumerate(COLUMNS):
             form = "0" if not column.digits else f"0.{'0' * column.digits}"
             shown = book.add_format({"num_format": _DATE if column.unit == "date" else form})
@@ -160,12 +166,14 @@ def write_table_csv(
         writer = csv.writer(file, delimiter=";" if decimal_comma else ",")
         writer.writerow([column.head for column in COLUMNS])
         writer.writerow([column.unit for column in COLUMNS])
-        for row in table_rows(ledger, clock):
+        for row in make_table_rows(ledger, clock):
             cells = zip(row, COLUMNS, strict=True)
-            writer.writerow([_cell_text(cell, c.digits, comma=decimal_comma) for cell, c in cells])
+            writer.writerow(
+                [_format_cell(cell, c.digits, comma=decimal_comma) for cell, c in cells]
+            )
 
 
-def _cell_text(cell: Cell, digits: int | None, *, comma: bool) -> str:
+def _format_cell(cell: Cell, digits: int | None, *, comma: bool) -> str:
     if cell is None:
         return ""
     if isinstance(cell, dt.datetime):

@@ -12,9 +12,9 @@ from analysis.cycles.shift_totals import LabelTotal, sum_cycles
 from analysis.model.physical_units import NS, NS_PER_S
 from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock, duration_text
-from recordings.report.number_text import REMARKED, plus_minus
+from recordings.report.number_text import REMARKED, format_plus_minus
 from recordings.report.render_page import page_html
-from recordings.report.shift_text import K, tonnes
+from recordings.report.shift_text import K, format_tonnes
 from recordings.review.energy_columns import energy_table
 from recordings.review.review_plots import load_pictures, shift_pictures
 from recordings.review.review_state import RECORDING, ReviewState
@@ -25,17 +25,17 @@ from recordings.review.reviewer_verdicts import (
     verdict_lines,
 )
 from recordings.review.shift_facts import (
-    facts,
-    headline,
-    long_holes,
-    missing_loads,
-    no_tonnes_reason,
-    other_losses,
+    list_shift_facts,
+    long_hole_sentence,
+    losses_besides_torn_ends,
+    missing_load_sentences,
+    reason_for_no_tonnes,
     scale_text,
+    summarise_shift,
     torn_sentences,
-    two_machines,
+    warn_of_two_machines,
 )
-from recordings.review.shift_ledger import cycles_of, remark
+from recordings.review.shift_ledger import cycles_of_ledger, remark_on_cycle
 
 _KM_H: Final = 3.6
 Row = Mapping[str, Any]
@@ -62,7 +62,7 @@ class CycleColumn(NamedTuple):
     digits: int = 0
 
 
-def _scale_column(factor: float, name: str) -> Callable[[Row], float | None]:
+def _make_unit_getter(factor: float, name: str) -> Callable[[Row], float | None]:
     """A column of the ledger in another unit."""
 
     def value(row: Row) -> float | None:
@@ -73,23 +73,23 @@ def _scale_column(factor: float, name: str) -> Callable[[Row], float | None]:
 
 #: The answer, beside which quality and verdict stand.
 PAYLOAD: Final = (
-    CycleColumn("payload kg", _scale_column(1.0, "payload_kg")),
-    CycleColumn("± kg", _scale_column(K, "payload_u_kg")),
+    CycleColumn("payload kg", _make_unit_getter(1.0, "payload_kg")),
+    CycleColumn("± kg", _make_unit_getter(K, "payload_u_kg")),
 )
 #: What else is known of a cycle.
 DETAILS: Final = (
-    CycleColumn("carried back kg", _scale_column(1.0, "carry_back_kg")),
-    CycleColumn("haul m", _scale_column(1.0, "haul_m")),
-    CycleColumn("top km/h", _scale_column(_KM_H, "top_speed_m_s"), 1),
-    CycleColumn("moving s", _scale_column(1.0, "moving_s")),
-    CycleColumn("standing s", _scale_column(1.0, "standing_s")),
-    CycleColumn("return s", _scale_column(1.0, "return_s")),
-    CycleColumn("load s", _scale_column(1.0, "load_s")),
-    CycleColumn("haul s", _scale_column(1.0, "haul_s")),
-    CycleColumn("dump s", _scale_column(1.0, "dump_s")),
-    CycleColumn("kWh", _scale_column(1.0, "energy_kWh"), 4),
-    CycleColumn("± kWh", _scale_column(K, "energy_u_kWh"), 4),
-    CycleColumn("kWh/t", _scale_column(1.0, "energy_per_t_kWh"), 3),
+    CycleColumn("carried back kg", _make_unit_getter(1.0, "carry_back_kg")),
+    CycleColumn("haul m", _make_unit_getter(1.0, "haul_m")),
+    CycleColumn("top km/h", _make_unit_getter(_KM_H, "top_speed_m_s"), 1),
+    CycleColumn("moving s", _make_unit_getter(1.0, "moving_s")),
+    CycleColumn("standing s", _make_unit_getter(1.0, "standing_s")),
+    CycleColumn("return s", _make_unit_getter(1.0, "return_s")),
+    CycleColumn("load s", _make_unit_getter(1.0, "load_s")),
+    CycleColumn("haul s", _make_unit_getter(1.0, "haul_s")),
+    CycleColumn("dump s", _make_unit_getter(1.0, "dump_s")),
+    CycleColumn("kWh", _make_unit_getter(1.0, "energy_kWh"), 4),
+    CycleColumn("± kWh", _make_unit_getter(K, "energy_u_kWh"), 4),
+    CycleColumn("kWh/t", _make_unit_getter(1.0, "energy_per_t_kWh"), 3),
 )
 
 
@@ -102,7 +102,7 @@ def number_cells(row: Row, columns: Sequence[CycleColumn]) -> list[str]:
 def cycle_rows(
     rows: pl.DataFrame, verdicts: Mapping[int, CycleVerdict], clock: ShiftClock
 ) -> list[Row]:
-    """What the page's table shows of each cycle.
+    """Rows of the page's table of cycles.
 
     Args:
         rows: the ledger.
@@ -110,11 +110,12 @@ def cycle_rows(
         clock: of the shift.
     """
     return [
-        _cycle_row(row, verdicts.get(k), clock) for k, row in enumerate(rows.iter_rows(named=True))
+        _make_cycle_row(row, verdicts.get(k), clock)
+        for k, row in enumerate(rows.iter_rows(named=True))
     ]
 
 
-def _cycle_row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -> Row:
+def _make_cycle_row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -> Row:
     labels = [row[name] for name in LABELS if row[name]]
     by = "" if verdict is None else f"{verdict.author}, {clock.day_and_time(verdict.time)}"
     own = None if verdict is None else verdict.model_dump(include={"reject", "note", *LABELS})
@@ -126,7 +127,7 @@ def _cycle_row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -> Row
         "payload": number_cells(row, PAYLOAD),
         "details": number_cells(row, DETAILS),
         "quality": "rejected" if row["rejected"] else row["quality"],
-        "remark": remark(row),
+        "remark": remark_on_cycle(row),
         "labels": ", ".join(labels),
         "note": ": ".join(filter(None, (by, row["note"]))),
         "said": "" if own is None else json.dumps(own),
@@ -146,23 +147,23 @@ def hour_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]
         state: of the review.
     """
     clock, t0_ns = state.clock, state.t0_unix_ns
-    hours = [clock.hour((ends_ns - t0_ns) / NS) for ends_ns in ledger["end_unix_ns"]]
+    hours = [clock.format_hour((ends_ns - t0_ns) / NS) for ends_ns in ledger["end_unix_ns"]]
     named = ledger.with_columns(pl.Series("hour", hours, dtype=pl.String))
     recorded = dict(recorded_hours(clock, state.gaps_s))
     return [
-        (hour, *_hour_cells(named.filter(hour=hour), t0_ns, recorded.get(hour, 0.0)))
+        (hour, *_make_hour_cells(named.filter(hour=hour), t0_ns, recorded.get(hour, 0.0)))
         for hour in dict.fromkeys([*recorded, *hours])
     ]
 
 
-def _hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Iterator[str]:
+def _make_hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Iterator[str]:
     """The cells of an hour, by `HOUR_HEADS`."""
     rejected = rows.filter("rejected")["cycle"].to_list()
-    sums = sum_cycles(cycles_of(rows, t0_ns), rejected)
+    sums = sum_cycles(cycles_of_ledger(rows, t0_ns), rejected)
     energies = rows["energy_kWh"].drop_nulls()
     rate = sums["payload_kg"] / 1e3 / (recorded_s / _HOUR_S) if recorded_s else 0.0
     yield f"{sums['cycles_counted']}"
-    yield tonnes(sums["payload_kg"], K * sums["payload_u_kg"])
+    yield format_tonnes(sums["payload_kg"], K * sums["payload_u_kg"])
     yield f"{rate:.1f}" if recorded_s >= _SHORTEST_RATE_S else "–"
     yield f"{recorded_s / 60.0:.0f} min"
     yield f"{rows.height - sums['cycles_counted']}"
@@ -176,9 +177,9 @@ def recorded_hours(
     """Each hour of the clock that the shift touches, and how much of it was recorded, in s."""
     begin_s = 0.0
     while begin_s < clock.duration_s:
-        end_s = min(clock.next_hour(begin_s), clock.duration_s)
+        end_s = min(clock.next_hour_s(begin_s), clock.duration_s)
         hidden_s = sum(max(min(e, end_s) - max(s, begin_s), 0.0) for s, e in gaps_s)
-        yield clock.hour(begin_s), end_s - begin_s - hidden_s
+        yield clock.format_hour(begin_s), end_s - begin_s - hidden_s
         begin_s = end_s
 
 
@@ -201,7 +202,7 @@ class UsedCalibration(NamedTuple):
 
 @dataclass(frozen=True)
 class ReviewPage:
-    """What a page shows.
+    """Contents of a page.
 
     Attributes:
         state: of the review.
@@ -233,7 +234,7 @@ class ReviewPage:
 def review_html(page: ReviewPage) -> str:
     """Write the page; every text in it is escaped, and it asks nothing of anybody."""
     state, shift = page.state, page.shift
-    why_not = no_tonnes_reason(state, page.ledger)
+    why_not = reason_for_no_tonnes(state, page.ledger)
     said = page.ledger.filter(pl.col("author") != "").height
     return page_html(
         _PACKAGE,
@@ -244,11 +245,11 @@ def review_html(page: ReviewPage) -> str:
         state=state,
         duration=duration_text(shift["duration_s"]),
         against=page.calibration.against and f"{NOT_CALIBRATED}: {page.calibration.against}.",
-        headline=headline(shift, why_not, state),
+        headline=summarise_shift(shift, why_not, state),
         no_tonnes=bool(why_not),
-        alarms=list(filter(None, (two_machines(state), long_holes(shift, state)))),
-        facts=facts(shift, page.ledger, state, page.target),
-        warnings=_warnings(page),
+        alarms=list(filter(None, (warn_of_two_machines(state), long_hole_sentence(shift, state)))),
+        facts=list_shift_facts(shift, page.ledger, state, page.target),
+        warnings=_list_warnings(page),
         payload_heads=[column.head for column in PAYLOAD],
         detail_heads=[column.head for column in DETAILS],
         cycles=cycle_rows(page.ledger, page.by_row, state.clock),
@@ -258,32 +259,36 @@ def review_html(page: ReviewPage) -> str:
         hour_heads=list(HOUR_HEADS),
         load_pictures=load_pictures(page.ledger, state, page.target),
         pictures=shift_pictures(state, page.track),
-        losses=[*(each.loss for each in state.torn), *other_losses(state)],
-        totals={name: _total_rows(rows) for name, rows in page.totals.items()},
+        losses=[*(each.loss for each in state.torn), *losses_besides_torn_ends(state)],
+        totals={name: _make_total_rows(rows) for name, rows in page.totals.items()},
         changes=page.changes,
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
         verdict_lines=verdict_lines(page.verdicts),
         verdict_file=VERDICTS,
         calibration=page.calibration.says or "none: masses are by the machine file alone",
-        friction=_friction_text(state),
+        friction=_describe_friction(state),
         energy=energy_table(state),
         energy_phases=[row.phase for row in state.energy.rows if row.cycle is None],
     )
 
 
-def _total_rows(totals: Sequence[LabelTotal]) -> list[tuple[str, str, str]]:
+def _make_total_rows(totals: Sequence[LabelTotal]) -> list[tuple[str, str, str]]:
     """A label, its loads and its tonnes."""
     return [
-        (each.label or "–", f"{each.loads:,}", tonnes(each.payload_kg, K * each.payload_u_kg))
+        (
+            each.label or "–",
+            f"{each.loads:,}",
+            format_tonnes(each.payload_kg, K * each.payload_u_kg),
+        )
         for each in totals
     ]
 
 
-def _warnings(page: ReviewPage) -> list[str]:
+def _list_warnings(page: ReviewPage) -> list[str]:
     state = page.state
-    found = missing_loads(page.shift)
+    found = missing_load_sentences(page.shift)
     found += torn_sentences(state)
-    if losses := other_losses(state):
+    if losses := losses_besides_torn_ends(state):
         found.append(f"Damaged or incomplete: {counted(len(losses), 'loss')}, listed below.")
     widened = [c.check for c in state.failed if c.consequence == "widen"]
     if widened:
@@ -297,6 +302,6 @@ def _warnings(page: ReviewPage) -> list[str]:
     return found
 
 
-def _friction_text(state: ReviewState) -> str:
+def _describe_friction(state: ReviewState) -> str:
     value, std = state.friction
-    return "–" if value is None else f"{plus_minus(value, std)} N·s/m (standard uncertainty)"
+    return "–" if value is None else f"{format_plus_minus(value, std)} N·s/m (standard uncertainty)"

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck
-from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten
+from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten_text
 from recordings.review.review_state import ReviewState
 
 _BOX: Final = (48.0, 22.0, WIDTH - 16.0, 190.0)
@@ -67,19 +67,23 @@ def _draw_timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
     )
     payload, u = shown["payload_kg"].to_list(), shown["payload_u_kg"].to_list()
     tops = [p + 2.0 * w for p, w in zip(payload, u, strict=True)]
-    axes = Axes.around([0.0, state.duration_s, *seconds], [0.0, *tops], _BOX, 0.03)
+    axes = Axes.from_data([0.0, state.duration_s, *seconds], [0.0, *tops], _BOX, 0.03)
     for start, end in state.gaps_s:
-        (x0, _), (x1, _) = (axes.place(t, 0.0) for t in (start, end))
-        picture.bar(x0, _BOX[1], max(x1 - x0, 1.0), _BOX[3] - _BOX[1], "band")
-    axes.draw(picture, clock.axis_label, "payload in kg", clock.ticks(*axes.x))
+        (x0, _), (x1, _) = (axes.place_in_drawing(t, 0.0) for t in (start, end))
+        picture.fill_bar(x0, _BOX[1], max(x1 - x0, 1.0), _BOX[3] - _BOX[1], "band")
+    axes.draw(picture, clock.axis_label, "payload in kg", clock.make_ticks(*axes.x))
     spans = zip(seconds, payload, u, strict=True)
-    picture.path(
-        [[axes.place(s, p - 2.0 * w), axes.place(s, p + 2.0 * w)] for s, p, w in spans], "axis"
+    picture.draw_path(
+        [
+            [axes.place_in_drawing(s, p - 2.0 * w), axes.place_in_drawing(s, p + 2.0 * w)]
+            for s, p, w in spans
+        ],
+        "axis",
     )
     rows = zip(seconds, payload, u, shown["cycle"], shown["counted"], strict=True)
     for at_s, kg, u_kg, number, counts in rows:
-        tip = f"cycle {number}, {clock.at(at_s)}: {kg:,.0f} ± {2.0 * u_kg:,.0f} kg"
-        picture.dot(*axes.place(at_s, kg), "point" if counts else "rejected", tip)
+        tip = f"cycle {number}, {clock.format_time(at_s)}: {kg:,.0f} ± {2.0 * u_kg:,.0f} kg"
+        picture.draw_dot(*axes.place_in_drawing(at_s, kg), "point" if counts else "rejected", tip)
     return picture
 
 
@@ -101,16 +105,16 @@ def _draw_distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Dra
         f"{std:,.0f} kg.{against}",
         _HEIGHT,
     )
-    axes = Axes.around([low, high], [0.0, float(max(count.max(), _FEWEST_LOADS))], _BOX, 0.05)
+    axes = Axes.from_data([low, high], [0.0, float(max(count.max(), _FEWEST_LOADS))], _BOX, 0.05)
     axes = Axes(axes.x, (0.0, axes.y[1]), _BOX)
     axes.draw(picture, "payload in kg", "loads")
     for number, first, last in zip(count.tolist(), edges[:-1], edges[1:], strict=True):
-        x0, y0 = axes.place(float(first), number)
-        x1, y1 = axes.place(float(last), 0.0)
-        picture.bar(x0 + 0.5, y0, max(x1 - x0 - 1.0, 0.5), y1 - y0, "bar")
+        x0, y0 = axes.place_in_drawing(float(first), number)
+        x1, y1 = axes.place_in_drawing(float(last), 0.0)
+        picture.fill_bar(x0 + 0.5, y0, max(x1 - x0 - 1.0, 0.5), y1 - y0, "bar")
     for mark in marks:
-        x, _ = axes.place(mark, 0.0)
-        picture.line(x, _BOX[1], x, _BOX[3], "ideal")
+        x, _ = axes.place_in_drawing(mark, 0.0)
+        picture.draw_line(x, _BOX[1], x, _BOX[3], "ideal")
     return picture
 
 
@@ -134,17 +138,18 @@ def _draw_friction(state: ReviewState) -> Drawing:
     )
     # what changes by less than a tenth is to look like it
     room = max(0.05 * abs(float(np.mean(value))), 1e-9)
-    axes = Axes.around([0.0, last.end_s], [low - room, high + room], _BOX, 0.03)
-    axes.draw(picture, clock.axis_label, "friction in N·s/m", clock.ticks(*axes.x))
+    axes = Axes.from_data([0.0, last.end_s], [low - room, high + room], _BOX, 0.03)
+    axes.draw(picture, clock.axis_label, "friction in N·s/m", clock.make_ticks(*axes.x))
     for at, friction, u, part in zip(middles, value, std, parts, strict=True):
-        x, bottom = axes.place(at, friction - 2.0 * u)
-        _, top = axes.place(at, friction + 2.0 * u)
-        picture.line(x, bottom, x, top, "axis")
+        x, bottom = axes.place_in_drawing(at, friction - 2.0 * u)
+        _, top = axes.place_in_drawing(at, friction + 2.0 * u)
+        picture.draw_line(x, bottom, x, top, "axis")
         tip = (
-            f"{clock.at(part.start_s)} to {clock.at(part.end_s)}: {friction:,.0f} "
+            f"{clock.format_time(part.start_s)} to {clock.format_time(part.end_s)}: "
+            f"{friction:,.0f} "
             f"± {2.0 * u:,.0f} N·s/m by {part.manoeuvres} starts"
         )
-        picture.dot(*axes.place(at, friction), "point", tip)
+        picture.draw_dot(*axes.place_in_drawing(at, friction), "point", tip)
     return picture
 
 
@@ -161,9 +166,9 @@ def _draw_reasons(state: ReviewState) -> Drawing:
     largest = max(share for _, share in rows)
     for number, (name, share) in enumerate(rows):
         y = 8.0 + _ROW * number
-        picture.write(begin - 6, y + 10, shorten(name.replace("_", " "), begin - 8), "end")
+        picture.write(begin - 6, y + 10, shorten_text(name.replace("_", " "), begin - 8), "end")
         length = max(room * share / largest, 0.5)
-        picture.bar(begin, y, length, 12, "bar" if name == "accepted" else "band")
+        picture.fill_bar(begin, y, length, 12, "bar" if name == "accepted" else "band")
         picture.write(begin + length + 5, y + 10, f"{share:.1%}", "start")
     return picture
 
@@ -182,8 +187,8 @@ def draw_track(track: pl.DataFrame) -> Drawing:
         f"{np.ptp(north):,.0f} m from south to north, by its positions.",
         _HEIGHT,
     )
-    axes = Axes.around(east.tolist(), north.tolist(), _BOX)
+    axes = Axes.from_data(east.tolist(), north.tolist(), _BOX)
     axes.draw(picture, "m east", "m north")
-    way = [axes.place(float(x), float(y)) for x, y in zip(east, north, strict=True)]
-    picture.path([way], "axis")
+    way = [axes.place_in_drawing(float(x), float(y)) for x, y in zip(east, north, strict=True)]
+    picture.draw_path([way], "axis")
     return picture

@@ -11,20 +11,20 @@ from analysis.cycles.cycle_energy import NO_ENERGY, ShiftEnergy
 from analysis.cycles.cycle_parts import (
     CycleMotion,
     DriveSummary,
-    idle_stands,
+    find_idle_stands,
     summarise_cycle_motion,
     summarise_shift_motion,
 )
-from analysis.cycles.cycles_without_mass import holes
+from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
 from analysis.cycles.friction_trend import FrictionPart, friction_parts
 from analysis.model.physical_units import NS
 from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
 from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock
-from recordings.report.finding_text import finding_line, findings_of
+from recordings.report.finding_text import finding_line, findings_of_run
 from recordings.review.torn_logs import TornLog
-from recordings.rrd.provenance_texts import local_time, machine_body
+from recordings.rrd.provenance_texts import local_time, machine_table
 from recordings.rrd.recording_texts import machine_name
 
 STATE: Final = "review.json"
@@ -124,7 +124,7 @@ class ReviewState(BaseModel):
         return ShiftClock(self.timezone, self.t0_unix_ns, self.duration_s)
 
 
-def state_of(
+def take_review_state(
     run: Run,
     key: str,
     recording_sha256: str,
@@ -148,9 +148,9 @@ def state_of(
     verdict = Verdict.of(frames["verdict"])
     gate = frames["gate"]
     shares = gate["reason_x"].cast(pl.String).value_counts(sort=True, normalize=True)
-    gaps = holes(frames["excitation"], frames["aligned"])
+    gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
     load = frames["loads"].row(0, named=True)
-    body = machine_body(about)
+    body = machine_table(about)
     timezone, duration_s = str(body.get("timezone", "UTC")), float(frames["shift"]["duration_s"][0])
     clock = ShiftClock(timezone, about.t0_unix_ns, duration_s)
     return ReviewState(
@@ -188,15 +188,17 @@ def state_of(
             frames["excitation"], frames["manoeuvres"], frames["nuisances"], about.settings
         ),
         digs=frames["digging"].height,
-        findings=tuple(finding_line(e, clock) for e in findings_of(run) if e.severity != "tell"),
-        no_cycle=no_cycle_reason(frames["cycles"], frames["loads"]),
+        findings=tuple(
+            finding_line(e, clock) for e in findings_of_run(run) if e.severity != "tell"
+        ),
+        no_cycle=reason_for_no_cycle(frames["cycles"], frames["loads"]),
         mixed_machines=mixed_machines,
         timezone=timezone,
         serial=str(body.get("id") or ""),
         duration_s=duration_s,
         motions=tuple(summarise_cycle_motion(frames["cycles"], frames["excitation"], gaps)),
         motion=summarise_shift_motion(frames["excitation"], gaps),
-        idle_s=tuple((s / NS, e / NS) for s, e in idle_stands(frames["excitation"])),
+        idle_s=tuple((s / NS, e / NS) for s, e in find_idle_stands(frames["excitation"])),
         torn=torn,
         energy=energy,
     )
@@ -211,10 +213,10 @@ def read_state(folder: Path) -> ReviewState | None:
     return state if state.format == FORMAT else None
 
 
-def changed_values(
+def changed_settings_of_review(
     before: ReviewState | None, resolved: dict[str, Any]
 ) -> list[tuple[str, str, str]]:
-    """What differs from the review before: name, was, is.
+    """Settings changed since the previous review: name, old and new value.
 
     Args:
         before: the review before.
@@ -240,7 +242,7 @@ def flatten_texts(values: Any, name: str = "") -> dict[str, str]:
     return {name: str(values)}
 
 
-def no_cycle_reason(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
+def reason_for_no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
     """Why there is no cycle; nothing where there is one."""
     if cycles.height:
         return ""

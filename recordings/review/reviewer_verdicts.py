@@ -45,7 +45,7 @@ _Author = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class Labels(BaseModel):
-    """What was loaded, by whom, for whom and where; empty where nobody says so."""
+    """Product, operator, customer and place of a load; empty if not stated."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -57,7 +57,7 @@ class Labels(BaseModel):
 
 
 class CycleVerdict(Labels):
-    """What somebody says of a cycle, and when."""
+    """Verdict of a reviewer on a cycle, with its time."""
 
     id: str
     author: _Author
@@ -67,7 +67,7 @@ class CycleVerdict(Labels):
 
 
 class ShiftVerdict(Labels):
-    """What somebody says of all cycles; the later one counts, label by label.
+    """Verdict of a reviewer on all cycles; the later one counts, label by label.
 
     Attributes:
         begin: of those that are dumped from then on,
@@ -81,7 +81,7 @@ class ShiftVerdict(Labels):
     author: _Author | None = None
     time: dt.datetime | None = None
 
-    def applies_at(self, unix_s: float) -> bool:
+    def applies_to_dump_at(self, unix_s: float) -> bool:
         """Whether it is said of a cycle that is dumped then."""
         first, last = (
             limit if each is None else each.timestamp()
@@ -100,16 +100,16 @@ class VerdictFile(BaseModel):
 
     @property
     def shift_labels(self) -> Labels:
-        """What is said of all cycles, whenever they are dumped."""
+        """Labels of all cycles, whenever they are dumped."""
         return merge_labels(each for each in self.shift if each.begin is None and each.end is None)
 
-    def labels_at(self, unix_s: float) -> Labels:
-        """What is said of cycles that are dumped at a time."""
-        return merge_labels(each for each in self.shift if each.applies_at(unix_s))
+    def labels_of_dump_at(self, unix_s: float) -> Labels:
+        """Labels of cycles dumped at a time."""
+        return merge_labels(each for each in self.shift if each.applies_to_dump_at(unix_s))
 
 
 def merge_labels(verdicts: Iterable[ShiftVerdict]) -> Labels:
-    """What verdicts say together."""
+    """Merge the labels of verdicts."""
     said: dict[str, str] = {}
     for verdict in verdicts:
         said |= {name: text for name in LABELS if (text := getattr(verdict, name))}
@@ -172,7 +172,7 @@ def verdict_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> str:
         name = "cycle" if isinstance(verdict, CycleVerdict) else "shift"
         lines = [f"[[{name}]]"]
         said = verdict.model_dump(exclude_defaults=True)
-        lines += [f"{key} = {_toml_value(said[key])}" for key in _KEYS if key in said]
+        lines += [f"{key} = {_format_toml_value(said[key])}" for key in _KEYS if key in said]
         blocks.append("\n".join(lines) + "\n")
     return "\n".join(blocks)
 
@@ -221,15 +221,15 @@ def seconds_of_id(identity: str) -> float | None:
         return None
 
 
-def _toml_value(value: object) -> str:
+def _format_toml_value(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dt.datetime):
         return f"{value.astimezone(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
-    return '"' + "".join(_toml_character(c) for c in str(value)) + '"'
+    return '"' + "".join(_escape_toml_character(c) for c in str(value)) + '"'
 
 
-def _toml_character(c: str) -> str:
+def _escape_toml_character(c: str) -> str:
     """A character of a basic string; what no screen shows is written by its number."""
     return f"\\{c}" if c in '\\"' else _escape_unprintable(c)
 

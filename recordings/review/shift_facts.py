@@ -1,4 +1,4 @@
-"""What a shift came to, as names and sentences: alike on the page and in the terminal."""
+"""Facts of a shift as names and sentences, alike on page and terminal."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -9,8 +9,8 @@ import polars as pl
 from analysis.cycles.payload_target import TargetCheck
 from estimators.errors import counted
 from recordings.report.clock_text import duration_text
-from recordings.report.number_text import plus_minus
-from recordings.report.shift_text import K, shift_sentence, tonnes
+from recordings.report.number_text import format_plus_minus
+from recordings.report.shift_text import K, format_tonnes, shift_payload_sentence
 from recordings.review.energy_columns import energy_facts
 from recordings.review.review_state import ReviewState
 from recordings.review.shift_ledger import HOLE_S
@@ -26,22 +26,22 @@ _HOUR_S: Final = 3600.0
 _KM_H: Final = 3.6
 
 
-def headline(shift: Mapping[str, Any], why_not: str, state: ReviewState) -> str:
+def summarise_shift(shift: Mapping[str, Any], why_not: str, state: ReviewState) -> str:
     """The answer in a line.
 
     Args:
         shift: frame `shift`, as reviewed.
-        why_not: see `no_tonnes_reason`.
+        why_not: see `reason_for_no_tonnes`.
         state: of the review: a torn last log leaves the end open.
     """
-    answer = f"No tonnes: {why_not}" if why_not else shift_sentence(shift)
+    answer = f"No tonnes: {why_not}" if why_not else shift_payload_sentence(shift)
     end = torn_last_log(state.torn)
     if end is None or why_not:
         return answer
-    return f"{answer}; until {state.clock.at(end.ends_s)}, the rest is unknown"
+    return f"{answer}; until {state.clock.format_time(end.ends_s)}, the rest is unknown"
 
 
-def no_tonnes_reason(state: ReviewState, ledger: pl.DataFrame) -> str:
+def reason_for_no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
     """Why no cycle counts; nothing where one does."""
     if ledger["counted"].any():
         return ""
@@ -63,8 +63,8 @@ def no_tonnes_reason(state: ReviewState, ledger: pl.DataFrame) -> str:
     return "; ".join(f"{counted(n, 'cycle')}: {reason}" for reason, n in reasons.items())
 
 
-def missing_loads(shift: Mapping[str, Any]) -> list[str]:
-    """What the total cannot hold: loads that were seen and have no price, or are not dumped."""
+def missing_load_sentences(shift: Mapping[str, Any]) -> list[str]:
+    """Sentences about loads missing from the total: not weighed, or not dumped yet."""
     found: list[str] = []
     if shift["uncounted_cycles"] > 0.0 and not shift["cycles_counted"]:
         found.append(
@@ -72,76 +72,79 @@ def missing_loads(shift: Mapping[str, Any]) -> list[str]:
             "shows; no load has a mass to price them by."
         )
     if shift["on_board_kg"] is not None:
-        load = tonnes(shift["on_board_kg"], K * shift["on_board_u_kg"])
+        load = format_tonnes(shift["on_board_kg"], K * shift["on_board_u_kg"])
         found.append(f"On board when the recording ends: {load}, not counted.")
     return found
 
 
-def long_holes(shift: Mapping[str, Any], state: ReviewState) -> str:
+def long_hole_sentence(shift: Mapping[str, Any], state: ReviewState) -> str:
     """Where nothing was recorded for minutes, and what that costs; empty where nowhere."""
-    spans = long_gaps(state)
+    spans = long_gap_spans_text(state)
     if not spans:
         return ""
     price = "what was loaded then is unknown"
     if shift["lost_cycles"] > 0.0:
         price = (
             f"estimated for all that was not recorded: "
-            f"{_count_text(shift['lost_cycles'], shift['lost_cycles_u'])} loads, "
-            f"{tonnes(shift['lost_kg'], K * shift['lost_u_kg'])}"
+            f"{_format_cycle_count(shift['lost_cycles'], shift['lost_cycles_u'])} loads, "
+            f"{format_tonnes(shift['lost_kg'], K * shift['lost_u_kg'])}"
         )
     return f"Nothing was recorded {spans}; {price}."
 
 
-def long_gaps(state: ReviewState) -> str:
+def long_gap_spans_text(state: ReviewState) -> str:
     """The spans of minutes in which nothing was recorded; empty where there are none."""
     clock = state.clock
     return "; ".join(
-        f"from {clock.at(s)} to {clock.at(e)} ({duration_text(e - s)})"
+        f"from {clock.format_time(s)} to {clock.format_time(e)} ({duration_text(e - s)})"
         for s, e in state.gaps_s
         if e - s > _LONG_HOLE_S
     )
 
 
 def torn_sentences(state: ReviewState) -> list[str]:
-    """What logs that break off cost, in minutes."""
+    """Sentences about torn logs and the minutes they lack."""
     return [each.sentence(state.clock) for each in state.torn]
 
 
-def other_losses(state: ReviewState) -> list[str]:
+def losses_besides_torn_ends(state: ReviewState) -> list[str]:
     """Losses that are no torn end of a log."""
     torn = {text for each in state.torn for text in each.losses}
     return [text for text in state.losses if text not in torn]
 
 
-def facts(
+def list_shift_facts(
     shift: Mapping[str, Any],
     ledger: pl.DataFrame,
     state: ReviewState,
     target: TargetCheck | None,
 ) -> list[tuple[str, str]]:
-    """What a reader looks for, name and value: the work first, then what the tonnes are worth."""
-    found = [*_work_facts(shift, ledger), *_time_facts(shift, ledger, state)]
+    """Facts by name and value: the work first, then the uncertainty of the tonnes."""
+    found = [*_list_work_facts(shift, ledger), *_list_time_facts(shift, ledger, state)]
     found += energy_facts(ledger, shift, state)
     if target is not None:
         found.append(("10/10/20", target_sentence(target)))
     if shift["cycles_counted"]:
-        found += _payload_facts(shift, state)
+        found += _list_payload_facts(shift, state)
     return found
 
 
-def _work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tuple[str, str]]:
+def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tuple[str, str]]:
     found: list[tuple[str, str]] = []
     recorded_h = (shift["duration_s"] - shift["gap_s"]) / _HOUR_S
     if recorded_h > 0.0 and shift["cycles"]:
         per_hour = [f"{shift['cycles'] / recorded_h:.1f} cycles"]
         if shift["cycles_counted"]:
-            t_h = tonnes(shift["payload_kg"] / recorded_h, K * shift["payload_u_kg"] / recorded_h)
+            t_h = format_tonnes(
+                shift["payload_kg"] / recorded_h, K * shift["payload_u_kg"] / recorded_h
+            )
             per_hour.insert(0, t_h)
         found.append(("per hour", f"{', '.join(per_hour)} (of recorded time)"))
     found.append(
         (
             "cycles",
-            f"{shift['cycles']} seen ({_seen_text(shift)}), {shift['cycles_counted']} counted, "
+            f"{shift['cycles']} seen ({_describe_recorded_time(shift)}), "
+            f"{shift['cycles_counted']} counted, "
             f"{shift['cycles_rejected']} rejected, {shift['cycles_without_mass']} without a mass",
         )
     )
@@ -165,7 +168,7 @@ def _mean_load(shift: Mapping[str, Any]) -> str:
     return f"{mean} on average, standard deviation {shift['payload_std_kg'] or 0.0:,.0f} kg"
 
 
-def _time_facts(
+def _list_time_facts(
     shift: Mapping[str, Any], ledger: pl.DataFrame, state: ReviewState
 ) -> list[tuple[str, str]]:
     found = cycle_time_facts(ledger)
@@ -183,7 +186,7 @@ def _time_facts(
         )
     longest = sorted(state.idle_s, key=lambda span: span[0] - span[1])[:_MOST_STANDS]
     stands = "; longest: " + ", ".join(
-        f"{state.clock.at(start)} ({duration_text(end - start)})" for start, end in longest
+        f"{state.clock.format_time(start)} ({duration_text(end - start)})" for start, end in longest
     )
     found.append(
         (
@@ -195,14 +198,14 @@ def _time_facts(
     return found
 
 
-def _payload_facts(shift: Mapping[str, Any], state: ReviewState) -> list[tuple[str, str]]:
+def _list_payload_facts(shift: Mapping[str, Any], state: ReviewState) -> list[tuple[str, str]]:
     return [
         ("payload", payload_place_text(shift)),
         ("interval", "95 % (k = 2)"),
         ("repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
         ("systematic", f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t (does not average out)"),
         ("scale", scale_text(shift)),
-        ("estimated where nothing was recorded", _lost_text(shift, state)),
+        ("estimated where nothing was recorded", _describe_lost_time(shift, state)),
         (
             "estimated for cycles without a mass",
             cycles_and_mass_text(
@@ -228,14 +231,14 @@ def payload_place_text(shift: Mapping[str, Any]) -> str:
     )
 
 
-def _lost_text(shift: Mapping[str, Any], state: ReviewState) -> str:
+def _describe_lost_time(shift: Mapping[str, Any], state: ReviewState) -> str:
     lost = cycles_and_mass_text(
         (shift["lost_cycles"], shift["lost_cycles_u"]), (shift["lost_kg"], shift["lost_u_kg"])
     )
     end = torn_last_log(state.torn)
     if end is None:
         return lost
-    unknown = f"unknown after {state.clock.at(end.ends_s)}"
+    unknown = f"unknown after {state.clock.format_time(end.ends_s)}"
     return unknown if lost == _NOTHING else f"{lost}; {unknown}"
 
 
@@ -246,14 +249,14 @@ def cycles_and_mass_text(cycles: tuple[float, float], kg: tuple[float, float]) -
     """A number of cycles and what they carried, each with its standard uncertainty."""
     if not any((*cycles, *kg)):
         return _NOTHING
-    return f"{_count_text(*cycles)} cycles, {tonnes(kg[0], K * kg[1])}"
+    return f"{_format_cycle_count(*cycles)} cycles, {format_tonnes(kg[0], K * kg[1])}"
 
 
 def scale_text(shift: Mapping[str, Any]) -> str:
-    """What tells the scale of the tonnes, or what does not."""
+    """How the scale of the tonnes is fixed, or which sources are unknown."""
     gain = ""
     if shift["gain_1"] is not None:
-        found = plus_minus(shift["gain_1"], shift["gain_u_1"])
+        found = format_plus_minus(shift["gain_1"], shift["gain_u_1"])
         gain = f"; the empty machine weighs {found} times its stated mass here"
     if not shift["scale_unknown"]:
         return f"by the {shift['scale_from']}{gain}"
@@ -266,7 +269,7 @@ def scale_text(shift: Mapping[str, Any]) -> str:
 
 
 def cycle_time_facts(ledger: pl.DataFrame) -> list[tuple[str, str]]:
-    """What a cycle's time goes into, on average; nothing where no cycle was seen whole.
+    """Mean duration of each phase of a cycle; none if no cycle was seen whole.
 
     A cycle with a hole in it, or with a reviewer's verdict against it, is in no mean.
     """
@@ -295,16 +298,16 @@ def target_sentence(target: TargetCheck) -> str:
     )
 
 
-def two_machines(state: ReviewState) -> str:
+def warn_of_two_machines(state: ReviewState) -> str:
     """The warning that these may be logs of two machines, as a sentence; empty where none is."""
     said = state.mixed_machines
     return f"{said[:1].upper()}{said[1:]}." if said else ""
 
 
-def _count_text(cycles: float, u: float) -> str:
+def _format_cycle_count(cycles: float, u: float) -> str:
     return f"{cycles:.1f} ± {K * u:.1f}"
 
 
-def _seen_text(shift: Mapping[str, Any]) -> str:
+def _describe_recorded_time(shift: Mapping[str, Any]) -> str:
     boom = "no boom" if shift["boom_dumps"] is None else f"{shift['boom_dumps']} dumps of the boom"
     return f"{shift['digs']} with digging, {boom}"

@@ -8,12 +8,12 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.cycle_doubts import cycle_doubts
+from analysis.cycles.cycle_doubts import doubt_counted_cycles
 from analysis.model.physical_units import NS
 from analysis.model.schema import FRAMES, QUALITY, conform
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import duration_text
-from recordings.review.energy_columns import with_energy
+from recordings.review.energy_columns import add_energy_columns
 from recordings.review.review_state import ReviewState
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, Labels
 
@@ -29,14 +29,14 @@ _QUALITY: Final = ("quality", "withheld_for", "counted")
 FORMULA: Final = r"^[=+\-@\t\r]"
 
 
-def cycle_ids(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
+def make_cycle_ids(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
     """An id a cycle: when it ends, in UTC, or by the log's own clock where that has no date."""
     return pl.Series(
-        "id", [_cycle_id(t0_unix_ns + t_ns) for t_ns in cycles["end_t_ns"]], dtype=pl.String
+        "id", [_make_cycle_id(t0_unix_ns + t_ns) for t_ns in cycles["end_t_ns"]], dtype=pl.String
     )
 
 
-def ledger(
+def make_ledger(
     cycles: pl.DataFrame,
     t0_unix_ns: int,
     verdicts: Mapping[int, CycleVerdict],
@@ -63,15 +63,15 @@ def ledger(
     rejected = pl.Series(
         "rejected", [each is not None and each.reject for each in rows], dtype=pl.Boolean
     )
-    doubts = pl.Series("doubt", cycle_doubts(cycles), dtype=pl.String)
+    doubts = pl.Series("doubt", doubt_counted_cycles(cycles), dtype=pl.String)
     times = [
         (pl.col(f"{name}_t_ns") + t0_unix_ns).alias(f"{name}_unix_ns")
         for name in ("start", "end", "dig", "dump")
     ]
-    when = ["" if each is None else _iso(each.time) for each in rows]
+    when = ["" if each is None else _format_iso_time(each.time) for each in rows]
     return cycles.select(
         "cycle",
-        cycle_ids(cycles, t0_unix_ns),
+        make_cycle_ids(cycles, t0_unix_ns),
         *times,
         (pl.col("start_t_ns") / NS).alias("at_s"),
         pl.exclude("cycle", "start_t_ns", "end_t_ns", "dig_t_ns", "dump_t_ns", *_QUALITY),
@@ -90,7 +90,7 @@ def ledger(
     )
 
 
-def with_motion(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
+def add_motion_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     """The ledger with local times, distances, speeds, stands and energy, by the cycle's number.
 
     Args:
@@ -98,7 +98,7 @@ def with_motion(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
         state: of the review.
     """
     clock, motions = state.clock, {each.cycle: each for each in state.motions}
-    local = [clock.at_unix_ns(each) for each in rows["end_unix_ns"]]
+    local = [clock.format_unix_ns(each) for each in rows["end_unix_ns"]]
     found = [motions.get(each) for each in rows["cycle"]]
     columns = {
         "haul_m": [None if m is None else m.haul_m for m in found],
@@ -111,10 +111,10 @@ def with_motion(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
         pl.Series("local_time", local, dtype=pl.String),
         *(pl.Series(name, numbers, dtype=pl.Float64) for name, numbers in columns.items()),
     )
-    return with_energy(moved, state)
+    return add_energy_columns(moved, state)
 
 
-def remark(row: Mapping[str, Any]) -> str:
+def remark_on_cycle(row: Mapping[str, Any]) -> str:
     """What a reader should know of a cycle: why it has no mass, why to look again, its hole.
 
     Args:
@@ -125,7 +125,7 @@ def remark(row: Mapping[str, Any]) -> str:
     return "; ".join(filter(None, (row["withheld_for"], row["doubt"], hole)))
 
 
-def cycles_of(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
+def cycles_of_ledger(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
     """Frame `cycles` of a ledger, without what reviewers said.
 
     Args:
@@ -160,13 +160,13 @@ def write_ledger(frame: pl.DataFrame, folder: Path) -> None:
     frame.with_columns(safe).write_csv(folder / CSV, float_precision=3)
 
 
-def _cycle_id(unix_ns: int) -> str:
+def _make_cycle_id(unix_ns: int) -> str:
     if unix_ns < FIRST_DATE_NS:
         return f"{unix_ns / NS:.0f}s"
-    return _iso(dt.datetime.fromtimestamp(unix_ns // NS, dt.UTC))
+    return _format_iso_time(dt.datetime.fromtimestamp(unix_ns // NS, dt.UTC))
 
 
-def _iso(time: dt.datetime) -> str:
+def _format_iso_time(time: dt.datetime) -> str:
     return f"{time.astimezone(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 

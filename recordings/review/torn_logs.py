@@ -29,22 +29,24 @@ class TornLog(BaseModel):
     losses: tuple[str, ...]
 
     def sentence(self, clock: ShiftClock) -> str:
-        """What is missing, in time."""
+        """The missing time in a sentence."""
         which = f"Log {self.number} of {self.logs} ({self.name})"
         if self.next_s is None:
             return (
-                f"{which} breaks off at {clock.at(self.ends_s)}: what came after it is unknown, "
+                f"{which} breaks off at {clock.format_time(self.ends_s)}: what came after it is "
+                "unknown, "
                 "and in no number here."
             )
         missing = duration_text(max(self.next_s - self.ends_s, 0.0))
         return (
-            f"{which} breaks off at {clock.at(self.ends_s)}: at most {missing} are missing, until "
+            f"{which} breaks off at {clock.format_time(self.ends_s)}: at most {missing} are "
+            "missing, until "
             "the next log begins."
         )
 
     @property
     def loss(self) -> str:
-        """The same for a list of losses: a duration, where bytes would tell a reader nothing."""
+        """The gap as an entry of the list of losses, as a duration instead of bytes."""
         if self.next_s is None:
             return f"the end of log {self.number} ({self.name}), nobody knows how much"
         last = duration_text(max(self.next_s - self.ends_s, 0.0))

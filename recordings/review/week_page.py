@@ -8,19 +8,26 @@ from typing import Final
 from analysis.cycles.friction_trend import FrictionDay, FrictionTrend
 from estimators.errors import OutputError, counted
 from recordings.report.atomic_output import atomic_file
-from recordings.report.number_text import SCALE_NOT_KNOWN, plus_minus
+from recordings.report.number_text import SCALE_NOT_KNOWN, format_plus_minus
 from recordings.report.render_page import page_html
-from recordings.report.shift_text import K, tonnes
+from recordings.report.shift_text import K, format_tonnes
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing
 from recordings.review.review_page import PAGE
 from recordings.review.week_shifts import (
     WeekShift,
     day_text,
     friction_by_machine,
-    friction_trends,
+    trend_friction_by_machine,
     trend_sentences,
 )
-from recordings.review.week_totals import BY_REVIEW, GROUPS, WeekPart, WeekTotal, sum_by, sum_week
+from recordings.review.week_totals import (
+    BY_REVIEW,
+    GROUPS,
+    WeekPart,
+    WeekTotal,
+    sum_by_group,
+    sum_week,
+)
 
 _PACKAGE: Final = "recordings.review"
 _TEMPLATE: Final = "week.html.j2"
@@ -71,8 +78,8 @@ def week_html(
     """Render it; arguments as of `write_week_page`, links are relative to `folder`."""
     whole = sum_week(parts)
     days = sorted({part.day for part in parts})
-    trends = {} if limit_N_s_m is None else friction_trends(shifts, limit_N_s_m)
-    by_review = {each.name: each for each in sum_by(parts, BY_REVIEW)}
+    trends = {} if limit_N_s_m is None else trend_friction_by_machine(shifts, limit_N_s_m)
+    by_review = {each.name: each for each in sum_by_group(parts, BY_REVIEW)}
     return page_html(
         _PACKAGE,
         _TEMPLATE,
@@ -82,8 +89,10 @@ def week_html(
         headline=week_sentence(parts),
         verdicts=f"{whole.rejected} rejected, {whole.noted} with another verdict",
         heads=list(HEADS),
-        tables={by: [_total_cells(each) for each in sum_by(parts, by)] for by in GROUPS},
-        shifts=[_shift_row(shift, by_review.get(str(shift.folder)), folder) for shift in shifts],
+        tables={by: [_make_total_cells(each) for each in sum_by_group(parts, by)] for by in GROUPS},
+        shifts=[
+            _make_shift_row(shift, by_review.get(str(shift.folder)), folder) for shift in shifts
+        ],
         missing=[(shift.begins, text) for shift in shifts for text in shift.missing],
         trends=trend_sentences(trends),
         pictures=_friction_pictures(shifts, trends),
@@ -94,30 +103,30 @@ def week_sentence(parts: Sequence[WeekPart]) -> str:
     """The tonnes of the week, and whether their ± has the scale."""
     whole = sum_week(parts)
     scale = "" if all(part.scale_known for part in parts) else f", {SCALE_NOT_KNOWN}"
-    sum_text = tonnes(whole.payload_kg, K * whole.payload_u_kg)
+    sum_text = format_tonnes(whole.payload_kg, K * whole.payload_u_kg)
     return f"{sum_text} in {counted(whole.loads, 'load')}{scale}"
 
 
-def _total_cells(total: WeekTotal) -> tuple[str, ...]:
+def _make_total_cells(total: WeekTotal) -> tuple[str, ...]:
     """A row of a table of totals."""
     per_t = "–"
     if total.kWh_per_t is not None and total.kWh_per_t_u is not None:
-        per_t = plus_minus(total.kWh_per_t, K * total.kWh_per_t_u)
+        per_t = format_plus_minus(total.kWh_per_t, K * total.kWh_per_t_u)
     return (
         total.name or "not named",
         f"{total.loads:,}",
-        tonnes(total.payload_kg, K * total.payload_u_kg),
+        format_tonnes(total.payload_kg, K * total.payload_u_kg),
         f"{total.rejected}",
         f"{total.noted}",
         per_t,
     )
 
 
-def _shift_row(
+def _make_shift_row(
     shift: WeekShift, total: WeekTotal | None, folder: Path
 ) -> tuple[str, str, tuple[str, ...]]:
     """When it began, where its page is, and its sums."""
-    cells = ("0", "–", "0", "0", "–") if total is None else _total_cells(total)[1:]
+    cells = ("0", "–", "0", "0", "–") if total is None else _make_total_cells(total)[1:]
     page = os.path.relpath(shift.folder / PAGE, folder).replace(os.sep, "/")
     return shift.begins, page, (shift.machine, *cells)
 
@@ -148,18 +157,18 @@ def _friction_picture(
         _HEIGHT,
     )
     heights += [] if limit is None else [limit]
-    axes = Axes.around([day.at_d for day in days], heights, _BOX)
+    axes = Axes.from_data([day.at_d for day in days], heights, _BOX)
     shown = days[:: max(1, len(days) // 4)]
     axes.draw(
         picture, "day (UTC)", "friction in N·s/m", [(d.at_d, day_text(d.at_d)[5:]) for d in shown]
     )
     if limit is not None:
-        _, y = axes.place(axes.x[0], limit)
-        picture.line(_BOX[0], y, _BOX[2], y, "ideal")
+        _, y = axes.place_in_drawing(axes.x[0], limit)
+        picture.draw_line(_BOX[0], y, _BOX[2], y, "ideal")
     for day, (low, high) in zip(days, ends, strict=True):
-        x, bottom = axes.place(day.at_d, low)
-        _, top = axes.place(day.at_d, high)
-        picture.line(x, bottom, x, top, "axis")
+        x, bottom = axes.place_in_drawing(day.at_d, low)
+        _, top = axes.place_in_drawing(day.at_d, high)
+        picture.draw_line(x, bottom, x, top, "axis")
         tip = f"{day_text(day.at_d)}: {day.friction_N_s_m:,.0f} ± {K * day.std_N_s_m:,.0f} N·s/m"
-        picture.dot(*axes.place(day.at_d, day.friction_N_s_m), "point", tip)
+        picture.draw_dot(*axes.place_in_drawing(day.at_d, day.friction_N_s_m), "point", tip)
     return picture

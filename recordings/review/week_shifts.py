@@ -10,7 +10,12 @@ from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, friction_
 from analysis.model.physical_units import NS
 from recordings.report.shift_text import K
 from recordings.review.review_state import ReviewState, read_state
-from recordings.review.shift_facts import long_gaps, other_losses, torn_sentences, two_machines
+from recordings.review.shift_facts import (
+    long_gap_spans_text,
+    losses_besides_torn_ends,
+    torn_sentences,
+    warn_of_two_machines,
+)
 from recordings.review.week_totals import name_machine
 
 #: Seconds of a day.
@@ -44,20 +49,20 @@ def read_shifts(folders: Sequence[Path]) -> list[WeekShift]:
             folder,
             state.begins,
             name_machine(state),
-            tuple(_missing_parts(state)),
+            tuple(_list_missing_parts(state)),
             _friction_of_state(state),
         )
         for folder, state in states
     ]
 
 
-def _missing_parts(state: ReviewState) -> Iterable[str]:
+def _list_missing_parts(state: ReviewState) -> Iterable[str]:
     if state.mixed_machines:
-        yield two_machines(state)
-    if gaps := long_gaps(state):
+        yield warn_of_two_machines(state)
+    if gaps := long_gap_spans_text(state):
         yield f"Nothing was recorded {gaps}."
     yield from torn_sentences(state)
-    yield from other_losses(state)
+    yield from losses_besides_torn_ends(state)
 
 
 def _friction_of_state(state: ReviewState) -> FrictionDay | None:
@@ -77,7 +82,9 @@ def friction_by_machine(shifts: Sequence[WeekShift]) -> dict[str, list[FrictionD
     return dict(found)
 
 
-def friction_trends(shifts: Sequence[WeekShift], limit_N_s_m: float) -> dict[str, FrictionTrend]:
+def trend_friction_by_machine(
+    shifts: Sequence[WeekShift], limit_N_s_m: float
+) -> dict[str, FrictionTrend]:
     """The trend of each machine, and when it reaches the limit."""
     by_machine = {shift.machine: list[FrictionDay]() for shift in shifts} | friction_by_machine(
         shifts

@@ -13,7 +13,7 @@ from analysis.model.physical_units import NS
 from estimators.errors import ReviewError
 from recordings.review.review_state import ReviewState, read_state
 from recordings.review.reviewer_verdicts import match_verdicts, read_verdicts
-from recordings.review.shift_ledger import PARQUET, cycles_of
+from recordings.review.shift_ledger import PARQUET, cycles_of_ledger
 
 #: Of a second, in ns.
 NO_DATE: Final = "no date"
@@ -59,7 +59,7 @@ class WeekPart(NamedTuple):
 
 
 class WeekTotal(NamedTuple):
-    """What one day, machine or product adds up to.
+    """Sum of one day, machine or product.
 
     Attributes:
         name: of it; empty for loads without a product.
@@ -101,7 +101,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
             )
         try:
             rows = pl.read_parquet(folder / PARQUET)
-            cycles = cycles_of(rows, state.t0_unix_ns)
+            cycles = cycles_of_ledger(rows, state.t0_unix_ns)
         except OSError as error:
             raise ReviewError(
                 f"{folder / PARQUET}: cannot be read ({error.strerror}); review its logs once more"
@@ -116,7 +116,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
             if other is not None:
                 raise ReviewError(f"{folder}: has loads that {other} has too; name one of them")
         owners |= {(machine, ends_ns): folder for ends_ns in rows["end_unix_ns"]}
-        found += _sum_parts(rows, cycles, state, folder)
+        found += _sum_loads_of_parts(rows, cycles, state, folder)
     return found
 
 
@@ -125,7 +125,7 @@ def name_machine(state: ReviewState) -> str:
     return f"{state.machine} {state.serial}".strip()
 
 
-def _sum_parts(
+def _sum_loads_of_parts(
     rows: pl.DataFrame, cycles: pl.DataFrame, state: ReviewState, folder: Path
 ) -> list[WeekPart]:
     verdicts = read_verdicts(folder)
@@ -135,9 +135,11 @@ def _sum_parts(
     groups: dict[tuple[str, str], list[int]] = defaultdict(list)
     for row, ends_ns in enumerate(rows["end_unix_ns"]):
         own = by_row[row].product if row in by_row else ""
-        local = clock.local((ends_ns - state.t0_unix_ns) / NS) if clock.is_dated else None
+        local = (
+            clock.to_local_datetime((ends_ns - state.t0_unix_ns) / NS) if clock.is_dated else None
+        )
         day = NO_DATE if local is None else f"{local:%Y-%m-%d}"
-        groups[day, own or verdicts.labels_at(ends_ns / NS).product].append(row)
+        groups[day, own or verdicts.labels_of_dump_at(ends_ns / NS).product].append(row)
     parts: list[WeekPart] = []
     for (day, product), members in groups.items():
         sums = sum_cycles(cycles[members], rejected)
@@ -175,7 +177,7 @@ def _sum_energy(
     }
 
 
-def sum_by(parts: Sequence[WeekPart], by: str) -> list[WeekTotal]:
+def sum_by_group(parts: Sequence[WeekPart], by: str) -> list[WeekTotal]:
     """The sums by one of `GROUPS`, in its order.
 
     What is common to the loads of a machine is common to all of its shifts, and adds up as it is;

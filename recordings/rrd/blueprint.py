@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.report.finding_text import findings_of
+from recordings.report.finding_text import findings_of_run
 from recordings.rrd.display_frames import (
     ROOT,
     DisplayColumn,
@@ -74,7 +74,7 @@ class Panel:
 
     @property
     def lanes_share(self) -> float:
-        """What its lanes need of the height of a page; 0 of a plot."""
+        """Share of the page's height that its lanes need; 0 for a plot."""
         if self.kind is not Kind.STATES:
             return 0.0
         return (_AROUND_LANES + _LANE * len(self.drawn)) / _PAGE
@@ -101,7 +101,7 @@ class Page:
         return [each if isinstance(each, tuple) else (each,) for each in self.panels]
 
 
-def blueprint(
+def lay_out_run(
     run: Run,
     shown: Mapping[str, pl.DataFrame],
     texts: Collection[str],
@@ -114,7 +114,7 @@ def blueprint(
         run: the run.
         shown: its `display_frames`.
         texts: names of its `texts`.
-        pictures: its `plane_pictures`.
+        pictures: its `make_plane_pictures`.
         under: the entity that all of it lies under; empty: none.
     """
     pages = [
@@ -122,14 +122,14 @@ def blueprint(
             tab.name,
             tab_panels(tab, run, shown),
             tuple(name for name in tab.texts if name in texts),
-            events=tab.events and bool(findings_of(run)),
+            events=tab.events and bool(findings_of_run(run)),
             pictures=tuple(
                 (name, pictures[name].title) for name in tab.pictures if name in pictures
             ),
         )
         for tab in TABS
         # what is not there needs no signals beside it
-        if not tab.events or findings_of(run)
+        if not tab.events or findings_of_run(run)
     ]
     return lay_out_tabs(pages, unix_span_ns(run), under)
 
@@ -140,7 +140,7 @@ def tab_panels(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[P
     Returns:
         Panels, or rows of them; none where all that there is to see is the tab's context.
     """
-    found = [(view, panel) for view in tab.views if (panel := _panel(view, run, shown))]
+    found = [(view, panel) for view in tab.views if (panel := _make_panel(view, run, shown))]
     if all(view in tab.context for view, _ in found):
         return ()
     by_method = [_split_by_method(panel) for _, panel in found]
@@ -152,7 +152,7 @@ def tab_panels(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[P
     return tuple(panels.get(_LEADING_METHOD, next(iter(panels.values()))) for panels in by_method)
 
 
-def _panel(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> Panel | None:
+def _make_panel(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> Panel | None:
     drawn = drawn_columns_of_view(view, run, shown)
     return Panel(view.title, view.kind, drawn, axis_range(view, run)) if drawn else None
 
@@ -195,7 +195,7 @@ def lay_out_tabs(
     """
     import rerun.blueprint as rrb
 
-    tabs = [tab for page in pages if (tab := _tab(page, span, under)) is not None]
+    tabs = [tab for page in pages if (tab := _make_tab(page, span, under)) is not None]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0, name="payscope"),
         rrb.TimePanel(
@@ -223,12 +223,12 @@ def events_entity(under: str = "") -> str:
     return entity_path(f"{ROOT}/events", under)
 
 
-def _tab(page: Page, span: tuple[int, int] | None, under: str) -> "rrb.Container | None":
+def _make_tab(page: Page, span: tuple[int, int] | None, under: str) -> "rrb.Container | None":
     import rerun.blueprint as rrb
 
     has_legend = any(panel.has_legend for row in page.rows for panel in row)
-    axis = _axis(span, (_BESIDE if page.texts else _ROOM) if has_legend else 0.0)
-    plots = [_side_by_side([_view(panel, axis, under) for panel in row]) for row in page.rows]
+    axis = _make_time_axis(span, (_BESIDE if page.texts else _ROOM) if has_legend else 0.0)
+    plots = [_side_by_side([_make_view(panel, axis, under) for panel in row]) for row in page.rows]
     if page.events:
         plots.append(rrb.TextLogView(origin=events_entity(under), name="Events"))
     left, top, right, bottom = BOUNDS
@@ -243,12 +243,12 @@ def _tab(page: Page, span: tuple[int, int] | None, under: str) -> "rrb.Container
     ]
     column = [*plots, *pictures]
     if column and documents:
-        beside = rrb.Vertical(*column, row_shares=_shares(page))
+        beside = rrb.Vertical(*column, row_shares=_height_shares(page))
         # tables beside pictures are wide
         shares = [1, 1] if pictures else [2, 3]
         return rrb.Horizontal(*documents, beside, column_shares=shares, name=page.name)
     if column:
-        return rrb.Vertical(*column, row_shares=_shares(page), name=page.name)
+        return rrb.Vertical(*column, row_shares=_height_shares(page), name=page.name)
     return rrb.Horizontal(*documents, name=page.name) if documents else None
 
 
@@ -258,7 +258,7 @@ def _side_by_side(views: "list[rrb.View]") -> "rrb.View | rrb.Container":
     return views[0] if len(views) == 1 else rrb.Horizontal(*views)
 
 
-def _shares(page: Page) -> list[float]:
+def _height_shares(page: Page) -> list[float]:
     """Heights of a page's panels, of its events and of its pictures.
 
     Lanes have what they need, the others are alike but for those whose legend needs more.
@@ -285,7 +285,7 @@ def share_out_room(least: Sequence[float], room: float) -> list[float]:
     return [max(each, level) for each in least]
 
 
-def _axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":
+def _make_time_axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":
     """The whole log, with room behind it, as a share of it, for legends that would cover data."""
     import rerun.blueprint as rrb
     from rerun.encodings import TimeRange, TimeRangeBoundary
@@ -301,7 +301,7 @@ def _axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":
     return rrb.TimeAxis(view_range=TimeRange(start=ends[0], end=ends[1]))
 
 
-def _view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
+def _make_view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
     import rerun.blueprint as rrb
 
     overrides: dict[EntityPathLike, list[Visualizer]] = {}
@@ -331,11 +331,11 @@ def _view_visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]
         looks = rr.StateConfiguration(
             values=list(colours.state_colours()),
             labels=[state.replace("_", " ") for state in colours.state_colours()],
-            colors=[colours.rgba(colour) for colour in colours.state_colours().values()],
+            colors=[colours.pack_rgba(colour) for colour in colours.state_colours().values()],
         )
         yield looks.visualizer(mappings=[_column_mapping("StateChange:state", drawn.column)])
         return
-    colour = colours.rgba(drawn.colour, "60" if drawn.faint else "ff")
+    colour = colours.pack_rgba(drawn.colour, "60" if drawn.faint else "ff")
     scalars = _column_mapping("Scalars:scalars", drawn.column)
     if drawn.variance is not None:
         band = rr.Measurements.from_fields(names=drawn.label, colors=colour)

@@ -1,4 +1,4 @@
-"""What a view draws of a run: frames that exist only to be drawn.
+"""Frames that exist only to be drawn by a view of a run.
 
 A line must not cross a gap, so sparse rows get an empty row after each stretch; a manoeuvre is
 held over its span; a state is kept where it changes; of a long log there are the mean and the
@@ -16,7 +16,7 @@ import polars as pl
 from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.rrd.recording_table import TABS, frames_of
+from recordings.rrd.recording_table import TABS, frames_of_series
 from recordings.rrd.recording_views import Kind, Series, View
 from recordings.rrd.stored_names import STATE, entity_parts
 
@@ -64,15 +64,15 @@ def is_long(run: Run) -> bool:
     return span is not None and span[1] - span[0] > LONG_NS
 
 
-def series_of(view: View, run: Run) -> Iterator[tuple[Series, str]]:
+def series_of_view(view: View, run: Run) -> Iterator[tuple[Series, str]]:
     """The series of a view that this run has numbers for, each with the name of its frame."""
     for series in view.series:
-        for name in frames_of(series, run.frames):
-            if _has_numbers(series, arcs_in_turn(run.frames[name])):
+        for name in frames_of_series(series, run.frames):
+            if _has_numbers_to_draw(series, select_arcs(run.frames[name])):
                 yield series, name
 
 
-def _has_numbers(series: Series, frame: pl.DataFrame) -> bool:
+def _has_numbers_to_draw(series: Series, frame: pl.DataFrame) -> bool:
     """Whether there is anything to draw."""
     if series.column not in frame.columns:
         return False
@@ -88,7 +88,7 @@ def _has_numbers(series: Series, frame: pl.DataFrame) -> bool:
 def drawn_columns_of_view(
     view: View, run: Run, shown: Mapping[str, pl.DataFrame]
 ) -> tuple[DisplayColumn, ...]:
-    """What a view draws of this run.
+    """Columns of this run that a view draws.
 
     Args:
         view: the view.
@@ -96,28 +96,28 @@ def drawn_columns_of_view(
         shown: its `display_frames`.
     """
     drawn: list[DisplayColumn] = []
-    for number, (series, name) in enumerate(series_of(view, run)):
+    for number, (series, name) in enumerate(series_of_view(view, run)):
         if view.kind is Kind.STATES:
             drawn.append(DisplayColumn(_lane_entity(series), STATE, series.label))
             continue
         method = entity_parts(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
         colour = colours.method_colour(method) if method else colours.line_colour(number)
-        frame = _display_column(name)
-        variance = _variance_column(series.std) if series.std else None
+        frame = _name_display_column(name)
+        variance = _name_variance_column(series.std) if series.std else None
         dotted = series.frame in _SHORT or draws_as_points(shown[frame][series.column])
         extremes = (
             view.kind is Kind.LINES
-            and _extreme_column(series.column, "min") in shown[frame].columns
+            and _name_extreme_column(series.column, "min") in shown[frame].columns
         )
         # lines of one name have one entry in a legend, in the colour of the first
         label += ", binned" if extremes else ""
         drawn.append(DisplayColumn(frame, series.column, label, colour, variance, dotted=dotted))
-        ends = [_extreme_column(series.column, end) for end in _ENDS if extremes]
+        ends = [_name_extreme_column(series.column, end) for end in _ENDS if extremes]
         drawn += [DisplayColumn(frame, end, label, colour, faint=True) for end in ends]
     if drawn and view.threshold is not None:
         unit = "" if view.unit == "1" else f" {view.unit}"
-        label = f"threshold {_threshold_value(run, view):g}{unit}"
+        label = f"threshold {_threshold_of_view(run, view):g}{unit}"
         drawn.append(DisplayColumn(_threshold_frame(view), "threshold", label, "#d55e00"))
     return tuple(drawn)
 
@@ -132,28 +132,28 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
     frames: dict[str, pl.DataFrame] = {}
     asked: dict[str, dict[str, pl.Expr]] = {}
     for view in dict.fromkeys(view for tab in TABS for view in tab.views):
-        for series, name in series_of(view, run):
-            frame = arcs_in_turn(run.frames[name])
+        for series, name in series_of_view(view, run):
+            frame = select_arcs(run.frames[name])
             if series.frame == "findings":
                 frame = shortest_findings_first(frame, span_ns(run))
             if view.kind is Kind.STATES:
                 frames[_lane_entity(series)] = state_changes(series, frame, _period_ns(run))
             elif series.frame in _HELD:
-                frames[_display_column(name)] = _hold_rows(
-                    drawn_numbers(name, frame), frame["end_t_ns"]
+                frames[_name_display_column(name)] = _hold_rows_to_their_end(
+                    numbers_to_draw(name, frame), frame["end_t_ns"]
                 )
             else:
                 asked.setdefault(name, {}).update(bin_expressions(view.kind, series))
             if view.threshold is not None and (span := span_ns(run)) is not None:
-                level = [_threshold_value(run, view)] * 2
+                level = [_threshold_of_view(run, view)] * 2
                 frames[_threshold_frame(view)] = pl.DataFrame({"t_ns": span, "threshold": level})
     for name, wanted in asked.items():
         if decimate and is_long(run):
-            frames[_display_column(name)] = _decimate_frame(run, name, list(wanted.values()))
+            frames[_name_display_column(name)] = _decimate_frame(run, name, list(wanted.values()))
         else:
-            numbers = drawn_numbers(name, run.frames[name])
+            numbers = numbers_to_draw(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
-            frames[_display_column(name)] = (
+            frames[_name_display_column(name)] = (
                 break_at_gaps(numbers, _period_ns(run)) if sparse else numbers
             )
     return frames
@@ -163,7 +163,7 @@ def axis_range(view: View, run: Run) -> tuple[float, float] | None:
     """Where the bulk of a wild view's numbers lies, or None to show them all."""
     if not view.wild:
         return None
-    drawn = list(series_of(view, run))
+    drawn = list(series_of_view(view, run))
     if not drawn:
         return None
     values = pl.concat([run.frames[name][series.column] for series, name in drawn])
@@ -180,7 +180,7 @@ def axis_range(view: View, run: Run) -> tuple[float, float] | None:
     return low - margin, high + margin
 
 
-def _display_column(name: str) -> str:
+def _name_display_column(name: str) -> str:
     return f"{ROOT}/{name}"
 
 
@@ -192,15 +192,15 @@ def _threshold_frame(view: View) -> str:
     return f"{ROOT}/threshold/{view.threshold}"
 
 
-def _variance_column(std: str) -> str:
+def _name_variance_column(std: str) -> str:
     return f"{std}_squared"
 
 
-def _extreme_column(column: str, end: str) -> str:
+def _name_extreme_column(column: str, end: str) -> str:
     return f"{column}_{end}"
 
 
-def _threshold_value(run: Run, view: View) -> float:
+def _threshold_of_view(run: Run, view: View) -> float:
     return float(run.provenance.settings.value(str(view.threshold)))
 
 
@@ -224,7 +224,7 @@ def _period_ns(run: Run) -> int:
     return round(NS / run.provenance.settings.align.rate_hz)
 
 
-def drawn_numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
+def numbers_to_draw(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     """The numbers of a frame that some view draws, by time or start time, with variances."""
     family = entity_parts(name)[0]
     shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]
@@ -235,7 +235,7 @@ def drawn_numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     return frame.select(
         pl.col(time).alias("t_ns"),
         *numeric,
-        *((pl.col(std) ** 2).alias(_variance_column(std)) for std in stds),
+        *((pl.col(std) ** 2).alias(_name_variance_column(std)) for std in stds),
     )
 
 
@@ -246,15 +246,15 @@ def break_at_gaps(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
     return pl.concat([numbers, ends], how="diagonal").sort("t_ns")
 
 
-def arcs_in_turn(frame: pl.DataFrame) -> pl.DataFrame:
-    """Of planar fits the arcs, which follow each other; without an arc, the fit of all motion."""
+def select_arcs(frame: pl.DataFrame) -> pl.DataFrame:
+    """The arcs among planar fits, in order of time; if there are none, the fit of all motion."""
     if "kind" not in frame.columns:
         return frame
     arcs = frame.filter(pl.col("kind") == "arc")
     return frame.tail(1) if arcs.is_empty() else arcs
 
 
-def _hold_rows(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
+def _hold_rows_to_their_end(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
     """Each row twice, at its start and its end, and then an empty row."""
     ends = numbers.with_columns(end_ns.alias("t_ns"))
     breaks = ends.select(pl.col("t_ns") + 1)
@@ -311,24 +311,26 @@ def _decimate_frame(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * NS)), 1), 10) * NS
     # narrower than the grid's step most bins were empty, and no line would be drawn
     width_ns = max(width_ns, _period_ns(run))
-    return bin_rows(run.frames[name], wanted, span, width_ns)
+    return bin_frame_rows(run.frames[name], wanted, span, width_ns)
 
 
 def bin_expressions(kind: Kind, series: Series) -> dict[str, pl.Expr]:
-    """What a bin has of a series, by column."""
+    """Expressions for the bins of a series, by column."""
     numbers = pl.col(series.column)
     if kind is Kind.BANDS:
         mean = {series.column: numbers.mean()}
         if series.std is None:
             return mean
-        name = _variance_column(series.std)
+        name = _name_variance_column(series.std)
         return mean | {name: (pl.col(series.std) ** 2).mean().alias(name)}
     ends = {"min": numbers.min(), "max": numbers.max()}
-    named = {(name := _extreme_column(series.column, end)): ends[end].alias(name) for end in _ENDS}
+    named = {
+        (name := _name_extreme_column(series.column, end)): ends[end].alias(name) for end in _ENDS
+    }
     return {series.column: numbers.mean()} | named
 
 
-def bin_rows(
+def bin_frame_rows(
     frame: pl.DataFrame, wanted: list[pl.Expr], span: tuple[int, int], width_ns: int
 ) -> pl.DataFrame:
     """A row a bin, at its middle; a bin without rows stays empty, so that no line crosses it."""

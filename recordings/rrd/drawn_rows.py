@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _ROWS: Final = 16_384
 
 
-def drawn_batches(
+def iter_drawn_batches(
     name: str,
     frame: pl.DataFrame,
     t0_unix_ns: int,

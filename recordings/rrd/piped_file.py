@@ -13,7 +13,7 @@ _DESCRIPTORS: Final = Path("/dev/fd")
 
 
 class PipedFile:
-    """What arrives in the pipe goes to the file; after a fault it goes nowhere.
+    """Copies a pipe to a file; after a fault the rest is discarded.
 
     Attributes:
         name: what the library opens for writing, once.
@@ -81,7 +81,7 @@ class PipedFile:
 
 
 @contextmanager
-def piped_file(path: Path) -> Generator[PipedFile]:
+def open_piped_file(path: Path) -> Generator[PipedFile]:
     """Write `path` through a pipe; on leaving, all of it is there.
 
     Raises:

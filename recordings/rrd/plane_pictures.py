@@ -20,7 +20,7 @@ from recordings.report.force_acceleration import (
     FORCE,
     force_acceleration,
 )
-from recordings.report.svg_shapes import Axes, ticks
+from recordings.report.svg_shapes import Axes, round_ticks
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
@@ -78,7 +78,7 @@ class PlanePicture:
     series: tuple[PlaneSeries, ...]
 
 
-def plane_pictures(run: Run) -> dict[str, PlanePicture]:
+def make_plane_pictures(run: Run) -> dict[str, PlanePicture]:
     """The pictures that this run has numbers for, by name."""
     drawn = {
         "scatter": _draw_scatter(run),
@@ -99,18 +99,21 @@ def send_picture(recording: "RecordingStream", entity: str, picture: PlanePictur
     import rerun as rr
 
     x, y = (np.concatenate([getattr(each, axis) for each in picture.series]) for axis in "xy")
-    axes = Axes.around(x.tolist(), y.tolist(), _BOX)
+    axes = Axes.from_data(x.tolist(), y.tolist(), _BOX)
     dot, width, thin = (rr.Radius.ui_points(size) for size in (_DOT, _WIDTH, _GRID_WIDTH))
-    grid = [[axes.place(a, b), axes.place(c, d)] for a, b, c, d in _grid_lines(axes)]
-    ink = colours.rgba(_GRID)
+    grid = [
+        [axes.place_in_drawing(a, b), axes.place_in_drawing(c, d)]
+        for a, b, c, d in _make_grid_lines(axes)
+    ]
+    ink = colours.pack_rgba(_GRID)
     frame = rr.LineStrips2D(grid, colors=ink, radii=thin, draw_order=0.0)
     recording.log(f"{entity}/grid", frame, static=True)
     places, texts, inks = zip(*label_axes(axes, picture), strict=True)
     written = rr.Points2D(places, labels=texts, colors=inks, radii=0.0, show_labels=True)
     recording.log(f"{entity}/text", written, static=True)
     for number, each in enumerate(picture.series):
-        corners = [axes.place(a, b) for a, b in zip(each.x, each.y, strict=True)]
-        ink, order = colours.rgba(each.colour), 10.0 + number
+        corners = [axes.place_in_drawing(a, b) for a, b in zip(each.x, each.y, strict=True)]
+        ink, order = colours.pack_rgba(each.colour), 10.0 + number
         shape = (
             rr.LineStrips2D([corners], colors=ink, radii=width, draw_order=order)
             if each.joined
@@ -119,28 +122,32 @@ def send_picture(recording: "RecordingStream", entity: str, picture: PlanePictur
         recording.log(f"{entity}/series/{number}", shape, static=True)
 
 
-def _grid_lines(axes: Axes) -> Iterator[tuple[float, float, float, float]]:
+def _make_grid_lines(axes: Axes) -> Iterator[tuple[float, float, float, float]]:
     """Ends of each line of the grid, in the units of the axes."""
-    for value, _ in ticks(*axes.x):
+    for value, _ in round_ticks(*axes.x):
         yield value, axes.y[0], value, axes.y[1]
-    for value, _ in ticks(*axes.y):
+    for value, _ in round_ticks(*axes.y):
         yield axes.x[0], value, axes.x[1], value
 
 
 def label_axes(axes: Axes, picture: PlanePicture) -> Iterator[tuple[tuple[float, float], str, int]]:
     """Numbers, labels and the legend: where, what and in which colour."""
     left, top, right, bottom = _BOX
-    ink = colours.rgba(_INK)
-    for value, text in ticks(*axes.x):
-        yield (axes.place(value, axes.y[0])[0], bottom + _NUMBERS - _BELOW), text, ink
-    for value, text in ticks(*axes.y):
-        yield (left - 3.0 * _NUMBERS, axes.place(axes.x[0], value)[1] - _BELOW), text, ink
+    ink = colours.pack_rgba(_INK)
+    for value, text in round_ticks(*axes.x):
+        yield (axes.place_in_drawing(value, axes.y[0])[0], bottom + _NUMBERS - _BELOW), text, ink
+    for value, text in round_ticks(*axes.y):
+        yield (
+            (left - 3.0 * _NUMBERS, axes.place_in_drawing(axes.x[0], value)[1] - _BELOW),
+            text,
+            ink,
+        )
     yield ((left + right) / 2.0, bottom + _LABELS - _BELOW), picture.x_label, ink
     yield (left + _LABELS, top - _LABELS), picture.y_label, ink
     named = [each for each in picture.series if each.label]
     for line, each in enumerate(named):
         place = (right + _LEGEND, top + _LEGEND_LINE * line)
-        yield place, each.label, colours.rgba(each.colour)
+        yield place, each.label, colours.pack_rgba(each.colour)
 
 
 def _draw_scatter(run: Run) -> PlanePicture | None:
@@ -163,7 +170,7 @@ def _draw_scatter(run: Run) -> PlanePicture | None:
 
 
 def _draw_line(run: Run) -> PlanePicture | None:
-    """What a calibration adds to an estimate: the points and the line, by method."""
+    """Draw points and line of a calibration, by method."""
     series: list[PlaneSeries] = []
     for name, colour, points in _calibrated_methods(run):
         estimate, reference = points["estimate_kg"].to_numpy(), points["reference_kg"].to_numpy()
@@ -180,14 +187,14 @@ def _draw_line(run: Run) -> PlanePicture | None:
 
 
 def _draw_errors(run: Run) -> PlanePicture | None:
-    """What the line leaves of each load, and of a load that the line has not seen."""
+    """Draw the residual of each load, and the error of each load left out of the line."""
     series: list[PlaneSeries] = []
     methods = list(_calibrated_methods(run))
     for number, (name, colour, points) in enumerate(methods):
         # methods of one load beside each other
         aside_1 = (number - (len(methods) - 1) / 2.0) * _ASIDE
         for column, label, look in (
-            ("error_left_out_kg", "", colours.lighten(colour)),
+            ("error_left_out_kg", "", colours.lighten_colour(colour)),
             ("error_kg", name, colour),
         ):
             known = points.drop_nulls(column)

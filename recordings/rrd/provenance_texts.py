@@ -7,7 +7,7 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
-from recordings.report.number_text import markdown_table, number_text
+from recordings.report.number_text import format_number, markdown_table
 
 
 def local_time(about: Provenance, t_ns: int = 0) -> str:
@@ -16,7 +16,7 @@ def local_time(about: Provenance, t_ns: int = 0) -> str:
     if stamp_ns < FIRST_DATE_NS:
         return f"{stamp_ns / NS:.3f} s of the log's own clock"
     clock = ShiftClock(timezone_text(about), stamp_ns, 0.0)
-    return f"{clock.local(0.0):%Y-%m-%d} {clock.at(0.0)} {clock.zone}"
+    return f"{clock.to_local_datetime(0.0):%Y-%m-%d} {clock.format_time(0.0)} {clock.zone}"
 
 
 def settings_markdown(run: Run) -> str:
@@ -40,7 +40,7 @@ def provenance_markdown(run: Run) -> str:
     """Inputs with their SHA-256, versions, stamps, what was lost, and what to know."""
     about = run.provenance
     inputs = [
-        (each.name, number_text(each.size_bytes), f"`{each.sha256}`") for each in about.inputs
+        (each.name, format_number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs
     ]
     frames = [f"- **{n}**, {f.height} rows: {', '.join(f.columns)}" for n, f in run.frames.items()]
     return "\n\n".join(
@@ -50,7 +50,7 @@ def provenance_markdown(run: Run) -> str:
             f"First aligned sample: {local_time(about)} "
             f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
             "# Fingerprint",
-            _fingerprint_text(about),
+            _format_fingerprint(about),
             "# Stamps",
             markdown_table(("topic", "placed by"), about.stamps.items()),
             "# Losses",
@@ -68,7 +68,7 @@ def provenance_markdown(run: Run) -> str:
     )
 
 
-def _fingerprint_text(about: Provenance) -> str:
+def _format_fingerprint(about: Provenance) -> str:
     """The digests in full, those of the frames as well."""
     taken = about.fingerprint
     if taken is None:
@@ -78,7 +78,7 @@ def _fingerprint_text(about: Provenance) -> str:
     return markdown_table(("SHA-256 of", "digest"), digests)
 
 
-def machine_body(about: Provenance) -> dict[str, Any]:
+def machine_table(about: Provenance) -> dict[str, Any]:
     """Table `machine` of the machine file."""
     body = about.machine.get("machine", {})
     return body if isinstance(body, dict) else {}
@@ -86,4 +86,4 @@ def machine_body(about: Provenance) -> dict[str, Any]:
 
 def timezone_text(about: Provenance) -> str:
     """The time zone of the machine file."""
-    return str(machine_body(about).get("timezone", "UTC"))
+    return str(machine_table(about).get("timezone", "UTC"))

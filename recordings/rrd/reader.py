@@ -120,7 +120,7 @@ class OpenRecording:
         if not self.manifest.frames:
             notes = "; ".join(self.provenance.notes) or "it was written to be looked at"
             raise RecordingError(
-                f"{self.path}: keeps no stages ({notes}); name a recording of `payscope run`"
+                f"{self.path}: keeps no frames ({notes}); name a recording of `payscope run`"
             )
 
     def read(self, name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
@@ -129,9 +129,9 @@ class OpenRecording:
         Raises:
             RecordingError: no such frame or column, with the choices; or it is damaged.
         """
-        stored = self.manifest.frame(name)
+        stored = self.manifest.frame_by_name(name)
         if stored is None:
-            raise RecordingError(f"{self.path}: no stage '{name}'; {nearest(name, self.stages)}")
+            raise RecordingError(f"{self.path}: no frame '{name}'; {nearest(name, self.stages)}")
         known = self.stages[name]
         for column in columns or ():
             if column not in known:
@@ -139,7 +139,7 @@ class OpenRecording:
                     f"{self.path}: '{name}' has no '{column}'; {nearest(column, known)}"
                 )
         wanted = stored.columns if columns is None else stored.select(columns)
-        with _in_one_line(self.path):
+        with _raise_one_line_errors(self.path):
             return _read_frame(self.store, stored, wanted)
 
 
@@ -161,7 +161,7 @@ def open_recording(path: str | Path) -> "Generator[OpenRecording]":
     import rerun as rr
     from rerun.error_utils import RerunWarning
 
-    with _in_one_line(path):
+    with _raise_one_line_errors(path):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RerunWarning)  # it warns and raises of the same fault
             store = rr.chunk.RrdReader(path).store()
@@ -170,7 +170,7 @@ def open_recording(path: str | Path) -> "Generator[OpenRecording]":
 
 
 @contextmanager
-def _in_one_line(path: Path) -> Generator[None]:
+def _raise_one_line_errors(path: Path) -> Generator[None]:
     try:
         yield
     except (RuntimeError, ValueError) as error:
@@ -207,7 +207,10 @@ def _describe_store(path: Path, store: "LazyStore") -> tuple[Manifest, Provenanc
             "use the payscope that wrote it, or replay the log"
         ) from error
     except json.JSONDecodeError as error:
-        raise RecordingError(f"{path}: its description is damaged; replay the log") from error
+        raise RecordingError(
+            f"{path}: the recording's metadata is damaged; run the log again to make a new "
+            "recording"
+        ) from error
 
 
 def _read_frame(

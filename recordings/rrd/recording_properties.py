@@ -14,7 +14,7 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
-from recordings.report.finding_text import finding_line, findings_of
+from recordings.report.finding_text import finding_line, findings_of_run
 from recordings.report.worth_text import COVERAGE
 
 ANSWER: Final = "answer"
@@ -35,13 +35,13 @@ def recording_properties(run: Run) -> dict[str, Value]:
     """
     about, said = run.provenance, answer(run)
     body: Mapping[str, Any] = about.machine.get("machine", {})
-    findings = findings_of(run)
+    findings = findings_of_run(run)
     found: dict[str, Value | None] = {
         "machine": str(body.get("name", "")),
         "serial": str(body.get("id") or ""),
         "day": _recording_day(about),
         "logs": ", ".join(each.name for each in about.inputs),
-        "verdict": _verdict_text(said.verdict),
+        "verdict": _summarise_verdict(said.verdict),
         "can_weigh": said.verdict.can_weigh if said.verdict.checks else None,
         "loads": len(said.loads),
         "first_finding": finding_line(findings[0]) if findings else "",
@@ -69,7 +69,7 @@ def _quantity_property(
     }
 
 
-def _verdict_text(verdict: Verdict) -> str:
+def _summarise_verdict(verdict: Verdict) -> str:
     if not verdict.checks:
         return "not judged"
     failed = [check.check for check in verdict.failed("mass")]

@@ -375,7 +375,7 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
 }
 
 
-def frames_of(series: Series, frames: Iterable[str]) -> tuple[str, ...]:
+def frames_of_series(series: Series, frames: Iterable[str]) -> tuple[str, ...]:
     """The frames of a run that a series is drawn from, in the run's order."""
     return tuple(name for name in frames if entity_parts(name)[0] == series.frame)
 

@@ -11,28 +11,33 @@ from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
-from recordings.report.finding_text import finding_line, findings_of, findings_text
+from recordings.report.finding_text import (
+    finding_line,
+    findings_of_run,
+    findings_text,
+    order_by_effect,
+)
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
+    format_check_outcome,
+    format_number,
+    format_plus_minus,
     markdown_table,
-    number_text,
-    outcome_text,
-    plus_minus,
 )
 from recordings.report.planar_text import planar_fit_lines, planar_markdown
-from recordings.report.shift_text import shift_sentence
+from recordings.report.shift_text import shift_payload_sentence
 from recordings.report.worth_text import (
     answer_lines,
     best_known_load,
     budget_rows,
-    load_heads,
-    load_rows,
     load_sentences,
+    table_heads_of_loads,
+    table_rows_of_loads,
 )
 from recordings.rrd.display_frames import span_ns
 from recordings.rrd.provenance_texts import (
     local_time,
-    machine_body,
+    machine_table,
     provenance_markdown,
     settings_markdown,
     timezone_text,
@@ -57,7 +62,7 @@ _MASS_COLUMNS: Final = (
 def recording_markdown(run: Run) -> dict[str, str]:
     """Every text that this run has something to say in, by name."""
     written: dict[str, Callable[[Run], str]] = {
-        "answer": answer_text,
+        "answer": format_answer,
         "findings": findings_text,
         "planar": planar_markdown,
         "calibration": calibration_markdown,
@@ -68,19 +73,19 @@ def recording_markdown(run: Run) -> dict[str, str]:
 
 
 def recording_name(about: Provenance) -> str:
-    """What the viewer lists a recording as: its machine, and its logs."""
+    """Name of a recording in the viewer: its machine and its logs."""
     logs = ", ".join(each.name for each in about.inputs)
     return ": ".join(filter(None, (machine_name(about), logs))) or "payscope"
 
 
 def machine_name(about: Provenance) -> str:
     """The name that the machine file gives, or nothing."""
-    return str(machine_body(about).get("name", ""))
+    return str(machine_table(about).get("name", ""))
 
 
 #: What the times on the axes of the viewer are.
 _AXES: Final = "Times on the axes are UTC, unless the viewer's settings say local time."
-_AXES_WITHOUT_DATE: Final = "Times on the axes are of the log's own clock, which has no date."
+_AXES_WITHOUT_DATE: Final = "Times on the axes are those of the log's own clock, which has no date."
 #: Heads of a calibration's errors.
 _ERRORS: Final = ("error kg", "load left out kg")
 #: Findings beside the answer; their own text has all.
@@ -89,23 +94,25 @@ _FOUND: Final = 3
 _MOST_LINES: Final = 12
 
 
-def headline(said: Answer) -> str:
+def answer_headline(said: Answer) -> str:
     """The answer in one sentence, without Markdown."""
     failed = said.verdict.failed("mass")
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
     if len(said.loads) > 1:
-        return shift_sentence(said.shift) if is_shift(said) else _several_loads_text(said)
+        return shift_payload_sentence(said.shift) if is_shift(said) else _several_loads_text(said)
     for load in said.loads:
         if load["mass_kg"] is not None:
             scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""
-            return f"{plus_minus(load['mass_kg'], load['u_kg'])} kg (standard uncertainty{scale})"
+            mass = format_plus_minus(load["mass_kg"], load["u_kg"])
+            return f"{mass} kg (standard uncertainty{scale})"
     # a recording of an earlier version has no loads
     for row in said.rows if not said.loads else ():
         known = [method for method in row.methods if row.value("mass_kg", method) is not None]
         if known:
             best = "pooled" if "pooled" in known else known[0]
-            return f"{_value_text(row, best, *_MASS)} kg ({best}, statistical standard deviation)"
+            mass = _format_value_of_method(row, best, *_MASS)
+            return f"{mass} kg ({best}, statistical standard deviation)"
     if not said.verdict.checks:
         return "This recording holds no answer."
     return "No window of this log was accepted: there is no mass."
@@ -123,46 +130,56 @@ def _several_loads_text(said: Answer) -> str:
     if not known:
         return f"{count}: no one mass of the log"
     most = max(known, key=lambda load: load["payload_kg"])
-    return f"{count}, payloads up to {plus_minus(most['payload_kg'], most['payload_u_kg'])} kg"
+    return (
+        f"{count}, payloads up to {format_plus_minus(most['payload_kg'], most['payload_u_kg'])} kg"
+    )
 
 
-def summary_text(run: Run) -> str:
+def format_summary(run: Run) -> str:
     """The answer in plain lines, the headline first."""
     about, said = run.provenance, answer(run)
-    lines = [headline(said), f"{recording_name(about)} · {local_time(about)}"]
+    lines = [answer_headline(said), f"{recording_name(about)} · {local_time(about)}"]
     lines += answer_lines(said)[1:]
     if len(said.loads) > 1:
         lines += load_sentences(said, _MOST_LINES)
     lines += [""]
     for row in said.rows if len(said.loads) <= 1 else ():
         for method in row.methods:
-            mass = "withheld" if row.withheld else f"{_value_text(row, method, *_MASS)} kg"
+            mass = (
+                "withheld" if row.withheld else f"{_format_value_of_method(row, method, *_MASS)} kg"
+            )
             inertia = row.value(_INERTIA[0], method)
-            turns = f", yaw inertia {_value_text(row, method, *_INERTIA)} kg·m²" if inertia else ""
+            turns = (
+                f", yaw inertia {_format_value_of_method(row, method, *_INERTIA)} kg·m²"
+                if inertia
+                else ""
+            )
             lines.append(f"{method:<8} {mass}{turns}")
     lines += planar_fit_lines(said.planar, said.planar_budget)
-    for each in findings_of(run)[:_FOUND]:
+    for each in order_by_effect(findings_of_run(run))[:_FOUND]:
         lines.append(f"finding  {each.rank}. {finding_line(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:
-        came_out = outcome_text(check, passed="passed", failed="FAILED", absent="n/a")
+        came_out = format_check_outcome(check, passed="passed", failed="FAILED", absent="n/a")
         if came_out in quiet:
-            value = "" if check.value is None else f" {number_text(check.value)}"
+            value = "" if check.value is None else f" {format_number(check.value)}"
             quiet[came_out].append(f"{check.check}{value}")
         else:
-            lines.append(f"{came_out:<8} {check.check} {number_text(check.value)} ({check.limit})")
+            lines.append(
+                f"{came_out:<8} {check.check} {format_number(check.value)} ({check.limit})"
+            )
     lines += [f"{name:<8} {', '.join(checks)}" for name, checks in quiet.items() if checks]
     return "\n".join(lines)
 
 
-def answer_text(run: Run) -> str:
+def format_answer(run: Run) -> str:
     """The masses, the verdict with every check, and what a reader should know."""
     if "points" in run.frames:
         return ""  # of evidence, which is about many logs
     about, span, said = run.provenance, span_ns(run), answer(run)
     duration = f", {(span[1] - span[0]) / NS:,.1f} s" if span else ""
     parts = [
-        f"# {headline(said)}",
+        f"# {answer_headline(said)}",
         f"{machine_name(about) or 'machine without a name'} · {local_time(about)}{duration}",
     ]
     parts.append(_AXES if about.t0_unix_ns >= FIRST_DATE_NS else _AXES_WITHOUT_DATE)
@@ -172,24 +189,24 @@ def answer_text(run: Run) -> str:
         parts.append("**The mass is withheld**, because:")
         parts.append(
             "\n".join(
-                f"- **{check.check}** is {number_text(check.value)}, must be {check.limit}: "
+                f"- **{check.check}** is {format_number(check.value)}, must be {check.limit}: "
                 f"{check.meaning}"
                 for check in failed
             )
         )
-    if found := findings_of(run):
+    if found := findings_of_run(run):
         parts.append("## What this log shows")
         parts.append(
             "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
         )
-    parts += _worth_lines(said, _cycle_lines(run) if is_shift(said) else [])
+    parts += _describe_worth(said, _make_cycle_lines(run) if is_shift(said) else [])
     if len(said.loads) > 1:
         parts.append("The paper's methods give one mass a log, and are not shown.")
     else:
-        parts += [each for row in said.rows for each in _mass_cells(row)]
+        parts += [each for row in said.rows for each in _make_mass_cells(row)]
     if lines := planar_fit_lines(said.planar, said.planar_budget):
         parts.append("\n".join(f"- {line}" for line in lines))
-    parts += _verdict_lines(said.verdict) + _describe_acceptance(run)
+    parts += _make_verdict_lines(said.verdict) + _describe_acceptance(run)
     parts += [f"- {note}" for note in said.notes]
     parts += [f"- lost: {each}" for each in said.losses]
     return "\n\n".join(parts)
@@ -197,7 +214,7 @@ def answer_text(run: Run) -> str:
 
 def calibration_markdown(run: Run) -> str:
     """The points and the line of each method, and of evidence; nothing without a calibration."""
-    parts = ["# Calibration", *_evidence_lines(run)]
+    parts = ["# Calibration", *_describe_evidence(run)]
     points = run.frames.get("calibration")
     if points is None or points.is_empty():
         return "\n\n".join(parts) if len(parts) > 1 else ""
@@ -205,17 +222,17 @@ def calibration_markdown(run: Run) -> str:
         fit = group.row(0, named=True)
         if fit.get("alpha_1") is not None and fit.get("beta_kg") is not None:
             parts.append(
-                f"**{method}**: reference = {number_text(fit['alpha_1'])} · estimate "
+                f"**{method}**: reference = {format_number(fit['alpha_1'])} · estimate "
                 f"{fit['beta_kg']:+.4g} kg"
             )
     rows = [
         (
             row["method"],
-            number_text(row["load_kg"]),
-            number_text(row["reference_kg"]),
-            f"{plus_minus(row['estimate_kg'], row['estimate_std_kg'])} ({row['runs']})",
-            number_text(row["error_kg"]),
-            number_text(row["error_left_out_kg"]),
+            format_number(row["load_kg"]),
+            format_number(row["reference_kg"]),
+            f"{format_plus_minus(row['estimate_kg'], row['estimate_std_kg'])} ({row['runs']})",
+            format_number(row["error_kg"]),
+            format_number(row["error_left_out_kg"]),
         )
         for row in points.iter_rows(named=True)
     ]
@@ -223,7 +240,7 @@ def calibration_markdown(run: Run) -> str:
     return "\n\n".join([*parts, markdown_table(heads, rows)])
 
 
-def _evidence_lines(run: Run) -> list[str]:
+def _describe_evidence(run: Run) -> list[str]:
     """The line of evidence, its points, and where each run is recorded."""
     if "points" not in run.frames:
         return []
@@ -232,19 +249,19 @@ def _evidence_lines(run: Run) -> list[str]:
         (
             row["run_id"],
             row["load"],
-            number_text(row["reference_kg"]),
-            f"{plus_minus(row['mean_kg'], row['std_kg'])} ({row['readings']})",
-            number_text(row["error_kg"]),
-            number_text(row["error_left_out_kg"]),
+            format_number(row["reference_kg"]),
+            f"{format_plus_minus(row['mean_kg'], row['std_kg'])} ({row['readings']})",
+            format_number(row["error_kg"]),
+            format_number(row["error_left_out_kg"]),
         )
         for row in points.iter_rows(named=True)
     ]
     heads = ("run", "load", "reference kg", "estimate kg (readings)", *_ERRORS)
     fitted = [
-        f"reference = {number_text(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, from "
-        f"{number_text(row['valid_from_kg'])} to {number_text(row['valid_to_kg'])} kg; a later "
-        f"mass ± {number_text(row['line_u_kg'])} kg (k = 1), interval with "
-        f"k = {number_text(row['coverage_k_1'])}"
+        f"reference = {format_number(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, from "
+        f"{format_number(row['valid_from_kg'])} to {format_number(row['valid_to_kg'])} kg; a later "
+        f"mass ± {format_number(row['line_u_kg'])} kg (k = 1), interval with "
+        f"k = {format_number(row['coverage_k_1'])}"
         for row in line.iter_rows(named=True)
     ]
     # a digest does not fit into a column
@@ -261,18 +278,18 @@ def _evidence_lines(run: Run) -> list[str]:
     ]
 
 
-def _value_text(row: AnswerRow, method: str, value: str, std: str | None) -> str:
-    return plus_minus(row.value(value, method), row.value(std, method) if std else None)
+def _format_value_of_method(row: AnswerRow, method: str, value: str, std: str | None) -> str:
+    return format_plus_minus(row.value(value, method), row.value(std, method) if std else None)
 
 
-def _mass_cells(row: AnswerRow) -> list[str]:
+def _make_mass_cells(row: AnswerRow) -> list[str]:
     if not row.methods:
         return []
-    shown = [each for each in _MASS_COLUMNS if row.has(each[1])]
+    shown = [each for each in _MASS_COLUMNS if row.has_quantity(each[1])]
     rows = [
         (
             method,
-            *(_value_text(row, method, value, std) for _, value, std in shown),
+            *(_format_value_of_method(row, method, value, std) for _, value, std in shown),
             row.estimates[method],
         )
         for method in row.methods
@@ -285,8 +302,8 @@ def _mass_cells(row: AnswerRow) -> list[str]:
     ]
 
 
-def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
-    """What the answer is worth: other priors, budget, priors and posteriors.
+def _describe_worth(said: Answer, cycles: list[str]) -> list[str]:
+    """Lines about the answer: prior sensitivity, budget, priors and posteriors.
 
     Sentences are lists: the viewer wraps them, and no table.
 
@@ -299,7 +316,10 @@ def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
     parts = ["\n".join(f"- {line}" for line in answer_lines(said))]
     which = ""
     if len(said.loads) > 1:
-        parts += cycles or ["## Loads", markdown_table(load_heads(said), load_rows(said))]
+        parts += cycles or [
+            "## Loads",
+            markdown_table(table_heads_of_loads(said), table_rows_of_loads(said)),
+        ]
         which = f" (mass of load {best_known_load(said)})"
     parts += [
         f"## Where the uncertainty comes from{which}",
@@ -310,16 +330,16 @@ def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
         "## What the fit allows besides mass and friction",
         "\n".join(
             f"- **{row['term']}**, {row['meaning']}: "
-            f"{plus_minus(row['posterior'], row['posterior_std'])} {row['unit']}, prior ± "
-            f"{number_text(row['prior_std'])} {row['unit']}; u of the mass "
-            f"{number_text(row['u_kg'])} kg"
+            f"{format_plus_minus(row['posterior'], row['posterior_std'])} {row['unit']}, prior ± "
+            f"{format_number(row['prior_std'])} {row['unit']}; u of the mass "
+            f"{format_number(row['u_kg'])} kg"
             for row in said.nuisances
         ),
     ]
     return parts
 
 
-def _cycle_lines(run: Run) -> list[str]:
+def _make_cycle_lines(run: Run) -> list[str]:
     """The cycles of a shift with the local time of each dump."""
     about, span = run.provenance, span_ns(run)
     duration_s = 0.0 if span is None else (span[1] - span[0]) / NS
@@ -327,8 +347,8 @@ def _cycle_lines(run: Run) -> list[str]:
     rows = [
         (
             str(row["cycle"]),
-            clock.at(row["end_t_ns"] / NS),
-            plus_minus(row["payload_kg"], row["payload_u_kg"]),
+            clock.format_time(row["end_t_ns"] / NS),
+            format_plus_minus(row["payload_kg"], row["payload_u_kg"]),
             row["quality"],
         )
         for row in run.frames["cycles"].iter_rows(named=True)
@@ -336,12 +356,12 @@ def _cycle_lines(run: Run) -> list[str]:
     return ["## Cycles", markdown_table(("cycle", "dumped at", "payload kg", "quality"), rows)]
 
 
-def _verdict_lines(verdict: Verdict) -> list[str]:
+def _make_verdict_lines(verdict: Verdict) -> list[str]:
     if not verdict.checks:
         return []
     words = {"passed": "passed", "failed": "**failed**", "absent": "does not apply"}
     checks = [
-        f"- {outcome_text(check, **words)}: **{check.check}** {number_text(check.value)} "
+        f"- {format_check_outcome(check, **words)}: **{check.check}** {format_number(check.value)} "
         f"({check.limit}), {check.meaning}"
         for check in verdict.checks
     ]

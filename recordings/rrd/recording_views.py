@@ -1,4 +1,4 @@
-"""What a view of a recording draws, and a tab of views."""
+"""Views of a recording, and tabs of views."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -55,7 +55,7 @@ class View:
 class Methods(Enum):
     """How a tab draws the methods of a view: over each other they hide all but the last."""
 
-    ONE = "one of them, which stands for all"
+    ONE = "one of them, as an example for all"
     ROWS = "a row a method, all with the same axis"
 
 

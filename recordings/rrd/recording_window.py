@@ -36,7 +36,7 @@ def read_window(
     if whole_run and raw:
         return read_recording(path)
     check_stretch(path, from_s, to_s)
-    stretch = _ends_text(from_s, to_s)
+    stretch = _describe_ends(from_s, to_s)
     begin, end = (
         None if each is None else round(min(max(each, -LATEST_S), LATEST_S) * NS)
         for each in (from_s, to_s)
@@ -51,9 +51,9 @@ def read_window(
                 continue
             whole = held.read(stored.name)
             heights[stored.name] = whole.height
-            frames[stored.name] = _rows_inside(whole, begin, end, held.provenance.t0_unix_ns)
+            frames[stored.name] = _select_rows_inside(whole, begin, end, held.provenance.t0_unix_ns)
             if stored.name == "aligned" and frames["aligned"].is_empty() and not whole_run:
-                raise RecordingError(f"{path}: nothing {stretch}; it has {_span_text(whole)}")
+                raise RecordingError(f"{path}: nothing {stretch}; it has {_describe_span(whole)}")
     about = note_missing_rows(path, held.manifest, held.provenance, heights)
     if whole_run:
         return Run(frames, about)
@@ -75,19 +75,20 @@ def check_stretch(path: str | Path, from_s: float | None, to_s: float | None) ->
     ends = [-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s]
     if not all(map(math.isfinite, filter(None, (from_s, to_s)))) or ends[0] > ends[1]:
         raise RecordingError(
-            f"{path}: {_ends_text(from_s, to_s)} is not a time span; use seconds since the start, "
+            f"{path}: {_describe_ends(from_s, to_s)} is not a time span; use seconds since the "
+            "start, "
             "the earlier first"
         )
 
 
-def _span_text(aligned: pl.DataFrame) -> str:
+def _describe_span(aligned: pl.DataFrame) -> str:
     if aligned.is_empty():
         return "no samples"
     first, last = (round(float(aligned["t_ns"][place]) / NS, 1) for place in (0, -1))
     return f"{first:g} to {last:g} s"
 
 
-def _rows_inside(
+def _select_rows_inside(
     frame: pl.DataFrame, begin: int | None, end: int | None, t0_ns: int
 ) -> pl.DataFrame:
     has = frame.columns
@@ -109,6 +110,6 @@ def _rows_inside(
     return frame.filter(pl.all_horizontal(wanted))
 
 
-def _ends_text(from_s: float | None, to_s: float | None) -> str:
+def _describe_ends(from_s: float | None, to_s: float | None) -> str:
     begin = "the start" if from_s is None else f"{from_s:g} s"
     return f"from {begin} to {'the end' if to_s is None else f'{to_s:g} s'}"

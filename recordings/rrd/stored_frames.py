@@ -36,7 +36,7 @@ _ENUM: Final = "Enum"
 
 
 class StoredColumn(BaseModel):
-    """What a column was before it was stored."""
+    """Original type of a stored column."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -45,7 +45,7 @@ class StoredColumn(BaseModel):
     categories: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, series: pl.Series) -> Self:
+    def from_series(cls, series: pl.Series) -> Self:
         """Describe `series`.
 
         Raises:
@@ -80,7 +80,7 @@ class StoredColumn(BaseModel):
 
 
 class StoredFrame(BaseModel):
-    """What a frame was before it was stored."""
+    """Original schema of a stored frame."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -89,13 +89,13 @@ class StoredFrame(BaseModel):
     columns: tuple[StoredColumn, ...]
 
     @classmethod
-    def of(cls, name: str, frame: pl.DataFrame) -> Self:
+    def from_frame(cls, name: str, frame: pl.DataFrame) -> Self:
         """Describe `frame`.
 
         Raises:
             OutputError: a column's dtype cannot be stored.
         """
-        columns = tuple(StoredColumn.of(series) for series in frame.get_columns())
+        columns = tuple(StoredColumn.from_series(series) for series in frame.get_columns())
         return cls(name=name, rows=frame.height, columns=columns)
 
     @property
@@ -108,7 +108,7 @@ class StoredFrame(BaseModel):
         by_name = {column.name: column for column in self.columns}
         return tuple(by_name[name] for name in columns)
 
-    def batches(self, frame: pl.DataFrame) -> "Iterator[pa.RecordBatch]":
+    def to_batches(self, frame: pl.DataFrame) -> "Iterator[pa.RecordBatch]":
         """Make blocks of the frame, each a record batch of one row, placed by its first row."""
         import pyarrow as pa
 
@@ -137,7 +137,7 @@ class StoredFrame(BaseModel):
         """
         import pyarrow as pa
 
-        found = [_blocks(batches, component_name(column.name)) for column in columns]
+        found = [_read_blocks(batches, component_name(column.name)) for column in columns]
         # of a damaged recording some blocks may have lost a column: only whole rows are rows
         whole = sorted(set.intersection(*(set(each) for each in found))) if found else []
         series: list[pl.Series] = []
@@ -150,7 +150,7 @@ class StoredFrame(BaseModel):
         return pl.DataFrame(series)
 
 
-def _blocks(batches: "Sequence[pa.RecordBatch]", name: str) -> "dict[int, pa.Array]":
+def _read_blocks(batches: "Sequence[pa.RecordBatch]", name: str) -> "dict[int, pa.Array]":
     """The values of a column by the first row of their block, from the batches that have it.
 
     `rerun rrd optimize` keeps thin columns apart from thick ones.
@@ -174,7 +174,7 @@ class Manifest(BaseModel):
 
     frames: tuple[StoredFrame, ...]
 
-    def frame(self, name: str) -> StoredFrame | None:
+    def frame_by_name(self, name: str) -> StoredFrame | None:
         """The frame of that name, if there is one."""
         return next((frame for frame in self.frames if frame.name == name), None)
 

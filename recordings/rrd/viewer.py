@@ -77,10 +77,10 @@ def start_viewer() -> str:
         wait_until_connected(
             process, port, log, "a screen; leave out --live without one", waiting=True
         )
-    return _address(port)
+    return _viewer_address(port)
 
 
-def recordings_shown(address: str) -> tuple[str, ...]:
+def list_shown_recordings(address: str) -> tuple[str, ...]:
     """The recordings that a viewer holds, by their ids; none where no viewer answers."""
     from rerun.experimental import ViewerClient
 
@@ -158,12 +158,12 @@ def photograph_tabs(
     Raises:
         RecordingError: the viewer opens no such file, it has no such tab, or no viewer starts.
     """
-    with headless_viewer(Path(path)) as (client, _):
+    with run_headless_viewer(Path(path)) as (client, _):
         if at_unix_ns is not None:
             _set_time(client, at_unix_ns)
         whole = client.get_blueprint("recording").blueprint
         tabs = _tabs_by_title(whole)
-        names = [_tab_title(whole, entity) for entity in _children(tabs)]
+        names = [_tab_title(whole, entity) for entity in _list_children(tabs)]
         if tab is not None and tab.casefold() not in map(str.casefold, names):
             raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(tab, names)}")
         return list(_take_pictures(client, folder, whole, tabs, tab))
@@ -193,7 +193,7 @@ def _take_pictures(
     tabs: dict[str, Any],
     tab: str | None,
 ) -> Iterator[Screenshot]:
-    for number, entity in enumerate(_children(tabs)):
+    for number, entity in enumerate(_list_children(tabs)):
         name = _tab_title(whole, entity)
         if tab is not None and tab.casefold() != name.casefold():
             continue
@@ -202,7 +202,7 @@ def _take_pictures(
         # a tab of an imported log is called like its topic
         png = folder / f"{number:02}-{name.lower().strip('/').replace('/', '-')}.png"
         png.write_bytes(_wait_for_still_picture(client))
-        shown = set(_views(whole, entity))
+        shown = set(_iter_view_ids(whole, entity))
         errors = tuple(
             f"{view.name}: {report.summary}"
             for view in client.get_state().views
@@ -224,23 +224,23 @@ def _wait_for_still_picture(client: "ViewerClient") -> bytes:
     return before
 
 
-def _children(container: dict[str, Any]) -> list[str]:
+def _list_children(container: dict[str, Any]) -> list[str]:
     contents = container["contents"]
     return [contents] if isinstance(contents, str) else contents
 
 
-def _views(whole: dict[str, Any], entity: str) -> Iterator[str]:
+def _iter_view_ids(whole: dict[str, Any], entity: str) -> Iterator[str]:
     """The ids of the views in a container, at any depth."""
     kind, _, identifier = entity.partition("/")
     if kind == "view":
         yield identifier
         return
-    for child in _children(whole[f"/{entity}"]["ContainerBlueprint"]):
-        yield from _views(whole, child)
+    for child in _list_children(whole[f"/{entity}"]["ContainerBlueprint"]):
+        yield from _iter_view_ids(whole, child)
 
 
 @contextmanager
-def headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
+def run_headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
     """A viewer without a screen, with a recording or waiting for one: its client and address."""
     # "CI" keeps Rerun's usage statistics at home: nobody sees this viewer to be asked
     with tempfile.TemporaryFile() as log:
@@ -250,7 +250,7 @@ def headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
         needs = "a Vulkan driver, like Debian's mesa-vulkan-drivers"
         try:
             client = wait_until_connected(process, port, log, needs, waiting=path is None)
-            yield client, _address(port)
+            yield client, _viewer_address(port)
         finally:
             process.terminate()
             process.wait()
@@ -277,7 +277,7 @@ def start_viewer_process(
     return process, port
 
 
-def _address(port: int) -> str:
+def _viewer_address(port: int) -> str:
     return f"rerun+http://{_HOST}:{port}/proxy"
 
 
@@ -306,7 +306,7 @@ def wait_until_connected(
     while time.monotonic() < deadline and process.poll() is None:
         time.sleep(_POLL_S)
         try:
-            client = ViewerClient.connect(_address(port))
+            client = ViewerClient.connect(_viewer_address(port))
             state = client.get_state()
         except (ConnectionError, RuntimeError):
             continue  # it does not listen yet

@@ -15,8 +15,8 @@ import polars as pl
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.rrd.blueprint import Page, Panel, lay_out_tabs
-from recordings.rrd.display_frames import DisplayColumn, bin_rows, draws_as_points
-from recordings.rrd.drawn_rows import drawn_batches
+from recordings.rrd.display_frames import DisplayColumn, bin_frame_rows, draws_as_points
+from recordings.rrd.drawn_rows import iter_drawn_batches
 from recordings.rrd.recording_views import Kind
 from recordings.rrd.stored_names import SINCE_START, TIME
 from recordings.rrd.writer import Scene, make_scene, send_events, send_texts
@@ -45,7 +45,7 @@ class TimelineKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ViewerRequest:
-    """What whoever opens a log asks of the recording that it waits for.
+    """Request of a viewer that waits for the recording of a log.
 
     Attributes:
         application: its id.
@@ -87,16 +87,16 @@ def stream_topics(
         if not (fields and frame.height):
             continue
         entity = topic.strip("/") or "log"
-        shown[entity] = _decimate(frame, fields, t0_ns)
+        shown[entity] = _decimate_fields(frame, fields, t0_ns)
         if len(pages) <= _TABS:
-            pages.append(Page(topic, tuple(_panels(entity, fields, shown[entity]))))
+            pages.append(Page(topic, tuple(_make_panels(entity, fields, shown[entity]))))
     span = (t0_ns, end_ns) if stamps else None
     _send_scene(
         Scene(name, shown, lay_out_tabs(pages, span, asks.under), {_TEXT: text}), asks, t0_ns
     )
 
 
-def _decimate(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> pl.DataFrame:
+def _decimate_fields(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> pl.DataFrame:
     numbers = [pl.col(field).cast(pl.Float64) for field in fields]
     placed = frame.select((pl.col("unix_ns") - t0_ns).alias("t_ns"), *numbers)
     if placed.height <= _ROWS:
@@ -111,10 +111,10 @@ def _decimate(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> pl.Data
             pl.col(field).max().alias(f"{field} max"),
         )
     ]
-    return bin_rows(placed, wanted, ends, max((ends[1] - ends[0]) // _BINS, 1))
+    return bin_frame_rows(placed, wanted, ends, max((ends[1] - ends[0]) // _BINS, 1))
 
 
-def _panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> list[Panel]:
+def _make_panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> list[Panel]:
     """A panel for the fields of one message part: `linear_acceleration.x`, `.y`, `.z` together."""
     parts: dict[str, list[str]] = {}
     for field in fields:
@@ -153,7 +153,7 @@ def _send_scene(scene: Scene, asks: ViewerRequest, t0_unix_ns: int) -> None:
     at = extra_timelines(asks)
     send_events(recording, scene, t0_unix_ns, asks.under, at)
     for name, frame in scene.shown.items():
-        for batch in drawn_batches(name, frame, t0_unix_ns, asks.under, at):
+        for batch in iter_drawn_batches(name, frame, t0_unix_ns, asks.under, at):
             recording.send_record_batch(batch, index=[TIME, SINCE_START, *at])
     recording.flush()
     recording.disconnect()

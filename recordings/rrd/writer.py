@@ -14,12 +14,12 @@ from analysis.model.run_record import Run
 from analysis.model.schema import FRAMES
 from estimators.errors import OutputError, RecordingError
 from recordings.report.atomic_output import atomic_file, check_output
-from recordings.report.finding_text import finding_line, findings_of
-from recordings.rrd.blueprint import blueprint, events_entity, picture_entity, text_entity
+from recordings.report.finding_text import finding_line, findings_of_run
+from recordings.rrd.blueprint import events_entity, lay_out_run, picture_entity, text_entity
 from recordings.rrd.display_frames import display_frames, span_ns
-from recordings.rrd.drawn_rows import drawn_batches
-from recordings.rrd.piped_file import PipedFile, piped_file
-from recordings.rrd.plane_pictures import PlanePicture, plane_pictures, send_picture
+from recordings.rrd.drawn_rows import iter_drawn_batches
+from recordings.rrd.piped_file import PipedFile, open_piped_file
+from recordings.rrd.plane_pictures import PlanePicture, make_plane_pictures, send_picture
 from recordings.rrd.reader import FORMAT, PROPERTY, open_recording
 from recordings.rrd.recording_properties import ANSWER, recording_properties
 from recordings.rrd.recording_texts import recording_markdown, recording_name
@@ -84,7 +84,7 @@ def write_recording(
 
 @dataclass(frozen=True)
 class Scene:
-    """What a viewer shows of a recording.
+    """Scene of a recording in a viewer.
 
     Attributes:
         name: that the viewer lists it by.
@@ -113,10 +113,10 @@ def make_scene(run: Run, under: str = "") -> Scene:
             finding_line(each),
             each.severity != "tell",
         )
-        for each in findings_of(run)
+        for each in findings_of_run(run)
     )
-    written, pictures = recording_markdown(run), plane_pictures(run)
-    layout = blueprint(run, shown, written, pictures, under)
+    written, pictures = recording_markdown(run), make_plane_pictures(run)
+    layout = lay_out_run(run, shown, written, pictures, under)
     return Scene(name, shown, layout, written, tuple(events), pictures)
 
 
@@ -144,7 +144,7 @@ def write_scene(
     viewer = LiveView(viewer) if isinstance(viewer, str) else viewer
     check_recording(path, force=force)
     with atomic_file(path, force=force) as partial:
-        with piped_file(partial) as piped:
+        with open_piped_file(partial) as piped:
             _write_to_pipe(run, scene_of, piped, path, viewer)
         verify_written(run, partial, path)
     return path
@@ -172,7 +172,7 @@ def _write_to_pipe(
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
-    stored = tuple(StoredFrame.of(name, frame) for name, frame in run.frames.items())
+    stored = tuple(StoredFrame.from_frame(name, frame) for name, frame in run.frames.items())
     scene = scene_of(run)
     description = rr.AnyValues(
         format=FORMAT,
@@ -238,13 +238,13 @@ def send_events(
         indexes=[
             rr.TimeColumn(TIME, timestamp=(since_start + t0_unix_ns).view("datetime64[ns]")),
             rr.TimeColumn(SINCE_START, duration=since_start.view("timedelta64[ns]")),
-            *(constant_timeline(name, time, len(t_ns)) for name, time in (at or {}).items()),
+            *(make_constant_timeline(name, time, len(t_ns)) for name, time in (at or {}).items()),
         ],
         columns=rr.TextLog.columns(text=list(lines), level=levels),
     )
 
 
-def constant_timeline(name: str, time: "pa.Scalar", rows: int) -> "TimeColumn":
+def make_constant_timeline(name: str, time: "pa.Scalar", rows: int) -> "TimeColumn":
     """A timeline on which all rows lie at one time."""
     import numpy as np
     import pyarrow as pa
@@ -280,12 +280,12 @@ def frame_batches(
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
     """What is drawn, for a live viewer first, rows in time, then every frame; with its index."""
     for name, frame in shown.items():
-        for batch in drawn_batches(name, frame, run.provenance.t0_unix_ns):
+        for batch in iter_drawn_batches(name, frame, run.provenance.t0_unix_ns):
             yield [TIME, SINCE_START], batch
     for batch in make_timed_rows(run.frames, run.provenance.t0_unix_ns):
         yield [TIME, SINCE_START], batch
     for name, frame in run.frames.items():
-        for batch in StoredFrame.of(name, frame).batches(frame):
+        for batch in StoredFrame.from_frame(name, frame).to_batches(frame):
             yield [ROW], batch
 
 

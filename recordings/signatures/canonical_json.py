@@ -54,7 +54,7 @@ def parse(data: bytes, what: str) -> Any:
             parse_int=_parse_integer,
             parse_float=_parse_float,
             parse_constant=_refuse_constant,
-            object_pairs_hook=_object_without_repeats,
+            object_pairs_hook=_object_of_unique_keys,
         )
     except (ValueError, RecursionError) as error:
         raise EvidenceError(f"{what}: is no JSON that evidence may hold: {error}") from None
@@ -105,7 +105,7 @@ def _refuse_constant(text: str) -> float:
     raise ValueError(f"the number {text}")
 
 
-def _object_without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _object_of_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) != len(pairs):
         raise ValueError("a name that comes twice in one object")

@@ -59,7 +59,7 @@ class KnownKey(BaseModel):
     @property
     def public(self) -> PublicKey:
         """The key itself."""
-        return PublicKey.of_text(self.key)
+        return PublicKey.from_text(self.key)
 
     def distrust_reason(self, made: dt.date, proven: dt.date | None) -> str:
         """Why a signature of that day does not count; "" where it does.

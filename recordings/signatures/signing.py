@@ -78,13 +78,13 @@ class PublicKey:
         return base64.b64encode(self.raw).decode()
 
     @classmethod
-    def of_text(cls, text: str) -> "PublicKey":
+    def from_text(cls, text: str) -> "PublicKey":
         """Read what `text` gives.
 
         Raises:
             EvidenceError: it is no base64 of 32 bytes, or a weak key.
         """
-        raw = _unbase64(text, "a public key")
+        raw = _decode_base64(text, "a public key")
         if len(raw) != 32:
             raise EvidenceError(f"a public key of Ed25519 has 32 bytes, this one {len(raw)}")
         return cls(raw).require_sound()
@@ -100,7 +100,7 @@ class PublicKey:
             raise EvidenceError(f"weak key {self.key_id[:12]}…: it {fault}; `{_MAKE}` makes one")
         return self
 
-    def signed(self, signature: bytes, message: bytes) -> bool:
+    def has_signed(self, signature: bytes, message: bytes) -> bool:
         """Whether the signature is by this key, of this message."""
         from cryptography.exceptions import InvalidSignature
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -121,7 +121,7 @@ class SigningKey:
     @property
     def public(self) -> PublicKey:
         """The key that verifies."""
-        return _public_key_of(self.private.public_key())
+        return _derive_public_key(self.private.public_key())
 
     def require_secret(self, where: str) -> "SigningKey":
         """The key, if others do not have it.
@@ -129,7 +129,7 @@ class SigningKey:
         Raises:
             EvidenceError: it is published.
         """
-        _sound(self.public, where)
+        _require_sound_key(self.public, where)
         return self
 
     def sign(self, message: bytes) -> bytes:
@@ -196,7 +196,7 @@ def public_key(path: Path) -> PublicKey:
         raise EvidenceError(f"{path}: holds no public key in PEM; `{_PUBLISH}` writes it") from None
     if not isinstance(key, Ed25519PublicKey):
         raise EvidenceError(f"{path}: is no Ed25519 key; evidence is signed by Ed25519")
-    return _sound(_public_key_of(key), str(path))
+    return _require_sound_key(_derive_public_key(key), str(path))
 
 
 def pre_authentication_encoding(payload_type: str, payload: bytes) -> bytes:
@@ -235,7 +235,7 @@ def make_envelope(payload: bytes, key: SigningKey) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class EnvelopeContent:
-    """What an envelope holds.
+    """Content of an envelope.
 
     Attributes:
         payload: the statement's bytes.
@@ -251,7 +251,9 @@ class EnvelopeContent:
 
     def is_signed_by(self, key: PublicKey) -> bool:
         """Whether this key signed the statement."""
-        return key.signed(self.signature, pre_authentication_encoding(PAYLOAD_TYPE, self.payload))
+        return key.has_signed(
+            self.signature, pre_authentication_encoding(PAYLOAD_TYPE, self.payload)
+        )
 
 
 def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
@@ -265,8 +267,8 @@ def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
         (signature,) = held["signatures"]
         fits = set(held) == {"payloadType", "payload", "signatures"}
         fits = fits and set(signature) == {"keyid", "sig"} and held["payloadType"] == PAYLOAD_TYPE
-        payload = _unbase64(held["payload"], f"{what}: its payload")
-        signed = _unbase64(signature["sig"], f"{what}: its signature")
+        payload = _decode_base64(held["payload"], f"{what}: its payload")
+        signed = _decode_base64(signature["sig"], f"{what}: its signature")
         key_id = signature["keyid"]
     except (TypeError, KeyError, ValueError, AttributeError):
         raise EvidenceError(f"{what}: is no DSSE envelope with one signature") from None
@@ -276,7 +278,7 @@ def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
     return EnvelopeContent(payload, inside, signed, key_id)
 
 
-def _unbase64(text: str, what: str) -> bytes:
+def _decode_base64(text: str, what: str) -> bytes:
     try:
         data = base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError, TypeError):
@@ -298,14 +300,14 @@ def _read_key_file(path: Path) -> bytes:
     return data
 
 
-def _sound(key: PublicKey, where: str) -> PublicKey:
+def _require_sound_key(key: PublicKey, where: str) -> PublicKey:
     try:
         return key.require_sound()
     except EvidenceError as fault:
         raise EvidenceError(f"{where}: {fault}") from None
 
 
-def _public_key_of(key: "Ed25519PublicKey") -> PublicKey:
+def _derive_public_key(key: "Ed25519PublicKey") -> PublicKey:
     return PublicKey(key.public_bytes_raw())
 
 
@@ -319,15 +321,15 @@ def key_weakness(raw: bytes) -> str:
     if y >= _P:
         return "is not in its one canonical form"
     if y in _SMALL_ORDER:
-        return "is of small order: anyone can sign for it"
-    if not _on_curve(y):
+        return "has small order: anyone can forge its signatures"
+    if not _is_on_curve(y):
         return "is no point of the curve"
     if raw in _published_keys():
         return "has a private half that is published: anyone can sign for it"
     return ""
 
 
-def _on_curve(y: int) -> bool:
+def _is_on_curve(y: int) -> bool:
     """Whether x² = (y² - 1) / (d y² + 1) has a solution (Euler's criterion)."""
     square = (y * y - 1) * pow(_D * y * y + 1, -1, _P) % _P
     return square == 0 or pow(square, (_P - 1) // 2, _P) == 1

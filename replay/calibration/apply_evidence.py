@@ -10,8 +10,8 @@ import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.use.apply_calibration import ESTIMATORS, calibrate_loads
-from analysis.calibration.use.later_log import later_log
-from analysis.calibration.use.learnt_priors import machine_for_later_log, with_learnt_priors
+from analysis.calibration.use.later_log import describe_later_log
+from analysis.calibration.use.learnt_priors import machine_for_later_log, machine_with_learnt_priors
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -24,7 +24,7 @@ from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import public_key
-from replay.calibration.campaign_file import with_campaign_mass
+from replay.calibration.campaign_file import machine_with_campaign_mass
 from replay.inputs.machine_identity import logged_id
 from replay.logs import Log
 
@@ -34,7 +34,7 @@ _MOST_NAMED: Final = 2
 
 @dataclass(frozen=True, slots=True)
 class CalibrationRequest:
-    """What a command is asked for.
+    """Request of a command.
 
     Attributes:
         folder: the evidence.
@@ -71,7 +71,7 @@ class MachineCalibration:
         return self.document.campaign.machine.id
 
     def describe(self, logged_id: str) -> str:
-        """What it is, in a sentence.
+        """Describe it in a sentence.
 
         Args:
             logged_id: the machine that the logs name; "" where they do not.
@@ -87,36 +87,39 @@ class MachineCalibration:
     def weighing_machine(self, machine: Machine) -> Machine:
         """The machine with the empty mass and the priors that the calibration has."""
         document = self.document
-        machine = with_campaign_mass(document.campaign, machine)
+        machine = machine_with_campaign_mass(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
-        weighing = with_learnt_priors(machine, terms)
+        weighing = machine_with_learnt_priors(machine, terms)
         if self.calibration.responses:
             weighing = machine_for_later_log(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
         return Machine.model_validate_json(canonical_bytes(weighing.model_dump(mode="json")))
 
-    def differences(self, weighing: Machine) -> str:
-        """What a machine, as `weighing` gives it, has otherwise than the calibration; "" if none.
+    def differences_of_machine(self, weighing: Machine) -> str:
+        """Settings of a machine that differ from the calibration's; "" if none.
 
         Serial number, channels, settings, priors: all that defines its mass. The name counts where
         a machine has no serial number.
         """
         mine_id = weighing.machine.id
         if mine_id not in (None, self.machine_id):
-            return f"is of machine '{self.machine_id}', not of '{mine_id}'"
-        kept = dict(_flatten(mass_definition(self.weighing_machine(self.document.machine))))
-        mine = dict(_flatten(mass_definition(weighing)))
+            return f"belongs to machine '{self.machine_id}', not to '{mine_id}'"
+        kept = dict(
+            _flatten_settings(mass_definition(self.weighing_machine(self.document.machine)))
+        )
+        mine = dict(_flatten_settings(mass_definition(weighing)))
         name = "machine.name"
         if mine_id is None and kept[name] != mine[name]:
-            return f"is of machine '{kept[name]}', not of '{mine[name]}'"
+            return f"belongs to machine '{kept[name]}', not to '{mine[name]}'"
         names = {*kept, *mine} - {name}
         differ = [each for each in sorted(names) if kept.get(each) != mine.get(each)]
         named = ", ".join(
-            f"{each} = {_value_text(kept.get(each))} there and {_value_text(mine.get(each))} here"
+            f"{each} = {_format_value(kept.get(each))} there and {_format_value(mine.get(each))} "
+            "here"
             for each in differ[:_MOST_NAMED]
         )
         more = f" and {len(differ) - _MOST_NAMED} more" if len(differ) > _MOST_NAMED else ""
-        return f"is of other settings: {named}{more}" if differ else ""
+        return f"was made with other settings: {named}{more}" if differ else ""
 
     def require_machine(self, weighing: Machine, what: object) -> Machine:
         """The machine with its serial number, if it is the one that was calibrated.
@@ -130,7 +133,7 @@ class MachineCalibration:
         Raises:
             EvidenceError: it is another one, or weighs otherwise.
         """
-        other = self.differences(weighing)
+        other = self.differences_of_machine(weighing)
         if other:
             raise EvidenceError(
                 f"{self.folder}: {other} ({what}); calibrate with these, or weigh with those"
@@ -138,7 +141,7 @@ class MachineCalibration:
         body = weighing.machine.model_copy(update={"id": self.machine_id})
         return weighing.model_copy(update={"machine": body})
 
-    def check_day(self, start_ns: int | None, what: object) -> None:
+    def refuse_after_expiry(self, start_ns: int | None, what: object) -> None:
         """Refuse a log of a day after the last of the evidence; without a date, today counts.
 
         Args:
@@ -173,7 +176,9 @@ class MachineCalibration:
         logged = logged_id(logs, self.machine_id)
         starts = [log.topics()["start_ns"].min() for log in logs]
         known = [start for start in starts if isinstance(start, int)]
-        self.check_day(max(known) if known else None, ", ".join(str(log.path) for log in logs))
+        self.refuse_after_expiry(
+            max(known) if known else None, ", ".join(str(log.path) for log in logs)
+        )
         return logged
 
     def calibrate_loads_frame(
@@ -186,7 +191,7 @@ class MachineCalibration:
             other: what that machine has otherwise than the calibration.
         """
         body = self.weighing_machine(self.document.machine).machine
-        log = later_log(frames, body, f"the calibration {other}" if other else "")
+        log = describe_later_log(frames, body, f"the calibration {other}" if other else "")
         return calibrate_loads(frames["loads"], self.calibration, log)
 
     def calibrate_run(self, run: Run, other: str = "") -> Run:
@@ -282,13 +287,13 @@ def calibrated_frame(
             priors than those of the calibration, or is of a later day.
     """
     by = load_calibration(asked)
-    other = by.differences(recorded_machine(about))
+    other = by.differences_of_machine(recorded_machine(about))
     if other:
         raise EvidenceError(
             f"{by.folder}: {other} ({recording}); record it with `payscope run --calibration "
             f"{by.folder}`"
         )
-    by.check_day(about.t0_unix_ns, recording)
+    by.refuse_after_expiry(about.t0_unix_ns, recording)
     return by.calibrate_loads_frame(frames)
 
 
@@ -298,13 +303,13 @@ def recorded_machine(about: Provenance) -> Machine:
     return Machine.model_validate(content)
 
 
-def _flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _flatten_settings(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     for name, value in values.items():
         if isinstance(value, Mapping) and value:
-            yield from _flatten(value, f"{prefix}{name}.")
+            yield from _flatten_settings(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value
 
 
-def _value_text(value: Any) -> str:
+def _format_value(value: Any) -> str:
     return "nothing" if value is None else f"{value}"

@@ -11,21 +11,29 @@ import polars as pl
 from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
     fit_campaign,
-    fit_options,
-    stated_scale,
+    make_calibration_options,
+    stated_force_scale_parts,
 )
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import LOGS_MIN, LearntPriors, with_learnt_priors
+from analysis.calibration.use.learnt_priors import (
+    LOGS_MIN,
+    LearntPriors,
+    machine_with_learnt_priors,
+)
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.derived_values import check_earlier_line, estimator_of, reference_loads
+from recordings.calibration.derived_values import (
+    check_earlier_line,
+    estimator_with_digest,
+    reference_loads,
+)
 from recordings.calibration.evidence_document import (
     FORMAT,
     NOTICE,
@@ -37,7 +45,7 @@ from recordings.calibration.evidence_document import (
     Signer,
 )
 from recordings.calibration.timestamp import refuse_without_library, timestamp_request
-from recordings.calibration.write_bundle import tables_of, write_bundle
+from recordings.calibration.write_bundle import encode_tables, write_bundle
 from recordings.report.atomic_output import atomic_file, atomic_files, check_folder, check_output
 from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import load_keyring
@@ -45,10 +53,10 @@ from recordings.signatures.signing import SigningKey, signing_key
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_runs import (
     CampaignReplay,
-    new_id,
-    now,
+    draw_evidence_id,
     replay_runs,
     software_versions,
+    time_for_evidence,
 )
 from replay.calibration.dcc_output import DccOutput, check_dcc_output, write_dcc_output
 from replay.calibration.refuse_campaign import (
@@ -65,7 +73,7 @@ _MOST_LINES: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class CalibrationOutcome:
-    """What `calibrate` found and wrote.
+    """Result of `calibrate`, and the files it wrote.
 
     Attributes:
         folder: the bundle.
@@ -94,7 +102,7 @@ class CalibrationOutcome:
         return said.calibration is not None and limits and not _has_drift(said.drift)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values."""
+        """The fields as plain values."""
         return {
             "folder": str(self.folder),
             "evidence": self.document.model_dump(mode="json"),
@@ -112,7 +120,7 @@ def _has_drift(drift: DriftCheck | None) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class EvidenceParts:
-    """What evidence is made of, before it is written.
+    """Parts of evidence, before they are written.
 
     Attributes:
         kind: "calibration" or "check".
@@ -135,7 +143,7 @@ class EvidenceParts:
     drift: DriftCheck | None = None
 
 
-def calibrate(  # noqa: PLR0913  each is an option of the command
+def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     campaign_file: Path,
     folder: Path,
     *,
@@ -172,7 +180,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
     check_folder(folder, force=force)
     stretch = load_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
-        check_timestamp_request(timestamp_request_file, key, force=force)
+        check_can_request_timestamp(timestamp_request_file, key, force=force)
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
@@ -187,7 +195,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
             refuse_days(campaign_file, campaign, first, machine)
             refuse_unaccounted(campaign_file, campaign, first, stretch)
             learnt = first.learnt
-        weighing = machine if learnt is None else with_learnt_priors(machine, learnt.terms)
+        weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
         replayed = replay_runs(campaign, weighing, path_of, made if recordings else None, on_log)
         refuse_days(campaign_file, campaign, replayed, machine)
         refuse_machine(campaign_file, campaign, replayed, machine)
@@ -195,7 +203,9 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
-        options = fit_options(campaign, stated_scale(campaign, replayed.budgets))
+        options = make_calibration_options(
+            campaign, stated_force_scale_parts(campaign, replayed.budgets)
+        )
         fitted = fit_campaign(
             campaign, machine.machine, replayed.readings, options, replayed.responses
         )
@@ -211,7 +221,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
     return replace(calibrated, remarks=(*calibrated.remarks, remark))
 
 
-def check_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
+def check_can_request_timestamp(file: Path, key: SigningKey | None, *, force: bool) -> None:
     """Refuse a query to a time-stamp authority before the work that it is for.
 
     Raises:
@@ -219,7 +229,7 @@ def check_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) 
         OutputError: the file cannot be written.
     """
     if key is None:
-        raise EvidenceError("--timestamp-request: a time stamp is of a signature; give --key")
+        raise EvidenceError("--timestamp-request needs a signature; give --key")
     refuse_without_library()
     check_output(file, force=force)
 
@@ -301,7 +311,7 @@ def finish_evidence(
             f"{', '.join(evidence.campaign.logs)}: no run gave a reading; `payscope run` says of "
             "each log why"
         )
-    tables, digests = tables_of(readings, points)
+    tables, digests = encode_tables(readings, points)
     document = _make_document(evidence, digests, key, before)
     write_calibration(made, document, readings, points)
     remarks = write_bundle(made, document, readings, points, tables, key, stretch)
@@ -324,14 +334,14 @@ def _make_document(
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
     loads, covariance = reference_loads(campaign, machine)
     learnt = evidence.learnt
-    weighing = machine if learnt is None else with_learnt_priors(machine, learnt.terms)
-    estimator = estimator_of(campaign, weighing)
+    weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
+    estimator = estimator_with_digest(campaign, weighing)
     last = None if before is None else before.document
     document = EvidenceDocument(
         format=FORMAT,
         kind=evidence.kind,
-        id=new_id(),
-        made=now(),
+        id=draw_evidence_id(),
+        made=time_for_evidence(),
         notice=NOTICE,
         campaign=campaign,
         # a check does not prolong what it checks
@@ -350,7 +360,7 @@ def _make_document(
         drift=evidence.drift,
         as_found=check_earlier_line(last, estimator_of_this_version(last), estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
-        chain=_next_link(before),
+        chain=_make_next_link(before),
         signer=None if key is None else _signer_of_campaign(campaign, key),
         software=software_versions(),
     )
@@ -359,7 +369,7 @@ def _make_document(
 
 def estimator_of_this_version(last: EvidenceDocument | None) -> Estimator | None:
     """The estimator of the evidence before, digested as this version does."""
-    return None if last is None else estimator_of(last.campaign, last.weighing)
+    return None if last is None else estimator_with_digest(last.campaign, last.weighing)
 
 
 def _signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
@@ -367,7 +377,7 @@ def _signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> Signe
     return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
 
 
-def _next_link(before: CheckedBundle | None) -> Chain:
+def _make_next_link(before: CheckedBundle | None) -> Chain:
     if before is None or before.document is None:
         return Chain(counter=1, previous=None)
     last = before.document

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from analysis.calibration.campaign.campaign_fit import decision_rule, load_references
+from analysis.calibration.campaign.campaign_fit import load_references, make_decision_rule
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
@@ -48,10 +48,12 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     beside = path.parent / campaign.machine.file
     shipped = machine_path(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
-    machine = with_serial_number(with_campaign_mass(campaign, machine), campaign.machine.id, path)
+    machine = machine_with_serial_number(
+        machine_with_campaign_mass(campaign, machine), campaign.machine.id, path
+    )
     try:
         known, _ = load_references(campaign, machine.machine)
-        decision_rule(campaign, known)
+        make_decision_rule(campaign, known)
     except (CampaignError, DataError) as fault:
         raise CampaignError(f"{path}: {fault}") from None
     overdue = campaign.overdue_certificates()
@@ -69,7 +71,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     return campaign, machine
 
 
-def with_serial_number(machine: Machine, wanted: str, what: object) -> Machine:
+def machine_with_serial_number(machine: Machine, wanted: str, what: object) -> Machine:
     """The machine with its serial number.
 
     Args:
@@ -101,7 +103,7 @@ def unfinished_entries(content: Any, place: str = "") -> Iterator[tuple[str, str
         yield place, content
 
 
-def with_campaign_mass(campaign: CalibrationCampaign, machine: Machine) -> Machine:
+def machine_with_campaign_mass(campaign: CalibrationCampaign, machine: Machine) -> Machine:
     """The machine with the empty mass that the campaign file gives, where it gives any."""
     about = campaign.machine
     given = {"empty_mass_kg": about.empty_mass_kg, "empty_mass_u_kg": about.empty_mass_u_kg}
@@ -139,7 +141,7 @@ def add_certified_masses(source: Path, content: dict[str, Any]) -> dict[str, Any
             found.append(block)
             continue
         keys = _weight_keys(source, content) if keys is None else keys
-        found += _masses_of(source, block, keys)
+        found += _read_mass_tables(source, block, keys)
     return content if keys is None else {**content, "masses": found}
 
 
@@ -156,9 +158,9 @@ def _weight_keys(source: Path, content: dict[str, Any]) -> list[str]:
         raise CampaignError(f"{source}: dcc_keys: {fault}") from None
 
 
-def _masses_of(source: Path, block: dict[str, Any], keys: list[str]) -> list[dict[str, Any]]:
+def _read_mass_tables(source: Path, block: dict[str, Any], keys: list[str]) -> list[dict[str, Any]]:
     from recordings.dcc.dcc_document import MOST_BYTES, parse_dcc
-    from recordings.dcc.dcc_masses import certified_masses
+    from recordings.dcc.dcc_masses import read_certified_masses
     from recordings.dcc.dcc_signature import check_signature
 
     stated = [name for name in _READ if name in block]
@@ -173,7 +175,7 @@ def _masses_of(source: Path, block: dict[str, Any], keys: list[str]) -> list[dic
         with path.open("rb") as file:
             data = file.read(MOST_BYTES + 1)
         signed = check_signature(parse_dcc(data, str(path)), str(path))
-        masses = certified_masses(signed.root, item, str(path))
+        masses = read_certified_masses(signed.root, item, str(path))
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read ({error.strerror})") from None
     except EvidenceError as fault:
@@ -190,7 +192,7 @@ def _masses_of(source: Path, block: dict[str, Any], keys: list[str]) -> list[dic
             "certificate": mass.certificate[:200],
             "certificate_issuer": mass.issuer[:200],
             "certificate_sha256": hashlib.sha256(data).hexdigest(),
-            "certificate_signature": signed.signature(keys),
+            "certificate_signature": signed.describe_signature(keys),
         }
         for mass in masses
     ]

@@ -14,13 +14,16 @@ from uuid import uuid4
 import polars as pl
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
-from analysis.calibration.campaign.campaign_readings import readings, run_responses
+from analysis.calibration.campaign.campaign_readings import (
+    read_campaign_runs,
+    responses_of_runs_to_learnt_means,
+)
 from analysis.calibration.line.unlike_driving import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
     TermOfLog,
+    learn_terms_of_logs,
     learnable_terms,
-    learnt_terms,
 )
 from analysis.model.answer import answer
 from analysis.model.machine import Machine
@@ -48,7 +51,7 @@ _NAME: Final = re.compile(r"[^A-Za-z0-9._-]")
 
 @dataclass(frozen=True, slots=True)
 class CampaignReplay:
-    """What the logs of a campaign gave.
+    """Replays of the logs of a campaign.
 
     Attributes:
         readings: frame `readings` of all runs, in the campaign's order of logs.
@@ -66,8 +69,8 @@ class CampaignReplay:
 
     @property
     def learnt(self) -> LearntPriors | None:
-        """What they say of the nuisances together; None where they are too few."""
-        terms = learnt_terms(self.terms)
+        """Priors learnt from all of them; None if they are too few."""
+        terms = learn_terms_of_logs(self.terms)
         return LearntPriors(terms=terms, logs=self.terms) if terms else None
 
 
@@ -110,8 +113,8 @@ def replay_runs(
             (recordings / RUNS).mkdir(exist_ok=True)
             write_recording(replayed, recordings / recording)
         runs = [each for each in campaign.runs if each.log == name]
-        frames.append(readings(replayed, runs, campaign.method.estimator))
-        responses += run_responses(replayed, runs, campaign.method.estimator)
+        frames.append(read_campaign_runs(replayed, runs, campaign.method.estimator))
+        responses += responses_of_runs_to_learnt_means(replayed, runs, campaign.method.estimator)
         logs.append(evidence_of_replay(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
         terms += learnable_terms(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
@@ -147,12 +150,12 @@ def _installed_requirements() -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
-def now() -> str:
+def time_for_evidence() -> str:
     """The time as evidence has it."""
     return f"{dt.datetime.now(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
-def new_id() -> str:
+def draw_evidence_id() -> str:
     """An id that no other evidence has."""
     return str(uuid4())
 
@@ -160,7 +163,7 @@ def new_id() -> str:
 def evidence_of_replay(
     name: str, replayed: Run, topics: pl.DataFrame, recording: str
 ) -> EvidenceLog:
-    """What evidence keeps of a replay."""
+    """Part of a replay that evidence keeps."""
     about = replayed.provenance
     said = answer(replayed)
     excitation = replayed.frames["excitation"]
@@ -178,9 +181,9 @@ def evidence_of_replay(
             LoggedTopic(topic=topic, messages=messages.get(topic, 0), stamped_by=stamped)
             for topic, stamped in sorted(about.stamps.items())
         ),
-        begins=_begins(about.t0_unix_ns),
+        begins=_format_begin(about.t0_unix_ns),
         duration_s=float(t_ns[-1] - t_ns[0]) / 1e9 if t_ns.len() else 0.0,
-        speed_range_m_s=None if speed.is_empty() else _first_and_last(speed),
+        speed_range_m_s=None if speed.is_empty() else _least_and_greatest(speed),
         losses=tuple(str(loss)[:_LONGEST] for loss in about.losses),
         notes=tuple(note[:_LONGEST] for note in about.notes),
         can_weigh=said.verdict.can_weigh,
@@ -192,12 +195,12 @@ def evidence_of_replay(
     )
 
 
-def _first_and_last(values: pl.Series) -> tuple[float, float]:
+def _least_and_greatest(values: pl.Series) -> tuple[float, float]:
     numbers = values.to_numpy()
     return float(numbers.min()), float(numbers.max())
 
 
-def _begins(t0_unix_ns: int) -> str:
+def _format_begin(t0_unix_ns: int) -> str:
     if t0_unix_ns < FIRST_DATE_NS:
         return f"{t0_unix_ns / 1e9:.3f} s of the log's own clock"
     stamp = dt.datetime.fromtimestamp(t0_unix_ns // 10**9, dt.UTC)

@@ -44,14 +44,14 @@ _LONGEST: Final = 120
 _TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
 
 
-def compare_logs(
+def replay_and_compare_logs(
     checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, folder: Path
 ) -> None:
     """Replay every log, and compare reading by reading."""
     paths: dict[str, Path] = {}
     found = _files_by_name(folder, {file.name for log in document.logs for file in log.files})
     for log in document.logs:
-        path = _path_of(checked, log, found)
+        path = _find_log_path(checked, log, found)
         if path is not None:
             paths[log.log] = path
     if len(paths) < len(document.logs):
@@ -63,7 +63,7 @@ def compare_logs(
     try:
         if document.learnt is not None and document.kind == "calibration":
             before = replay_runs(campaign, document.machine, lambda log: paths[log])
-            _compare_terms(checked, document.learnt.logs, before.terms)
+            _compare_learnt_terms(checked, document.learnt.logs, before.terms)
         replayed = replay_runs(campaign, document.weighing, lambda log: paths[log])
     except PayscopeError as fault:
         checked.add(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
@@ -100,7 +100,7 @@ def _compare_log(
             continue
         words = name in _IN_WORDS and document.other_version
         outcome = BundleOutcome.OTHER_VERSION if words else BundleOutcome.IRREPRODUCIBLE
-        said = f"{what}: {_format_value(there)} there, {_format_value(here)} here"
+        said = f"{what}: {_format_compared_value(there)} there, {_format_compared_value(here)} here"
         checked.add(outcome, f"{item}: {name}", said)
 
 
@@ -113,17 +113,19 @@ def are_equal_values(there: object, here: object) -> bool:
     return there == here
 
 
-def _format_value(value: object) -> str:
-    text = "; ".join(map(_format_value, value)) if isinstance(value, tuple) else str(value)
+def _format_compared_value(value: object) -> str:
+    text = "; ".join(map(_format_compared_value, value)) if isinstance(value, tuple) else str(value)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
 
 
-def _compare_terms(
+def _compare_learnt_terms(
     checked: CheckedBundle, stored: tuple[TermOfLog, ...], anew: tuple[TermOfLog, ...]
 ) -> None:
-    """What each log says of the nuisances under the machine's own priors."""
+    """Compare each log's nuisances under the machine's own priors."""
     by_name = {(each.log, each.term): each for each in anew}
-    wrong = [each for each in stored if not _terms_agree(each, by_name.get((each.log, each.term)))]
+    wrong = [
+        each for each in stored if not _do_terms_agree(each, by_name.get((each.log, each.term)))
+    ]
     for each in wrong[:_MOST_NAMED]:
         item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay says something else")
@@ -132,7 +134,7 @@ def _compare_terms(
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its logs say more than it has")
 
 
-def _terms_agree(kept: TermOfLog, now: TermOfLog | None) -> bool:
+def _do_terms_agree(kept: TermOfLog, now: TermOfLog | None) -> bool:
     if now is None:
         return False
     tolerance = _TERMS * kept.prior_std
@@ -152,7 +154,9 @@ def compare_readings(
     wrong = 0
     for kept, now in zip(stored.iter_rows(named=True), anew.iter_rows(named=True), strict=True):
         differing = [name for name in _TEXTS if kept[name] != now[name]]
-        differing += [name for name in _NUMBERS if not _is_near(kept[name], now[name], tolerance)]
+        differing += [
+            name for name in _NUMBERS if not _is_near_enough(kept[name], now[name], tolerance)
+        ]
         if differing:
             wrong += 1
             if wrong <= _MOST_NAMED:
@@ -165,13 +169,15 @@ def compare_readings(
         )
 
 
-def _is_near(kept: float | None, now: float | None, tolerance: float) -> bool:
+def _is_near_enough(kept: float | None, now: float | None, tolerance: float) -> bool:
     if kept is None or now is None:
         return kept is now
     return abs(kept - now) <= tolerance
 
 
-def _path_of(checked: CheckedBundle, log: EvidenceLog, found: dict[str, list[Path]]) -> Path | None:
+def _find_log_path(
+    checked: CheckedBundle, log: EvidenceLog, found: dict[str, list[Path]]
+) -> Path | None:
     """Where a log is: its files, by name and digest, all in one folder."""
     item = f"logs: {log.log}"
     places: list[Path] | None = None

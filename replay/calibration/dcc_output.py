@@ -48,7 +48,7 @@ def check_dcc_output(
     refuse_incomplete(campaign, source)
     check_output(dcc.file, force=force)
     if dcc.key_file is None and dcc.certificate_file is not None:
-        raise EvidenceError("--dcc-certificate is of --dcc-key; give both")
+        raise EvidenceError("--dcc-certificate and --dcc-key belong together; give both")
     return None if dcc.key_file is None else dcc_key(dcc.key_file, dcc.certificate_file)
 
 
@@ -65,11 +65,11 @@ def write_dcc_output(
     """
     from recordings.dcc.dcc_document import dcc_bytes, parse_dcc
     from recordings.dcc.dcc_signature import check_signature, sign_dcc
-    from recordings.dcc.write_dcc import dcc_of
+    from recordings.dcc.write_dcc import make_dcc
 
     if document.calibration is None:
         return f"no {dcc.file}: there is no calibration line to certify"
-    root = dcc_of(document, hashlib.sha256((folder / SUMS).read_bytes()).hexdigest())
+    root = make_dcc(document, hashlib.sha256((folder / SUMS).read_bytes()).hexdigest())
     signed = root if key is None else sign_dcc(root, key)
     data = dcc_bytes(signed)
     checked = check_signature(parse_dcc(data, str(dcc.file)), str(dcc.file))

@@ -34,7 +34,7 @@ from recordings.calibration.timestamp import authority_certificates
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import public_key
-from replay.calibration.compare_logs import compare_logs
+from replay.calibration.compare_logs import replay_and_compare_logs
 
 #: What the viewer draws of a recording is made of its frames when it is written.
 _DRAWN = (
@@ -45,7 +45,7 @@ _DRAWN = (
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """What a verification came to.
+    """Result of a verification.
 
     Attributes:
         folder: the bundle.
@@ -76,7 +76,7 @@ class Verification:
         return verdict_text(self.folder, self.findings, f"verified; {self.signed_by}")
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values."""
+        """The fields as plain values."""
         return {
             "folder": str(self.folder),
             "outcome": 0 if self.outcome is None else int(self.outcome),
@@ -128,12 +128,12 @@ def verify_bundle(
         what = f"is {keeper}, and one by a key of the keyring is asked for"
         checked.add(BundleOutcome.INCOMPLETE, NOTARY, what)
     document = checked.document
-    done = checks_done(checked, previous is not None)
+    done = list_checks_done(checked, previous is not None)
     files = FilesCheck()
     if document is not None:
         files = compare_files(checked, document, folder, whole=logs is not None)
     if logs is not None and document is not None and checked.readings is not None:
-        compare_logs(checked, document, checked.readings, logs)
+        replay_and_compare_logs(checked, document, checked.readings, logs)
         done.append(
             f"{counted(len(document.logs), 'log')} replayed: every reading, and begin, duration, "
             "topics, counts, stamps, losses, notes, speeds and verdict of each log compared"
@@ -159,7 +159,7 @@ def verify_bundle(
 
 
 def unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
-    """What `verify` compares with nothing, whatever it is given."""
+    """Claims that `verify` cannot check, whatever files it has."""
     yield (
         "Whether what the campaign file says of people, place, conditions, sensors and parts is "
         "true, and which software and platform made this: only the maker says so."
@@ -177,7 +177,7 @@ def _check_expiry(checked: CheckedBundle, document: EvidenceDocument, on: dt.dat
         checked.add(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
 
 
-def checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
+def list_checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
     """List what the check of the folder by itself has covered."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if checked.document is not None:
@@ -192,13 +192,13 @@ def checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
             f"and each log in the campaign or left out with a reason; {checked.notarised_by}"
         )
     if checked.readings is not None:
-        done.append("fit, budget, limits, points, report and each reason, computed anew")
+        done.append("fit, budget, limits, points, report and each reason, recomputed")
     return done
 
 
 @dataclass(frozen=True, slots=True)
 class FilesCheck:
-    """What was compared, and what could not be.
+    """Files compared, and files that could not be.
 
     Attributes:
         done: what was compared, in words.
@@ -238,7 +238,7 @@ def compare_files(
         done.append("the frames of each run's recording, by their fingerprint")
     if whole and RECORDING in sums:
         _compare_calibration(checked, document, found[RECORDING])
-        done.append(f"the frames of {RECORDING}, made anew")
+        done.append(f"the frames of {RECORDING}, recomputed")
     elif not whole:
         unseen.append(
             f"Whether {RECORDING} and {PDF} show what {REPORT} does: with --logs they are compared."
@@ -306,7 +306,7 @@ def _compare_pdf(
     if document.other_version:
         return f"its page is one by {document.other_version}"
     if checked.readings is None or checked.points is None:
-        return "its page could not be made anew"
+        return "its page could not be recomputed"
     html = report_html(document, checked.readings, checked.points)
     fault, why = pdf_fault(folder, sums[PDF], html)
     if fault:

@@ -15,7 +15,7 @@ from replay.calibration.verify_bundle import Verification, verify_bundle
 
 @dataclass(frozen=True, slots=True)
 class VerifiedChain:
-    """What a verification of several bundles came to.
+    """Result of verifying several bundles.
 
     Attributes:
         bundles: each by itself, in the order given.
@@ -45,7 +45,7 @@ class VerifiedChain:
         return f"{these}: {kind.upper()} ({counted(wrong, 'finding')})"
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values."""
+        """The fields as plain values."""
         return {
             "outcome": 0 if self.outcome is None else int(self.outcome),
             "bundles": [made.to_dict() for made in self.bundles],
@@ -100,7 +100,7 @@ def verify_chain(
         notes += said
     last = {machine: max(map(_chain_counter, bundles)) for machine, bundles in by_machine.items()}
     return VerifiedChain(
-        tuple(each if _is_last(each, last) else _without_expiry(each) for each in made),
+        tuple(each if _is_last(each, last) else _drop_expiry_finding(each) for each in made),
         tuple(findings),
         tuple(notes),
     )
@@ -116,6 +116,6 @@ def _is_last(made: Verification, last: Mapping[str, int]) -> bool:
     return document is None or document.chain.counter == last[document.campaign.machine.id]
 
 
-def _without_expiry(made: Verification) -> Verification:
+def _drop_expiry_finding(made: Verification) -> Verification:
     kept = tuple(each for each in made.findings if each.outcome is not BundleOutcome.EXPIRED)
     return replace(made, findings=kept)

@@ -65,28 +65,28 @@ def command(
 
     Exit status 1 where there is no line, a limit is not kept, or a check finds drift.
     """
-    from replay.calibration.calibrate_campaign import calibrate
+    from replay.calibration.calibrate_campaign import calibrate_from_campaign
     from replay.calibration.check_mass import KnownMassOnBoard, check_mass
     from replay.calibration.dcc_output import DccOutput
-    from replay.commands.print_tables import console, print_json
+    from replay.commands.print_tables import print_json, stdout_console
     from replay.commands.progress_bar import Stages
 
     if check is None and (check_u or certificate or day):
-        raise typer.BadParameter("--check-u, --certificate and --day are of --check")
+        raise typer.BadParameter("--check-u, --certificate and --day need --check")
     if check is not None and previous is None:
         raise typer.BadParameter("--check needs --previous, the evidence that it checks")
     if check is not None and timestamp_request is not None:
-        raise typer.BadParameter("--timestamp-request is of a campaign, not of --check")
+        raise typer.BadParameter("--timestamp-request is for a campaign, not for --check")
     if dcc is None and (dcc_key or dcc_certificate):
-        raise typer.BadParameter("--dcc-key and --dcc-certificate are of --dcc")
+        raise typer.BadParameter("--dcc-key and --dcc-certificate need --dcc")
     if check is not None and dcc is not None:
-        raise typer.BadParameter("--dcc is of a campaign, not of --check")
+        raise typer.BadParameter("--dcc is for a campaign, not for --check")
     with Stages(1) as stages:
         if check is not None and previous is not None:
             known = KnownMassOnBoard(check, check_u, certificate, day)
             made = check_mass(source, known, output, previous=previous, key_file=key, force=force)
         else:
-            made = calibrate(
+            made = calibrate_from_campaign(
                 source,
                 output,
                 key_file=key,
@@ -100,7 +100,7 @@ def command(
     if as_json:
         print_json(made.to_dict())
     else:
-        _print(console(), made)
+        _print(stdout_console(), made)
     if not made.is_good:
         raise typer.Exit(1)
 
@@ -108,10 +108,10 @@ def command(
 def _print(screen: "Console", made: "CalibrationOutcome") -> None:
     from recordings.calibration.calibration_report import kilograms_text, report_facts
     from recordings.calibration.calibration_text import report_paragraphs
-    from recordings.calibration.certificate_text import warnings_of
-    from replay.commands.print_tables import plain_table, print_line, print_table
+    from recordings.calibration.certificate_text import traceability_warnings
+    from replay.commands.print_tables import make_plain_table, print_line, print_table
 
-    table = plain_table(
+    table = make_plain_table(
         *("run", "load", "reference kg", "readings", "estimate kg", "calibrated kg", "error kg"),
         "left out kg",
     )
@@ -132,7 +132,7 @@ def _print(screen: "Console", made: "CalibrationOutcome") -> None:
         if name != "made":
             print_line(screen, f"{name}: {value}")
     screen.print()
-    for sentence in warnings_of(made.document):
+    for sentence in traceability_warnings(made.document):
         print_line(screen, sentence, "[bold red]!![/] ")
     for sentence in report_paragraphs(made.document, made.readings, made.points):
         print_line(screen, sentence)

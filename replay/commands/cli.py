@@ -77,7 +77,7 @@ app.add_typer(
 
 
 @app.callback(invoke_without_command=True)
-def _version(
+def _print_version(
     version: bool = typer.Option(False, "--version", help="Show the version and leave."),
 ) -> None:
     if version:
@@ -101,7 +101,7 @@ def main() -> None:
     except PayscopeError as error:
         status = _exit_with_line(str(error))
     except typer.TyperException as error:
-        status = _exit_with_line(error.format_message() or "see payscope --help")
+        status = _exit_with_line(describe_usage_error(error))
     except (KeyboardInterrupt, typer.Abort):
         status = 130
     except BrokenPipeError:
@@ -124,6 +124,14 @@ def main() -> None:
             else _exit_with_line(f"{error.filename or 'stdout'}: {error.strerror or error}")
         )
     sys.exit(status or 0)
+
+
+def describe_usage_error(error: typer.TyperException) -> str:
+    """Say what a command line lacks; where it is the machine file, which command drafts one."""
+    said = error.format_message() or "see payscope --help"
+    if said.startswith("Missing option") and "--machine" in said:
+        return f"{said.rstrip('.')}; `payscope init LOG -o machine.toml` drafts a machine file"
+    return said
 
 
 def _open_closed_streams() -> None:
@@ -177,7 +185,7 @@ def _tell_old_names() -> Generator[None]:
 
 
 def _close_stdout() -> None:
-    """What is still buffered goes nowhere, so that its flush at the end cannot fail again."""
+    """Discard buffered output, so that the flush at exit cannot fail again."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

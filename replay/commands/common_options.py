@@ -55,7 +55,7 @@ FrictionLimit = Annotated[
         "--friction-limit",
         metavar="N_S_M",
         min=1e-3,
-        help="Say on which day each machine's viscous friction reaches so many N·s/m.",
+        help="Limit of viscous friction, N·s/m: report the day on which each machine reaches it.",
     ),
 ]
 
@@ -63,14 +63,14 @@ FrictionLimit = Annotated[
 def read_calibration(
     folder: Path | None, key: Path | None, *, signed: bool
 ) -> "CalibrationRequest | None":
-    """What is asked for by these options.
+    """Read the calibration named by these options.
 
     Raises:
         BadParameter: what is asked of evidence, without any.
     """
     if folder is None:
         if key is not None or signed:
-            raise typer.BadParameter("--key and --require-signed are of --calibration")
+            raise typer.BadParameter("--key and --require-signed need --calibration")
         return None
     from replay.calibration.apply_evidence import CalibrationRequest
 
@@ -89,7 +89,7 @@ TimeUnit = Annotated[
 _UNITS = ("s", "ms", "us", "ns")
 
 
-def time_axis_of(
+def time_axis_from_options(
     column: str | None, unit: str | None, keys: list[str] | None = None
 ) -> "TimeAxis | None":
     """Where a table keeps its time, and how it is written; None where all is to be recognised.
@@ -119,7 +119,7 @@ def time_axis_of(
 
 
 def owner_question() -> "Callable[[SignedBy], str] | None":
-    """What asks the user about an unknown key; None where nobody sits at a terminal."""
+    """Function that asks the user about an unknown key; None without a terminal."""
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty()
     return ask_for_owner if at_terminal else None
 

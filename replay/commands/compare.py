@@ -75,9 +75,9 @@ def command(
 def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
     """Print what differs, the answer before the details; nothing is printed of what is equal."""
     from estimators.errors import counted
-    from replay.commands.print_tables import console, print_line, print_table
+    from replay.commands.print_tables import print_line, print_table, stdout_console
 
-    screen = console()
+    screen = stdout_console()
 
     def part(title: str, table: "Table", rows: int) -> None:
         screen.print(f"\n{title}", markup=False)
@@ -121,9 +121,9 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
 def _values_table(changes: Iterable["ValueChange"]) -> "Table":
     from rich.markup import escape
 
-    from replay.commands.print_tables import plain_table, value_text
+    from replay.commands.print_tables import make_plain_table, value_text
 
-    table = plain_table("", "A", "B")
+    table = make_plain_table("", "A", "B")
     for column in table.columns[1:]:
         column.justify, column.overflow = "left", "fold"
     for change in list(changes)[:_SHOWN]:
@@ -143,23 +143,23 @@ _UNITS: Final = {
 
 
 def _estimate_table(about: str, changes: Iterable["EstimateChange"]) -> "Table":
-    from replay.commands.print_tables import plain_table
+    from replay.commands.print_tables import make_plain_table
 
-    table = plain_table(about, "", "A", "B", "change", "in std")
+    table = make_plain_table(about, "", "A", "B", "change", "in std")
     table.columns[1].justify = "left"
     for each in list(changes)[:_SHOWN]:
         table.add_row(
             each.about,
             _UNITS.get(each.quantity, each.quantity),
-            _estimate_text(each.a, each.a_std),
-            _estimate_text(each.b, each.b_std),
+            _format_estimate(each.a, each.a_std),
+            _format_estimate(each.b, each.b_std),
             _format_signed(each.change),
             "" if each.change_in_stds is None else f"{each.change_in_stds:+.2f}",
         )
     return table
 
 
-def _estimate_text(value: float | None, std: float | None) -> str:
+def _format_estimate(value: float | None, std: float | None) -> str:
     if value is None:
         return "none"
     return f"{value:,.2f}" + ("" if std is None else f" ± {std:,.2f}")
@@ -175,9 +175,11 @@ def _column_table(found: "Comparison") -> "Table":
     from rich.markup import escape
 
     from estimators.errors import counted
-    from replay.commands.print_tables import plain_table
+    from replay.commands.print_tables import make_plain_table
 
-    table = plain_table("stage", "column", "rows that differ", "largest change", "relative", "at s")
+    table = make_plain_table(
+        "stage", "column", "rows that differ", "largest change", "relative", "at s"
+    )
     table.columns[1].justify = "left"
     for stage in found.stages:
         about = stage.name
@@ -191,20 +193,22 @@ def _column_table(found: "Comparison") -> "Table":
         if stage.order:
             table.add_row(escape(about), "the order of the columns")
             about = ""
-        by_change = sorted(stage.columns, key=_extent_key, reverse=True)
+        by_change = sorted(stage.columns, key=_change_sort_key, reverse=True)
         for column in by_change[:_COLUMNS_SHOWN]:
-            table.add_row(escape(about), escape(column.name), *_extent_texts(column, stage.common))
+            table.add_row(
+                escape(about), escape(column.name), *_column_change_cells(column, stage.common)
+            )
             about = ""
         if len(by_change) > _COLUMNS_SHOWN:
             table.add_row("", f"… and {len(by_change) - _COLUMNS_SHOWN} more")
     return table
 
 
-def _extent_key(column: "ColumnChange") -> tuple[float, int]:
+def _change_sort_key(column: "ColumnChange") -> tuple[float, int]:
     return column.largest_relative or 0.0, column.rows
 
 
-def _extent_texts(column: "ColumnChange", common: int) -> tuple[str, ...]:
+def _column_change_cells(column: "ColumnChange", common: int) -> tuple[str, ...]:
     if column.fault:
         return (column.fault,)
     rows = f"{column.rows:,} ({column.rows / common:.1%})"

@@ -32,27 +32,30 @@ def command(
 
     DIR appears when it is whole. The same command takes up a conversion that was cut off.
     """
-    from replay.commands.common_options import time_axis_of
-    from replay.commands.print_tables import console, print_json
+    from replay.commands.common_options import time_axis_from_options
+    from replay.commands.print_tables import print_json, stdout_console
     from replay.commands.progress_bar import Stages
     from replay.convert.convert_log import convert_log
     from replay.logs import open_log
 
-    with open_log(log, time=time_axis_of(time, time_unit, keys)) as opened, Stages(1) as stages:
+    with (
+        open_log(log, time=time_axis_from_options(time, time_unit, keys)) as opened,
+        Stages(1) as stages,
+    ):
         made = convert_log(opened, output, topics, force=force, on_span=stages.begin)
     if as_json:
         print_json(made.to_dict())
     else:
-        _print(made, console())
+        _print(made, stdout_console())
 
 
 def _print(made: "Conversion", screen: "Console") -> None:
     from rich.markup import escape
 
     from estimators.errors import one_line
-    from replay.commands.print_tables import plain_table, print_line, print_table
+    from replay.commands.print_tables import make_plain_table, print_line, print_table
 
-    table = plain_table("topic", "rows", "MB", "files")
+    table = make_plain_table("topic", "rows", "MB", "files")
     for topic in made.to_dict()["topics"]:
         files = f"{topic['folder']}/*.parquet" if topic["folder"] else one_line(topic["fault"])
         size = f"{topic['size_bytes'] / 1e6:,.3f}"

@@ -20,7 +20,7 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
     """Simulate six loads × nine starts as ROS bags, calibrate, verify; then review a shift."""
-    from replay.commands.print_tables import console, print_json
+    from replay.commands.print_tables import print_json, stdout_console
     from replay.commands.progress_bar import Stages
     from replay.commands.review import print_review
     from replay.demo.run_demo import STEPS, run_demo
@@ -30,21 +30,21 @@ def command(
     if as_json:
         print_json(result.to_dict())
     else:
-        screen = console()
-        screen.print(_render(result))
+        screen = stdout_console()
+        screen.print(_print_demo(result))
         screen.print("\nA shift of that machine, reviewed under that evidence:")
         print_review(screen, result.reviewed)
 
 
-def _render(result: "Demo") -> "RenderableType":
+def _print_demo(result: "Demo") -> "RenderableType":
     """Lay the result out for a terminal."""
     import polars as pl
     from rich.console import Group
 
     from analysis.model.answer import JOINT
-    from replay.commands.print_tables import kg_text, plain_table
+    from replay.commands.print_tables import kg_text, make_plain_table
 
-    loads = plain_table(
+    loads = make_plain_table(
         "load kg",
         "starts",
         "estimate kg",
@@ -63,7 +63,9 @@ def _render(result: "Demo") -> "RenderableType":
             row["error_left_out_kg"],
         )
         loads.add_row(f"{row['load_kg']:.0f}", str(row["runs"]), *map(kg_text, numbers))
-    methods = plain_table("method", "in-sample kg", "one load left out kg", "of the load range")
+    methods = make_plain_table(
+        "method", "in-sample kg", "one load left out kg", "of the load range"
+    )
     methods.title = "Root mean square errors of the load means"
     for table in (loads, methods):
         table.title_justify = "left"

@@ -54,9 +54,9 @@ def command(
     simulated machine; the table predicts the errors of least squares over the window that
     determines the parameters least. Exit status 1 when no waveform reaches the accuracy.
     """
-    from analysis.excitation import design
+    from analysis.excitation import design_excitation
     from recordings.report.atomic_output import check_output, refuse_input_as_output
-    from replay.commands.print_tables import console, print_json
+    from replay.commands.print_tables import print_json, stdout_console
     from replay.simulation.scenario_file import load_scenario, write_scenario
 
     wanted = _parse_share(accuracy)
@@ -64,13 +64,13 @@ def command(
         refuse_input_as_output(output, [scenario] if scenario else [])
         check_output(output, force=force)
     base = load_scenario(scenario, overrides or [])
-    made = design(base, motion, wanted, window, yard)
+    made = design_excitation(base, motion, wanted, window, yard)
     if as_json:
         print_json(made.to_dict())
     else:
-        console().print(_render(made))
+        stdout_console().print(_print_design(made))
     if output and made.best:
-        write_scenario(made.scenario(base), output, force=force)
+        write_scenario(made.to_scenario(base), output, force=force)
         typer.echo(str(output), err=as_json)
     if not made.is_reached:
         raise typer.Exit(1)
@@ -88,15 +88,15 @@ def _parse_share(text: str) -> float:
     return value
 
 
-def _render(design: Design) -> RenderableType:
+def _print_design(design: Design) -> RenderableType:
     """Lay a design out for a terminal."""
     from rich.console import Group
 
-    from replay.commands.print_tables import plain_table
+    from replay.commands.print_tables import make_plain_table
 
     names = list(design.scores[0].predictions)
     titles = [text for name in names for text in (f"± {_TITLES[name]}", "bias")]
-    table = plain_table(
+    table = make_plain_table(
         "waveform", *titles, "error", "rank", "condition", "SNR", "needs", "peak m/s", "reach m", ""
     )
     for score in design.scores:
@@ -117,10 +117,10 @@ def _render(design: Design) -> RenderableType:
             f"{score.reach_m:.1f}",
             "best" if score is design.best else "",
         )
-    return Group(*_timing_lines(design), "", table, "", _verdict_text(design))
+    return Group(*_describe_timing(design), "", table, "", _describe_verdict(design))
 
 
-def _timing_lines(design: Design) -> list[str]:
+def _describe_timing(design: Design) -> list[str]:
     periods = {
         "force": design.scores[0].manoeuvre.force,
         "torque": design.scores[0].manoeuvre.torque,
@@ -133,7 +133,7 @@ def _timing_lines(design: Design) -> list[str]:
     return [*lines, f"window {design.window_s:.2f} s"]
 
 
-def _verdict_text(design: Design) -> str:
+def _describe_verdict(design: Design) -> str:
     best, wanted = design.best, f"{design.accuracy:.3g}"
     if best is None:
         return "No waveform fits the yard."

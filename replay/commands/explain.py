@@ -40,7 +40,11 @@ def command(
         ),
     ] = None,
     apply: Annotated[
-        bool, typer.Option("--apply", help="Write the machine file with the proposals that pay.")
+        bool,
+        typer.Option(
+            "--apply",
+            help="Write the machine file of -m with the proposals that pay.",
+        ),
     ] = False,
     force: Annotated[bool, typer.Option(help="Replace existing files.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
@@ -68,7 +72,7 @@ def command(
         told = {} if mended is None else {"mended": _mended_dict(mended)}
         print_json({**explained.to_dict(), **told})
     else:
-        _print(explained, mended, asked.picture)
+        _print_explanation(explained, mended, asked.picture)
     if mended is not None and mended.path is None:
         raise typer.Exit(1)
 
@@ -104,17 +108,20 @@ def _mended_dict(mended: "MendedMachine") -> dict[str, Any]:
     }
 
 
-def _print(explained: "Explanation", mended: "MendedMachine | None", picture: Path | None) -> None:
+def _print_explanation(
+    explained: "Explanation", mended: "MendedMachine | None", picture: Path | None
+) -> None:
     from recordings.explain.explanation_text import (
+        describe_findings,
+        describe_gate,
         determined_parameter_lines,
-        finding_lines,
-        gate_lines,
         manoeuvre_line,
         verdict_sentence,
     )
-    from replay.commands.print_tables import console, print_line
+    from replay.commands.print_checks import print_failed_checks
+    from replay.commands.print_tables import print_line, stdout_console
 
-    screen = console()
+    screen = stdout_console()
 
     def part(title: str, lines: "Iterable[str]") -> None:
         listed = list(lines)
@@ -123,15 +130,19 @@ def _print(explained: "Explanation", mended: "MendedMachine | None", picture: Pa
         for line in listed:
             print_line(screen, line)
 
+    if mended is not None and mended.path is None:
+        print_line(screen, "no proposal pays, so no machine file was written")
     print_line(screen, verdict_sentence(explained))
     failed = explained.said.verdict.failed("mass")
-    part("checks that failed:", (f"{c.check}: {c.meaning} ({c.limit})" for c in failed))
-    part("causes, the likeliest first:", finding_lines(explained))
+    if failed:
+        screen.print("\nfailed checks:", markup=False)
+        print_failed_checks(screen, failed)
+    part("causes, by effect on the mass, then by likelihood:", describe_findings(explained))
     if explained.manoeuvre is not None:
         part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
     part("manoeuvres that stand out:", map(manoeuvre_line, explained.worst))
     around = "the gate around it:" if explained.at_s is not None else "the gate, by share of time:"
-    part(around, gate_lines(explained))
+    part(around, describe_gate(explained))
     part("the motion:", determined_parameter_lines(explained.determined))
     if mended is not None:
         _print_mended(screen, mended)
@@ -141,7 +152,7 @@ def _print(explained: "Explanation", mended: "MendedMachine | None", picture: Pa
 
 
 def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
-    from recordings.report.finding_text import name_of
+    from recordings.report.finding_text import cause_name
     from replay.commands.print_tables import print_line, value_text
 
     screen.print("\nmended, each proposal tried by a replay:", markup=False)
@@ -149,24 +160,23 @@ def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
         claim = ""
         if each.change_kg is not None:
             claim = f", claimed {each.change_kg:+,.2f} ± {each.change_u_kg or 0.0:,.2f} kg"
-        said = f"{each.key} = {value_text(each.value)} ({name_of(each.cause)}{claim})"
+        said = f"{each.key} = {value_text(each.value)} ({cause_name(each.cause)}{claim})"
         print_line(screen, said)
     for tried in mended.taken_back:
-        key, cause = tried.proposal.key, name_of(tried.proposal.cause)
+        key, cause = tried.proposal.key, cause_name(tried.proposal.cause)
         print_line(screen, f"not {key} ({cause}): {tried.why}")
     if mended.path is None:
-        print_line(screen, "no proposal pays, so no machine file was written")
         return
-    before, after = _mass_text(mended.before), _mass_text(mended.after)
+    before, after = _format_mass(mended.before), _format_mass(mended.after)
     print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
-    left = ", ".join(name_of(each.cause) for each in mended.left) or "no cause"
+    left = ", ".join(cause_name(each.cause) for each in mended.left) or "no cause"
     print_line(screen, f"the log still shows: {left}")
     print_line(screen, f"machine file: {mended.path}")
 
 
-def _mass_text(answer: "Answer") -> str:
+def _format_mass(answer: "Answer") -> str:
     """The mass of the heaviest load, or of the only one; nothing where it is withheld."""
-    from recordings.report.number_text import plus_minus
+    from recordings.report.number_text import format_plus_minus
 
     if not answer.verdict.can_weigh:
         return ""
@@ -175,4 +185,4 @@ def _mass_text(answer: "Answer") -> str:
         return ""
     most = max(known, key=lambda load: load["mass_kg"])
     which = f" (load {most['load_id']}, the heaviest)" if len(known) > 1 else ""
-    return f"{plus_minus(most['mass_kg'], most['u_kg'])} kg{which}"
+    return f"{format_plus_minus(most['mass_kg'], most['u_kg'])} kg{which}"

@@ -88,20 +88,20 @@ def run_command(
     from replay.commands.fleet_progress import FleetProgress
     from replay.commands.print_tables import print_json
     from replay.fleet.fleet_file import load_fleet
-    from replay.fleet.log_sources import fleet_logs
+    from replay.fleet.log_sources import list_fleet_logs
     from replay.fleet.run_fleet import fleet_run
 
     fleet = load_fleet(machines, tuple(overrides or ()))
     with FleetProgress() as shown:
-        logs = fleet_logs(sources)
+        logs = list_fleet_logs(sources)
         shown.begin(logs)
         did = fleet_run(
             logs,
             fleet,
             output,
-            _engine(address, workers),
+            _make_engine(address, workers),
             shown.mark_done,
-            shown.on_engine,
+            shown.note_engine_slots,
             recordings=recordings,
         )
     if as_json:
@@ -122,10 +122,10 @@ def query_command(
 ) -> None:
     """Query all results by SQL; the rows are always in the same order."""
     from recordings.report.atomic_output import check_output
-    from replay.commands.frame_output import format_of, frame_text, print_frame
+    from replay.commands.frame_output import choose_format, frame_text, print_frame
     from replay.fleet.gathered_tables import fleet_query, fleet_results
 
-    chosen = format_of(output_format and output_format.value, output)
+    chosen = choose_format(output_format and output_format.value, output)
     if output is not None:
         check_output(output, force=force)
     rows = fleet_query(fleet_results(destination), sql)
@@ -145,8 +145,8 @@ def report_command(
     as_json: AsJson = False,
 ) -> None:
     """Write one page over machines and weeks: tonnes, drift, what needs a look."""
-    from recordings.fleet.fleet_page import headline
-    from replay.commands.print_tables import console, print_json, print_line
+    from recordings.fleet.fleet_page import summarise_fleet
+    from replay.commands.print_tables import print_json, print_line, stdout_console
     from replay.fleet.gathered_tables import fleet_results
     from replay.fleet.write_fleet_page import fleet_report
 
@@ -163,8 +163,8 @@ def report_command(
     if as_json:
         print_json(said)
         return
-    screen = console()
-    print_line(screen, headline(said["sum"], len(said["machines"])))
+    screen = stdout_console()
+    print_line(screen, summarise_fleet(said["sum"], len(said["machines"])))
     for each in said["drifts"]:
         print_line(
             screen,
@@ -210,10 +210,12 @@ def compare_command(
 
     if (b is None) == (not overrides):
         raise typer.BadParameter("name other results, B, or settings, --set: one of both")
-    days = _days(first, last)
+    days = _parse_days(first, last)
     results = fleet_results(a)
     if b is None:
-        other = _what_if(results, overrides or [], days, _engine(address, workers))
+        other = _replay_with_other_settings(
+            results, overrides or [], days, _make_engine(address, workers)
+        )
     else:
         other = fleet_results(b)
     found = fleet_compare(results, other, days)
@@ -252,28 +254,28 @@ def open_command(
     from recordings.report.atomic_output import atomic_file
     from replay.fleet.gathered_tables import fleet_results
     from replay.fleet.open_recording import recording_of_result
-    from replay.recording.view_recording import view
+    from replay.recording.view_recording import view_recording
 
     with recording_of_result(fleet_results(destination), key) as recording:
         if output is None:
-            view(recording, at_s=at_s)
+            view_recording(recording, at_s=at_s)
             return
         with atomic_file(output, force=force) as written:
             shutil.copyfile(recording, written)
     typer.echo(output)
 
 
-def _engine(
+def _make_engine(
     address: str | None, workers: int | None
 ) -> "Callable[[], AbstractContextManager[Engine]]":
     from replay.fleet.ray_engine import ray_engine
 
     if address is not None and workers is not None:
-        raise typer.BadParameter("--workers is of this machine; a cluster knows its own")
+        raise typer.BadParameter("--workers is for this machine; a cluster has its own number")
     return partial(ray_engine, address, workers)
 
 
-def _days(first: str | None, last: str | None) -> "DayRange":
+def _parse_days(first: str | None, last: str | None) -> "DayRange":
     from replay.fleet.compare_results import DayRange
 
     found: list[dt.date | None] = []
@@ -287,7 +289,7 @@ def _days(first: str | None, last: str | None) -> "DayRange":
     return DayRange(*found)
 
 
-def _what_if(
+def _replay_with_other_settings(
     results: "FleetResults",
     overrides: list[str],
     days: "DayRange",
@@ -297,7 +299,7 @@ def _what_if(
     from replay.fleet.compare_results import RunCallbacks, replay_with_settings
 
     with FleetProgress() as shown:
-        told = RunCallbacks(shown.begin, shown.mark_done, shown.on_engine)
+        told = RunCallbacks(shown.begin, shown.mark_done, shown.note_engine_slots)
         other, did, gone = replay_with_settings(results, overrides, days, engine, told)
     if gone:
         typer.echo(f"{gone} logs are no longer where they were, and left out", err=True)
@@ -308,9 +310,9 @@ def _what_if(
 
 def _print_run(did: "FleetRun") -> None:
     from estimators.errors import counted
-    from replay.commands.print_tables import console, print_line
+    from replay.commands.print_tables import print_line, stdout_console
 
-    screen = console()
+    screen = stdout_console()
     total = did.made + did.there + len(did.refused) + len(did.failed)
     print_line(
         screen,
@@ -325,37 +327,45 @@ def _print_run(did: "FleetRun") -> None:
 
 
 def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
-    from replay.commands.print_tables import console, plain_table, print_line, print_table
+    from replay.commands.print_tables import (
+        make_plain_table,
+        print_line,
+        print_table,
+        stdout_console,
+    )
 
-    screen = console()
+    screen = stdout_console()
     whole = found.total_change
     print_line(
         screen,
         f"{whole['payload_kg'] / 1e3:,.3f} t in A, {whole['payload_b_kg'] / 1e3:,.3f} t in B: "
-        f"{whole['change_kg'] / 1e3:+,.3f} t ({_share_text(whole)}), by {whole['changed']:,.0f} of "
+        f"{whole['change_kg'] / 1e3:+,.3f} t ({_format_share(whole)}), by {whole['changed']:,.0f} "
+        "of "
         f"{whole['logs']:,.0f} recordings",
     )
     if found.only_a or found.only_b:
         print_line(screen, f"not compared: {found.only_a} only in A, {found.only_b} only in B")
-    table = plain_table("machine", "recordings", "t in A", "t in B", "change t", "loads A", "B")
+    table = make_plain_table(
+        "machine", "recordings", "t in A", "t in B", "change t", "loads A", "B"
+    )
     for row in found.machines.iter_rows(named=True):
-        table.add_row(row["machine"], f"{row['logs']:,}", *_change_cells(row))
+        table.add_row(row["machine"], f"{row['logs']:,}", *_make_change_cells(row))
     print_table(screen, table)
     changed = found.logs.head(shown).filter(found.logs.head(shown)["change_kg"] != 0.0)
     if changed.is_empty():
         return
     print_line(screen, "")
     print_line(screen, "Recordings that differ most")
-    table = plain_table(
+    table = make_plain_table(
         "machine", "day", "t in A", "t in B", "change t", "loads A", "B", "opens it"
     )
     for row in changed.iter_rows(named=True):
         opens = f"payscope fleet open {a} {row['key'][:12]}"
-        table.add_row(row["machine"], row["day"], *_change_cells(row), opens)
+        table.add_row(row["machine"], row["day"], *_make_change_cells(row), opens)
     print_table(screen, table)
 
 
-def _change_cells(row: dict[str, float]) -> tuple[str, ...]:
+def _make_change_cells(row: dict[str, float]) -> tuple[str, ...]:
     tonnes = (row["payload_kg"] / 1e3, row["payload_b_kg"] / 1e3)
     return (
         *(f"{t:,.3f}" for t in tonnes),
@@ -365,7 +375,7 @@ def _change_cells(row: dict[str, float]) -> tuple[str, ...]:
     )
 
 
-def _share_text(whole: dict[str, float]) -> str:
+def _format_share(whole: dict[str, float]) -> str:
     if not whole["payload_kg"]:
         return "no tonnes in A"
     return f"{whole['change_kg'] / whole['payload_kg']:+.2%}"

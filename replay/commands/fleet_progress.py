@@ -44,7 +44,7 @@ class FleetProgress:
         self._left = TimeLeft([log.size_bytes for log in logs])
         self._bar.update(self._task, total=len(logs))
 
-    def on_engine(self, engine: "Engine") -> None:
+    def note_engine_slots(self, engine: "Engine") -> None:
         """The engine is open."""
         self._slots = engine.slots()
 

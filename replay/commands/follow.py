@@ -33,7 +33,7 @@ def command(
         typer.Option("--noise", metavar="REC", help="Take the noise from an earlier recording."),
     ] = None,
     idle_s: Annotated[
-        float, typer.Option("--idle-s", min=0.0, help="End after so many seconds without growth.")
+        float, typer.Option("--idle-s", min=0.0, help="End after this many seconds without growth.")
     ] = 10.0,
     valid_s: Annotated[
         float, typer.Option("--valid-s", min=0.0, help="A mass older than this is old.")
@@ -129,25 +129,25 @@ def command(
     for loss in following.losses:
         tell(str(loss))
     follower = following.follower
-    spins = f", inertia of {_count_text(follower.spins, 'spin')}" if follower.spins else ""
+    spins = f", inertia of {_format_count(follower.spins, 'spin')}" if follower.spins else ""
     typer.echo(
         f"{following.ended}: {follower.rows_stepped:,} rows, masses of "
-        f"{_count_text(follower.manoeuvres, 'manoeuvre')}{spins}",
+        f"{_format_count(follower.manoeuvres, 'manoeuvre')}{spins}",
         err=True,
     )
     if output is not None:
         to = RecordTo(output, force=True)
         _, agreements = record_followed(logs, machine, to, settings, digests)
         for each in agreements:
-            typer.echo(_agreement_text(each), err=True)
+            typer.echo(_describe_agreement(each), err=True)
         typer.echo(f"recorded: {output}", err=True)
 
 
-def _count_text(number: int, what: str) -> str:
+def _format_count(number: int, what: str) -> str:
     return f"{number:,} {what}" + "s" * (number != 1)
 
 
-def _agreement_text(each: "Agreement") -> str:
+def _describe_agreement(each: "Agreement") -> str:
     if each.differs_from_s is None:
         return f"{each.name}: {each.rows:,} rows, as in the replay bit for bit"
     if each.is_rounding:

@@ -58,31 +58,31 @@ class FollowPanel:
             if report.event == "manoeuvre":
                 self._masses.append(report)
         if self._live is not None:
-            self._live.update(Group(*self._parts(following)))
+            self._live.update(Group(*self._make_parts(following)))
 
-    def _parts(self, following: Following) -> list[Text | Table]:
-        parts: list[Text | Table] = [self._head(following)]
+    def _make_parts(self, following: Following) -> list[Text | Table]:
+        parts: list[Text | Table] = [self._make_head(following)]
         if self._last is None:
             waits = following.missing_excitation or following.follower.topics
             parts.append(Text(f"waits for {', '.join(waits)}", style="yellow"))
             if following.topics and following.remedy:
                 parts.append(Text(following.remedy.removeprefix("; "), style="dim"))
             return parts
-        parts += [_motion(self._last), _answer(self._last)]
+        parts += [_format_motion(self._last), _format_answer(self._last)]
         if progress := progress_text(self._last):
             parts.append(Text(progress))
         if spun := spin_text(self._last):
             parts.append(Text(spun))
-        parts.append(_methods(following))
+        parts.append(_make_method_table(following))
         if self._masses:
-            parts.append(_manoeuvres(list(self._masses)))
+            parts.append(_make_manoeuvre_table(list(self._masses)))
         if following.losses:
             parts.append(Text(f"{len(following.losses)} losses: {following.losses[-1]}"))
         if late := following.follower.log.late_samples:
             parts.append(Text(f"{late:,} samples came too late for their rows", style="yellow"))
         return parts
 
-    def _head(self, following: Following) -> Text:
+    def _make_head(self, following: Following) -> Text:
         names = ", ".join(path.name for path in following.paths)
         rows = following.follower.rows_stepped
         state = following.ended or "ctrl-C ends"
@@ -92,7 +92,7 @@ class FollowPanel:
         )
 
 
-def _motion(report: OnlineReport) -> Text:
+def _format_motion(report: OnlineReport) -> Text:
     text = Text(
         f"{time_text(report.unix_ns)} UTC, {report.t_s:,.1f} s  {report.phase or 'unknown'}  gate "
     )
@@ -102,12 +102,12 @@ def _motion(report: OnlineReport) -> Text:
     return text
 
 
-def _answer(report: OnlineReport) -> Text:
+def _format_answer(report: OnlineReport) -> Text:
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
     return Text(f"{mass_text(report)}{age}", style="bold green" if report.mass_kg else "yellow")
 
 
-def _methods(following: Following) -> Table:
+def _make_method_table(following: Following) -> Table:
     table = Table("method", "mass, kg", "u", "friction, N·s/m", "u", box=None)
     for name, (_, estimate) in following.follower.newest.items():
         theta, std = estimate.theta, estimate.std
@@ -118,7 +118,7 @@ def _methods(following: Following) -> Table:
     return table
 
 
-def _manoeuvres(reports: list[OnlineReport]) -> Table:
+def _make_manoeuvre_table(reports: list[OnlineReport]) -> Table:
     table = Table("manoeuvre", "until", "mass", box=None)
     for report in reports:
         table.add_row(str(report.manoeuvres), time_text(report.unix_ns), mass_text(report))

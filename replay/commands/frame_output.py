@@ -21,7 +21,7 @@ _BINARY: Final = ("parquet", "arrow")
 _NO_LIMIT = 10_000
 
 
-def format_of(asked: str | None, output: Path | None) -> str:
+def choose_format(asked: str | None, output: Path | None) -> str:
     """The format that was asked for, or that the output's suffix says, or a table on the screen.
 
     Raises:
@@ -66,7 +66,9 @@ def print_frame(
         match output_format:
             case "json":
                 return (
-                    json_text(_format_times(frame).to_dicts() if records is None else records)
+                    json_text(
+                        _format_times_as_text(frame).to_dicts() if records is None else records
+                    )
                     + "\n"
                 )
             case "csv":
@@ -94,7 +96,7 @@ def print_frame(
             partial.write_text(text(), encoding="utf-8")
 
 
-def _format_times(frame: pl.DataFrame) -> pl.DataFrame:
+def _format_times_as_text(frame: pl.DataFrame) -> pl.DataFrame:
     """Times as text in ISO 8601 to the nanosecond: Python's own end at microseconds."""
     return frame.with_columns(pl.col(pl.Datetime).dt.to_string("iso:strict"))
 

@@ -20,7 +20,7 @@ _LARGEST: Final = 1 << 63
 
 def main() -> None:
     """Import one file, and leave with the status that the viewer understands."""
-    asked, _ = _parser().parse_known_args()  # newer viewers may ask for more
+    asked, _ = _make_parser().parse_known_args()  # newer viewers may ask for more
     # the viewer starts every importer for every file: nothing heavy before the answer "not mine"
     from replay.recording.importer_files import takes_file
 
@@ -39,7 +39,7 @@ def main() -> None:
 
 
 def parse_request(asked: argparse.Namespace) -> "ViewerRequest":
-    """What the viewer asks for; a time that is none is left out, as in Rerun's own importers."""
+    """Parse the viewer's request; an invalid time is ignored, as in Rerun's own importers."""
     from recordings.rrd.viewer_stream import TimelineKind, ViewerRequest
 
     times: list[tuple[str, TimelineKind, int]] = []
@@ -60,7 +60,7 @@ def parse_request(asked: argparse.Namespace) -> "ViewerRequest":
     return ViewerRequest(application, asked.recording_id, asked.entity_path_prefix, tuple(times))
 
 
-def _parser() -> argparse.ArgumentParser:
+def _make_parser() -> argparse.ArgumentParser:
     # with abbreviations, an option of an older viewer (--time) would be one of several
     parser = argparse.ArgumentParser(
         allow_abbrev=False,

@@ -44,10 +44,10 @@ def command(
     from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
     from estimators.errors import LogError
-    from replay.commands.common_options import time_axis_of
-    from replay.commands.print_tables import console, print_json
+    from replay.commands.common_options import time_axis_from_options
+    from replay.commands.print_tables import print_json, stdout_console
     from replay.commands.progress_bar import Stages
-    from replay.init.describe_log import describe
+    from replay.init.describe_log import describe_log
     from replay.logs import open_log
 
     try:
@@ -56,7 +56,7 @@ def command(
         raise typer.BadParameter(
             f"no time zone '{timezone}'; use a name like America/Santiago or UTC"
         ) from None
-    axis = time_axis_of(time, time_unit, keys)
+    axis = time_axis_from_options(time, time_unit, keys)
     described: list[object] = []
     faults: list[LogError] = []
     is_whole = True
@@ -66,7 +66,7 @@ def command(
                 open_log(path, time=axis) as log,
                 Stages(1) if check else nullcontext(),
             ):
-                shown = describe(log, check=check, fields=fields)
+                shown = describe_log(log, check=check, fields=fields)
         except LogError as error:
             # the other logs are still worth describing
             faults.append(error)
@@ -75,7 +75,7 @@ def command(
         if as_json:
             described.append(shown.to_dict())
         else:
-            show(shown, zone, console())
+            show(shown, zone, stdout_console())
             typer.echo()
     if as_json and described:
         print_json(described[0] if len(logs) == 1 else described)
@@ -91,20 +91,20 @@ def show(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:
     """Print a log's description, its start in local time of `zone`."""
     from replay.commands.print_tables import print_line, print_rows, print_table
 
-    for line in _head_lines(info, zone):
+    for line in _make_head_lines(info, zone):
         print_line(screen, line)
-    print_table(screen, _topic_table(info))
+    print_table(screen, _make_topic_table(info))
     if info.fields:
-        print_rows(_FIELD_TITLES, _field_rows(info), _LEFT)
+        print_rows(_FIELD_TITLES, _make_field_rows(info), _LEFT)
     for note in info.notes:
         print_line(screen, f"note: {note}")
-    for mark, line in _verdict_lines(info):
+    for mark, line in _make_verdict_lines(info):
         print_line(screen, line, mark)
-    for line in _trouble_lines(info):
+    for line in _describe_trouble(info):
         print_line(screen, line, "[yellow]![/] ")
 
 
-def _head_lines(info: "LogInfo", zone: tzinfo) -> Iterator[str]:
+def _make_head_lines(info: "LogInfo", zone: tzinfo) -> Iterator[str]:
     from estimators.errors import counted
 
     yield f"{info.path}: {info.format}, {info.size_bytes / 1e6:,.3f} MB"
@@ -112,10 +112,10 @@ def _head_lines(info: "LogInfo", zone: tzinfo) -> Iterator[str]:
         yield "no messages"
         return
     count = counted(info.messages, "message")
-    yield f"from {_time_text(info.start_ns, zone)}, {info.duration_s:,.3f} s, {count}"
+    yield f"from {_format_time(info.start_ns, zone)}, {info.duration_s:,.3f} s, {count}"
 
 
-def _verdict_lines(info: "LogInfo") -> Iterator[tuple[str, str]]:
+def _make_verdict_lines(info: "LogInfo") -> Iterator[tuple[str, str]]:
     """Yield the outcome of --check as mark and text; nothing for a log that was not checked."""
     from estimators.errors import counted
 
@@ -135,7 +135,7 @@ def _verdict_lines(info: "LogInfo") -> Iterator[tuple[str, str]]:
     )
 
 
-def _time_text(stamp_ns: int, zone: tzinfo) -> str:
+def _format_time(stamp_ns: int, zone: tzinfo) -> str:
     from analysis.stages.signals.timestamps import FIRST_DATE_NS
 
     seconds = f"{stamp_ns / 1e9:.3f} s"
@@ -145,7 +145,7 @@ def _time_text(stamp_ns: int, zone: tzinfo) -> str:
     return f"{local:%Y-%m-%d %H:%M:%S %Z} ({seconds})"
 
 
-def _topic_table(info: "LogInfo") -> "Table":
+def _make_topic_table(info: "LogInfo") -> "Table":
     from rich.markup import escape
     from rich.table import Table
 
@@ -161,10 +161,10 @@ def _topic_table(info: "LogInfo") -> "Table":
             escape(one_line(row["topic"])),
             escape(one_line(row["type"])),
             f"{row['messages']:,}",
-            _seconds_text(row["start_ns"], info.start_ns),
-            _seconds_text(row["end_ns"], info.start_ns),
-            _number_text(row["rate_hz"]),
-            _number_text(row["longest_gap_s"]),
+            _format_seconds(row["start_ns"], info.start_ns),
+            _format_seconds(row["end_ns"], info.start_ns),
+            _format_number(row["rate_hz"]),
+            _format_number(row["longest_gap_s"]),
         )
     return table
 
@@ -174,7 +174,7 @@ _FIELD_TITLES = ("field", "unit", "Hz", "min", "median", "max", "course")
 _LEFT = (0, 1, 6)
 
 
-def _field_rows(info: "LogInfo") -> list[tuple[str, ...]]:
+def _make_field_rows(info: "LogInfo") -> list[tuple[str, ...]]:
     from estimators.errors import one_line
 
     several = len({each.topic for each in info.fields}) > 1
@@ -182,11 +182,11 @@ def _field_rows(info: "LogInfo") -> list[tuple[str, ...]]:
     for each in info.fields:
         name = f"{each.topic} {each.field}" if several else each.field
         numbers = (each.rate_hz, each.low, each.middle, each.high)
-        rows.append((one_line(name), each.unit or "–", *map(_number_text, numbers), each.course))
+        rows.append((one_line(name), each.unit or "–", *map(_format_number, numbers), each.course))
     return rows
 
 
-def _trouble_lines(info: "LogInfo") -> Iterator[str]:
+def _describe_trouble(info: "LogInfo") -> Iterator[str]:
     told = {loss.topic for loss in info.losses}
     for loss in info.losses:
         # whose topic it is needs no saying but of a part of a log
@@ -202,11 +202,11 @@ def _trouble_lines(info: "LogInfo") -> Iterator[str]:
             )
 
 
-def _seconds_text(stamp_ns: int | None, start_ns: int | None) -> str:
+def _format_seconds(stamp_ns: int | None, start_ns: int | None) -> str:
     if stamp_ns is None or start_ns is None:
         return "–"
     return f"{(stamp_ns - start_ns) / 1e9:.3f}"
 
 
-def _number_text(value: float | None) -> str:
+def _format_number(value: float | None) -> str:
     return "–" if value is None else f"{value:.4g}"

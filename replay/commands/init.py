@@ -28,14 +28,14 @@ def command(
 ) -> None:
     """Draft a machine file from a log, or a campaign file, to be checked and completed by hand."""
     from recordings.report.atomic_output import atomic_file, check_output, refuse_input_as_output
-    from replay.commands.common_options import time_axis_of
+    from replay.commands.common_options import time_axis_from_options
     from replay.init.guess_by_replay import BRAKING, lines_from_replay
     from replay.init.guess_machine import draft_machine_file
     from replay.logs import open_log
 
     if (log is None) == (campaign is None):
         raise typer.BadParameter("name a LOG for a machine file, or --campaign DIR")
-    axis = time_axis_of(time, time_unit, keys)
+    axis = time_axis_from_options(time, time_unit, keys)
     if campaign is not None:
         from replay.init.campaign_draft import draft_campaign
 
@@ -44,7 +44,7 @@ def command(
     else:
         assert log is not None
         if machine is not None:
-            raise typer.BadParameter("--machine is of --campaign; a LOG gives a machine file")
+            raise typer.BadParameter("--machine is for --campaign; a LOG yields a machine file")
         with open_log(log, time=axis) as opened:
             refuse_input_as_output(output, opened.files)
             text, missing = draft_machine_file(opened, axis)

@@ -20,11 +20,11 @@ def list_keys(
     """List the keys of the keyring, and where it is; PAYSCOPE_KEYRING names another file."""
     from recordings.signatures.keyring import load_keyring
     from replay.commands.print_tables import (
-        console,
-        plain_table,
+        make_plain_table,
         print_json,
         print_line,
         print_table,
+        stdout_console,
     )
 
     keyring = load_keyring()
@@ -32,8 +32,8 @@ def list_keys(
     if as_json:
         print_json(rows)
         return
-    screen = console()
-    table = plain_table("key", "owner", "valid from", "valid to", "revoked")
+    screen = stdout_console()
+    table = make_plain_table("key", "owner", "valid from", "valid to", "revoked")
     for row in rows:
         days = (row["valid_from"], row["valid_to"], row["revoked"])
         table.add_row(f"{row['key_id'][:12]}…", row["owner"], *(str(d or "–") for d in days))
@@ -96,7 +96,7 @@ def _read_public_key(key: str) -> "PublicKey":
     if Path(key).exists():
         return public_key(Path(key))
     try:
-        return PublicKey.of_text(key)
+        return PublicKey.from_text(key)
     except EvidenceError as fault:
         raise EvidenceError(
             f"{key}: no such file, and no key in base64 ({fault}); name a public key in PEM"

@@ -19,7 +19,11 @@ def command(
     ] = None,
     list_path: Annotated[
         Path | None,
-        typer.Option("--list", metavar="FILE", help="The list; else notary.jsonl in the folder."),
+        typer.Option(
+            "--list",
+            metavar="FILE",
+            help="Notary list to append to; by default notary.jsonl in the log folder.",
+        ),
     ] = None,
     machine_id: Annotated[
         str, typer.Option("--machine-id", metavar="ID", help="Serial number of the machine.")
@@ -41,7 +45,7 @@ def command(
     """
     import time
 
-    from replay.commands.print_tables import console, print_json
+    from replay.commands.print_tables import print_json, stdout_console
     from replay.notary.notarise_folder import notarise_folder
 
     while True:
@@ -54,14 +58,14 @@ def command(
             _print(made)
         if every is None:
             return
-        console().file.flush()
+        stdout_console().file.flush()
         time.sleep(every)
 
 
 def _print(made: "NotarisedFolder") -> None:
-    from replay.commands.print_tables import console, print_line
+    from replay.commands.print_tables import print_line, stdout_console
 
-    screen = console()
+    screen = stdout_console()
     for entry in made.added:
         span = f", {entry.begins} to {entry.ends}" if entry.begins else ", no absolute time"
         print_line(screen, f"{entry.counter}: {entry.log}{span}")

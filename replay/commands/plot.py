@@ -40,9 +40,9 @@ def command(
     Or one figure a question: --figure force-acceleration, convergence, gate or loads. Long runs are
     drawn by envelopes, medians and shares of time; --from and --to show the detail.
     """
-    from replay.recording.view_recording import plot
+    from replay.recording.view_recording import plot_recording
 
-    picture = plot(
+    picture = plot_recording(
         recording, output, figure.value, at_s=at_s, from_s=from_s, to_s=to_s, force=force
     )
     typer.echo(str(picture))

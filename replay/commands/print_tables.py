@@ -22,13 +22,13 @@ _LONGEST = 60
 _NARROWEST = 80
 
 
-def console() -> Console:
+def stdout_console() -> Console:
     """The console of stdout: as wide as the screen, or wide enough where there is none."""
     screen = Console(highlight=False)
     return screen if screen.is_terminal else Console(highlight=False, width=_PIPED_WIDTH)
 
 
-def plain_table(*titles: str) -> Table:
+def make_plain_table(*titles: str) -> Table:
     """A table without lines, its first column to the left and the others to the right."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for i, title in enumerate(titles):
@@ -82,7 +82,7 @@ def print_json(value: Any) -> None:
 
 def json_text(value: Any) -> str:
     """A value as JSON text; NaN and infinities become null."""
-    return json.dumps(_json_value(value), indent=2, ensure_ascii=False, allow_nan=False)
+    return json.dumps(_convert_to_json(value), indent=2, ensure_ascii=False, allow_nan=False)
 
 
 def kg_text(value: float | None) -> str:
@@ -97,11 +97,11 @@ def value_text(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-def _json_value(value: Any) -> Any:
+def _convert_to_json(value: Any) -> Any:
     if isinstance(value, dict):
-        return {str(key): _json_value(item) for key, item in value.items()}
+        return {str(key): _convert_to_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_json_value(item) for item in value]
+        return [_convert_to_json(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

@@ -55,12 +55,12 @@ def command(
     A topic is a table by its name in double quotes, or in a word: "/imu/data" is imu_data. A row
     with a time is a moment that `view --at` opens.
     """
-    from replay.commands.common_options import time_axis_of
-    from replay.commands.frame_output import format_of
+    from replay.commands.common_options import time_axis_from_options
+    from replay.commands.frame_output import choose_format
     from replay.query.named_tables import named_tables
-    from replay.query.run_query import query
+    from replay.query.run_query import query_tables
 
-    axis = time_axis_of(time, time_unit, keys)
+    axis = time_axis_from_options(time, time_unit, keys)
     if tables:
         _list_tables(named_tables(sources, axis), as_json=output_format == "json")
         return
@@ -69,8 +69,8 @@ def command(
             'name a log or recording, then one SELECT: payscope query shift.bag "SELECT …"; '
             "--tables lists what there is"
         )
-    chosen = format_of(output_format and output_format.value, output)
-    asked = query(sources[:-1], sources[-1], axis)
+    chosen = choose_format(output_format and output_format.value, output)
+    asked = query_tables(sources[:-1], sources[-1], axis)
     try:
         if output is not None and apart_s is None and chosen in _STREAMED:
             asked.write(output, chosen, force=force)
@@ -105,7 +105,12 @@ def _list_tables(named: "NamedTables", *, as_json: bool) -> None:
     from rich.markup import escape
 
     from estimators.errors import PayscopeError
-    from replay.commands.print_tables import console, plain_table, print_json, print_table
+    from replay.commands.print_tables import (
+        make_plain_table,
+        print_json,
+        print_table,
+        stdout_console,
+    )
 
     columns: dict[str, list[str]] = {}
     for name, table in named.tables.items():
@@ -117,9 +122,9 @@ def _list_tables(named: "NamedTables", *, as_json: bool) -> None:
     if as_json:
         print_json(columns)
         return
-    shown = plain_table("table")
+    shown = make_plain_table("table")
     shown.add_column("in a word", no_wrap=True)
     shown.add_column("columns", overflow="fold")
     for name, has in columns.items():
         shown.add_row(escape(name), named.words.get(name, ""), escape(" ".join(has)))
-    print_table(console(), shown)
+    print_table(stdout_console(), shown)

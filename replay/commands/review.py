@@ -27,7 +27,7 @@ _VERDICT: Final = "Verdict"
 _WEEK_OPTIONS: Final = ("logs", "output", "week", "friction_limit", "as_json")
 
 
-def _label(name: str) -> Any:
+def _make_label_option(name: str) -> Any:
     return typer.Option(
         f"--{name}",
         help=f"The {name} of the named cycles, or of the whole shift.",
@@ -35,7 +35,7 @@ def _label(name: str) -> Any:
     )
 
 
-def _cycles(name: str, does: str) -> Any:
+def _make_cycles_option(name: str, does: str) -> Any:
     return typer.Option(
         f"--{name}",
         metavar=_WHEN,
@@ -50,7 +50,7 @@ def command(
         list[Path],
         typer.Argument(
             help="Logs of one shift, or a folder of them, in any order; or the folder of a review, "
-            "which is counted anew with its verdicts."
+            "which is counted again with its verdicts."
         ),
     ],
     machine: Annotated[
@@ -69,17 +69,23 @@ def command(
         float | None,
         typer.Option(metavar="KG", min=1e-3, help="Judge loads against KG by the 10/10/20 rule."),
     ] = None,
-    reject: Annotated[list[str] | None, _cycles("reject", "Do not count this cycle")] = None,
-    accept: Annotated[list[str] | None, _cycles("accept", "Count this cycle again")] = None,
-    cycle: Annotated[list[str] | None, _cycles("cycle", "Note or label this cycle")] = None,
+    reject: Annotated[
+        list[str] | None, _make_cycles_option("reject", "Do not count this cycle")
+    ] = None,
+    accept: Annotated[
+        list[str] | None, _make_cycles_option("accept", "Count this cycle again")
+    ] = None,
+    cycle: Annotated[
+        list[str] | None, _make_cycles_option("cycle", "Note or label this cycle")
+    ] = None,
     note: Annotated[
         str, typer.Option(help="A note on the named cycles.", rich_help_panel=_VERDICT)
     ] = "",
-    product: Annotated[str, _label("product")] = "",
-    operator: Annotated[str, _label("operator")] = "",
-    truck: Annotated[str, _label("truck")] = "",
-    customer: Annotated[str, _label("customer")] = "",
-    stockpile: Annotated[str, _label("stockpile")] = "",
+    product: Annotated[str, _make_label_option("product")] = "",
+    operator: Annotated[str, _make_label_option("operator")] = "",
+    truck: Annotated[str, _make_label_option("truck")] = "",
+    customer: Annotated[str, _make_label_option("customer")] = "",
+    stockpile: Annotated[str, _make_label_option("stockpile")] = "",
     label: Annotated[
         list[str] | None,
         typer.Option(
@@ -93,7 +99,7 @@ def command(
         typer.Option(
             "--from",
             metavar="TIME",
-            help="Labels are of loads dumped from this local time on (14:00).",
+            help="Apply the labels to loads dumped from this local time on (14:00).",
             rich_help_panel=_VERDICT,
         ),
     ] = "",
@@ -102,7 +108,7 @@ def command(
         typer.Option(
             "--to",
             metavar="TIME",
-            help="Labels are of loads dumped before this local time.",
+            help="Apply the labels to loads dumped before this local time.",
             rich_help_panel=_VERDICT,
         ),
     ] = "",
@@ -135,17 +141,17 @@ def command(
     Exit status 1 if no cycle counts; stderr and the page say why.
     """
     from estimators.errors import one_line
-    from recordings.review.shift_facts import headline
-    from replay.commands.print_tables import console, print_json
+    from recordings.review.shift_facts import summarise_shift
+    from replay.commands.print_tables import print_json, stdout_console
     from replay.commands.progress_bar import Stages
     from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
     from replay.review.give_verdicts import GivenVerdicts, is_review, recount_review
     from replay.review.label_spans import parse_label_channel, read_label_spans
-    from replay.review.review_shift import ReviewOptions, review
+    from replay.review.review_shift import ReviewOptions, review_shift
 
     if week:
-        _check_alone(context)
+        _check_options_of_one_shift(context)
         report_week(logs, output, friction_limit, as_json=as_json)
         return
     if friction_limit is not None:
@@ -180,19 +186,19 @@ def command(
             given = replace(given, spans=read_label_spans(logs, channels, settings))
         options = ReviewOptions(overrides or [], asked, target, full, decimal_comma)
         with Stages(len(STAGES) + 3, timing=timing) as stages:
-            made = review(logs, machine, output, options, stages.begin)
+            made = review_shift(logs, machine, output, options, stages.begin)
         if given:
             made = recount_review(output, given)
     if as_json:
         print_json(made.to_dict())
     else:
-        print_review(console(), made)
+        print_review(stdout_console(), made)
     if made.no_tonnes:
-        typer.echo(one_line(headline(made.shift, made.no_tonnes, made.state)), err=True)
+        typer.echo(one_line(summarise_shift(made.shift, made.no_tonnes, made.state)), err=True)
         raise typer.Exit(1)
 
 
-def _check_alone(context: typer.Context) -> None:
+def _check_options_of_one_shift(context: typer.Context) -> None:
     """Refuse what a week is not made with, so that no option is ignored."""
     for name in context.params:
         source = context.get_parameter_source(name)
@@ -216,14 +222,18 @@ def report_week(
     """
     from recordings.report.shift_text import K
     from recordings.review.week_page import week_sentence, write_week_page
-    from recordings.review.week_shifts import friction_trends, read_shifts, trend_sentences
-    from recordings.review.week_totals import GROUPS, read_week, sum_by, sum_week
-    from replay.commands.print_tables import console, print_json, print_line
+    from recordings.review.week_shifts import (
+        read_shifts,
+        trend_friction_by_machine,
+        trend_sentences,
+    )
+    from recordings.review.week_totals import GROUPS, read_week, sum_by_group, sum_week
+    from replay.commands.print_tables import print_json, print_line, stdout_console
 
     parts, shifts = read_week(folders), read_shifts(folders)
-    sums = {by: sum_by(parts, by) for by in GROUPS}
+    sums = {by: sum_by_group(parts, by) for by in GROUPS}
     whole = sum_week(parts)
-    trends = {} if friction_limit is None else friction_trends(shifts, friction_limit)
+    trends = {} if friction_limit is None else trend_friction_by_machine(shifts, friction_limit)
     if page is not None:
         write_week_page(parts, shifts, friction_limit, page)
     if as_json:
@@ -233,7 +243,7 @@ def report_week(
             | {"friction": {name: trend._asdict() for name, trend in trends.items()}}
         )
         return
-    screen = console()
+    screen = stdout_console()
     for by, totals in sums.items():
         for each in totals:
             t, u_t = each.payload_kg / 1e3, K * each.payload_u_kg / 1e3
@@ -258,25 +268,29 @@ def print_review(screen: "Console", made: "ShiftReview") -> None:
     """
     from recordings.review.review_page import NOT_CALIBRATED, PAGE
     from recordings.review.shift_facts import (
-        facts,
-        headline,
-        long_holes,
-        missing_loads,
-        other_losses,
+        list_shift_facts,
+        long_hole_sentence,
+        losses_besides_torn_ends,
+        missing_load_sentences,
+        summarise_shift,
         torn_sentences,
-        two_machines,
+        warn_of_two_machines,
     )
     from replay.commands.print_tables import print_line
 
     state = made.state
     if not made.no_tonnes:
-        print_line(screen, headline(made.shift, "", state))
+        print_line(screen, summarise_shift(made.shift, "", state))
     if state.mixed_machines:
-        print_line(screen, f"warning: {two_machines(state)}")
-    holes = long_holes(made.shift, state)
-    for sentence in (*filter(None, [holes]), *missing_loads(made.shift), *torn_sentences(state)):
+        print_line(screen, f"warning: {warn_of_two_machines(state)}")
+    holes = long_hole_sentence(made.shift, state)
+    for sentence in (
+        *filter(None, [holes]),
+        *missing_load_sentences(made.shift),
+        *torn_sentences(state),
+    ):
         print_line(screen, sentence)
-    for name, value in facts(made.shift, made.ledger, state, made.target):
+    for name, value in list_shift_facts(made.shift, made.ledger, state, made.target):
         print_line(screen, f"{name}: {value}")
     if made.calibration.against:
         print_line(screen, f"{NOT_CALIBRATED}: {made.calibration.against}")
@@ -285,7 +299,7 @@ def print_review(screen: "Console", made: "ShiftReview") -> None:
     failed = [check.check for check in state.failed]
     if failed:
         print_line(screen, f"checks that failed: {', '.join(failed)}")
-    for loss in other_losses(state):
+    for loss in losses_besides_torn_ends(state):
         print_line(screen, f"lost: {loss}")
     if not made.replayed:
         print_line(screen, "not replayed: logs, machine and settings are those of the last review")

@@ -9,7 +9,8 @@ import typer
 
 from replay.commands import print_tables
 from replay.commands.common_options import Calibration, RequireSigned, SignerKey, read_calibration
-from replay.commands.print_tables import plain_table, print_line, print_table
+from replay.commands.print_checks import make_check_table, print_remedies
+from replay.commands.print_tables import make_plain_table, print_line, print_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
     from analysis.compare.run_comparison import ValueChange
     from analysis.model.answer import Answer, AnswerRow
-    from analysis.model.verdict import Check, Verdict
+    from analysis.model.verdict import Verdict
     from replay.runs.run_logs import RecordTo
 
 #: Findings, losses and notes that are printed without -v; the others are counted.
@@ -116,7 +117,7 @@ def command(
 
     to = RecordTo(output, force, live)
     if watch:
-        _watch(machine, to, settings, replay, show)
+        _watch_machine_file(machine, to, settings, replay, show)
         return
     answer = replay(to)
     show(answer)
@@ -124,7 +125,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _watch(
+def _watch_machine_file(
     machine: Path,
     to: "RecordTo",
     settings: list[str],
@@ -134,7 +135,7 @@ def _watch(
     """Replay after each change, with a line of what changed, until interrupted."""
     from estimators.errors import PayscopeError, one_line
     from replay.commands.print_tables import value_text
-    from replay.runs.watch_machine_file import watch
+    from replay.runs.watch_machine_file import watch_machine_file
 
     def on_answer(answer: "Answer", changed: "list[ValueChange]") -> None:
         if changed:
@@ -151,7 +152,7 @@ def _watch(
 
     # interrupted is how it ends
     with suppress(KeyboardInterrupt):
-        watch(machine, to, settings, replay, on_answer, on_error)
+        watch_machine_file(machine, to, settings, replay, on_answer, on_error)
 
 
 def _empty_span_settings(span: str | None) -> list[str]:
@@ -179,7 +180,7 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
         goal: a standard uncertainty in kg; how many more starts would reach it is printed.
         verbose: 1 adds budget, methods and what was left out above; 2 every check.
     """
-    screen = print_tables.console()
+    screen = print_tables.stdout_console()
     if answer.verdict.can_weigh:
         _print_worth(screen, answer, verbose)
     else:
@@ -202,15 +203,20 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
 
 def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
-    from recordings.report.worth_text import answer_lines, load_heads, load_rows, uncertainty_advice
+    from recordings.report.worth_text import (
+        answer_lines,
+        table_heads_of_loads,
+        table_rows_of_loads,
+        uncertainty_advice,
+    )
 
     for line in answer_lines(answer, brief=not verbose):
         print_line(screen, line)
     if len(answer.loads) > 1:
-        heads = load_heads(answer)
-        loads = plain_table(*heads[:-1])
+        heads = table_heads_of_loads(answer)
+        loads = make_plain_table(*heads[:-1])
         loads.add_column(heads[-1], overflow="fold")
-        for load in load_rows(answer):
+        for load in table_rows_of_loads(answer):
             loads.add_row(*load)
         print_table(screen, loads)
     most = uncertainty_advice(answer)
@@ -219,28 +225,33 @@ def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
 
 
 def further_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator[str]":
-    """What else bears on the answer, the most important first."""
+    """Further lines about the answer, the most important first."""
     from recordings.report.planar_text import planar_fit_lines
-    from recordings.report.worth_text import goal_lines, shift_lines
+    from recordings.report.worth_text import describe_starts_to_goal, summarise_shift_lines
 
     if goal is not None:
-        yield from goal_lines(answer, goal)
+        yield from describe_starts_to_goal(answer, goal)
     if answer.verdict.can_tell_inertia and not verbose:
-        yield from _inertia_lines(answer)
-    yield from shift_lines(answer)
+        yield from _describe_inertia(answer)
+    yield from summarise_shift_lines(answer)
     yield from planar_fit_lines(answer.planar, answer.planar_budget)
     most_lines = len(answer.losses) + len(answer.notes) if verbose else _MOST_LINES
-    yield from _first_lines(
+    yield from _limit_lines(
         [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"
     )
-    yield from _first_lines([f"note: {note}" for note in answer.notes], most_lines, "note", "notes")
-    yield from _finding_lines(answer, verbose)
+    yield from _limit_lines([f"note: {note}" for note in answer.notes], most_lines, "note", "notes")
+    yield from _describe_findings(answer, verbose)
 
 
-def _finding_lines(answer: "Answer", verbose: int) -> "Iterator[str]":
-    from recordings.report.finding_text import finding_line, findings_from, may_change_mass
+def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
+    from recordings.report.finding_text import (
+        finding_line,
+        findings_of_rows,
+        may_change_mass,
+        order_by_effect,
+    )
 
-    found = findings_from(answer.findings)
+    found = order_by_effect(findings_of_rows(answer.findings))
     shown = found if verbose else [each for each in found if may_change_mass(each)][:_MOST_LINES]
     yield from (f"finding: {finding_line(each)}" for each in shown)
     left = len(found) - len(shown)
@@ -248,7 +259,7 @@ def _finding_lines(answer: "Answer", verbose: int) -> "Iterator[str]":
         yield f"{left} {'other finding' if left == 1 else 'other findings'} (-v)"
 
 
-def _first_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterator[str]":
+def _limit_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterator[str]":
     """The first lines, and the number of the others."""
     yield from lines[:most]
     left = len(lines) - most
@@ -256,15 +267,15 @@ def _first_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "
         yield f"{left} more {one if left == 1 else several} (-v)"
 
 
-def _inertia_lines(answer: "Answer") -> "Iterator[str]":
+def _describe_inertia(answer: "Answer") -> "Iterator[str]":
     """Yaw inertia in a line: of the joint fit, else of the first method that has one."""
-    from recordings.report.number_text import plus_minus
+    from recordings.report.number_text import format_plus_minus
 
     for row in answer.rows:
         for method in row.methods:
             value = row.value("inertia_z_kg_m2", method)
             if value is not None:
-                text = plus_minus(value, row.value("inertia_z_std_kg_m2", method))
+                text = format_plus_minus(value, row.value("inertia_z_std_kg_m2", method))
                 yield f"yaw inertia {text} kg·m² ({method})"
                 break
 
@@ -276,7 +287,7 @@ def _print_budget(screen: "Console", answer: "Answer") -> None:
     rows = budget_rows(answer) if answer.verdict.can_weigh else []
     if rows:
         of = f" (mass of load {best_known_load(answer)})" if len(answer.loads) > 1 else ""
-        table = plain_table(f"uncertainty from{of}", "kind", "u kg")
+        table = make_plain_table(f"uncertainty from{of}", "kind", "u kg")
         table.add_column("fraction of the variance")
         table.add_column("to reduce", overflow="fold")
         for row in rows:
@@ -292,7 +303,7 @@ def _print_methods(screen: "Console", answer: "Answer") -> None:
     elif verdict.can_weigh or verdict.can_tell_inertia:
         screen.print("Other methods (statistical ± only; –: withheld)")
         for row in answer.rows:
-            print_table(screen, _mass_table(row, verdict))
+            print_table(screen, _make_method_table(row, verdict))
 
 
 def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
@@ -309,45 +320,28 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
     near = verdict.near_checks if verdict.can_weigh else ()
     shown = (*failed, *verdict.remarks, *near) if verdict.can_weigh else failed
     if shown or verbose > 1:
-        print_table(screen, _check_table(verdict.checks if verbose > 1 else shown))
-    for check in failed:
-        if check.remedy and check.value is not None:
-            print_line(screen, f"{check.check}: {check.remedy}")
+        print_table(screen, make_check_table(verdict.checks if verbose > 1 else shown))
+    print_remedies(screen, failed)
     if verdict.has_spins and not verdict.can_tell_inertia:
         screen.print(
             "No inertia estimate: the checks of the spins, or of the force's sign, failed."
         )
 
 
-def _mass_table(row: "AnswerRow", verdict: "Verdict") -> "Table":
+def _make_method_table(row: "AnswerRow", verdict: "Verdict") -> "Table":
     columns = {
         **(_OF_MASS if verdict.can_weigh else {}),
         **(_OF_INERTIA if verdict.can_tell_inertia else {}),
     }
     shown = {title: names for title, names in columns.items() if names[0] in row.quantities}
-    table = plain_table("method", *shown)
+    table = make_plain_table("method", *shown)
     for method in row.methods:
-        table.add_row(method, *(_value_text(row, method, *names) for names in shown.values()))
+        table.add_row(method, *(_format_value(row, method, *names) for names in shown.values()))
     return table
 
 
-def _value_text(row: "AnswerRow", method: str, name: str, std_name: str | None) -> str:
+def _format_value(row: "AnswerRow", method: str, name: str, std_name: str | None) -> str:
     value, std = row.value(name, method), row.value(std_name, method) if std_name else None
     if value is None:
         return "–"
     return f"{value:,.2f}" + ("" if std is None else f" ± {std:.2f}")
-
-
-def _check_table(checks: "Sequence[Check]") -> "Table":
-    """A row a check: its number, its limit, what it led to."""
-    from recordings.report.number_text import outcome_text
-
-    table = plain_table("check", "value", "limit")
-    table.add_column("")
-    table.add_column("meaning", overflow="fold")
-    for check in checks:
-        value = "–" if check.value is None else f"{check.value:.3g}"
-        passed = "near" if check.is_near else "ok"
-        state = outcome_text(check, passed=passed, failed="[red]failed[/]", absent="n/a")
-        table.add_row(check.check, value, check.limit, state, check.meaning)
-    return table

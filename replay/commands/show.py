@@ -24,9 +24,9 @@ _ROWS_SHOWN: Final = 40
 
 def command(
     recording: Annotated[Path, typer.Argument(help="A recording (.rrd).")],
-    stage: Annotated[
+    frame: Annotated[
         str | None,
-        typer.Argument(help="A stage, such as gate or estimates/ls; without one, list them."),
+        typer.Argument(help="A frame, such as gate or estimates/ls; without one, list them."),
     ] = None,
     start_s: Annotated[
         float | None,
@@ -44,47 +44,47 @@ def command(
     require_signed: RequireSigned = False,
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
-    """Print a stage of a recording, or list its stages."""
-    if stage is not None:
+    """Print a frame of a recording, or list its frames."""
+    if frame is not None:
         wanted = output_format and output_format.value
         asked = read_calibration(calibration, key, signed=require_signed)
         if at_s is not None and (start_s, end_s) != (None, None):
             raise typer.BadParameter("--at is one moment, --from and --to are a range; take one")
         seconds = (start_s, end_s) if at_s is None else at_s
-        _show_stage((recording, stage, asked), seconds, wanted, output, force=force)
+        _show_frame((recording, frame, asked), seconds, wanted, output, force=force)
     elif calibration is not None:
-        raise typer.BadParameter("--calibration goes with the stage loads alone; name that stage")
+        raise typer.BadParameter("--calibration goes with the frame loads alone; name that frame")
     elif (start_s, end_s, at_s, output) != (None, None, None, None):
-        raise typer.BadParameter("--from, --to, --at and -o are for a stage; name one")
+        raise typer.BadParameter("--from, --to, --at and -o are for a frame; name one")
     elif output_format not in (None, FrameFormat.table, FrameFormat.json):
-        raise typer.BadParameter("stages are listed as table or json; name one to print it")
+        raise typer.BadParameter("frames are listed as table or json; name one to print it")
     else:
-        _list_stages(recording, as_json=output_format is FrameFormat.json)
+        _list_frames(recording, as_json=output_format is FrameFormat.json)
 
 
-def _list_stages(recording: Path, *, as_json: bool) -> None:
-    """Print the recording's stages with their columns, and what was lost on the way to them."""
+def _list_frames(recording: Path, *, as_json: bool) -> None:
+    """Print the recording's frames with their columns, and what was lost on the way to them."""
     from rich.markup import escape
 
     from recordings import read_provenance, stage_columns
     from replay.commands.print_tables import (
-        console,
-        plain_table,
+        make_plain_table,
         print_json,
         print_line,
         print_table,
+        stdout_console,
     )
 
     held = stage_columns(recording)
     if as_json:
         print_json(held)
         return
-    table = plain_table("stage")
+    table = make_plain_table("frame")
     table.add_column("columns", overflow="fold")
     for name, columns in held.items():
         # effort[left] is no markup
         table.add_row(escape(name), escape(" ".join(columns)))
-    screen = console()
+    screen = stdout_console()
     print_table(screen, table)
     provenance = read_provenance(recording)
     for loss in provenance.losses:
@@ -93,7 +93,7 @@ def _list_stages(recording: Path, *, as_json: bool) -> None:
         print_line(screen, f"note: {note}")
 
 
-def _show_stage(
+def _show_frame(
     asked: "tuple[Path, str, CalibrationRequest | None]",
     seconds: tuple[float | None, float | None] | float,
     output_format: str | None,
@@ -101,22 +101,26 @@ def _show_stage(
     *,
     force: bool,
 ) -> None:
-    """Print the rows of one stage from one second to another, or at one, or write them."""
+    """Print the rows of one frame from one second to another, or at one, or write them."""
     from recordings.report.atomic_output import check_output, refuse_input_as_output
-    from replay.commands.frame_output import format_of, frame_text, print_frame
+    from replay.commands.frame_output import choose_format, frame_text, print_frame
     from replay.recording.read_stage import RecordedStage
 
     recording, name, calibration = asked
-    output_format = format_of(output_format, output)
+    output_format = choose_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [recording])
         check_output(output, force=force)
     stage = RecordedStage.read(recording, name)
     if calibration is not None:
-        stage = stage.with_calibration(calibration)
-    stage = stage.rows_between(*seconds) if isinstance(seconds, tuple) else stage.rows_at(seconds)
+        stage = stage.calibrate_loads(calibration)
+    stage = (
+        stage.select_rows_between(*seconds)
+        if isinstance(seconds, tuple)
+        else stage.select_rows_at(seconds)
+    )
     if output is None and output_format == "table":
-        rows = stage.readable()
+        rows = stage.make_readable()
         typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
         if rows.height > _ROWS_SHOWN:
             typer.echo(
@@ -130,5 +134,5 @@ def _show_stage(
         output_format,
         output,
         force=force,
-        table=lambda: frame_text(stage.readable(), stage.rows.height),
+        table=lambda: frame_text(stage.make_readable(), stage.rows.height),
     )

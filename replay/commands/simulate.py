@@ -24,7 +24,7 @@ def command(
 ) -> None:
     """Simulate a scenario as logs, one for each load, with its truth in LOG.truth.json."""
     from replay.simulation.scenario_file import load_scenario
-    from replay.simulation.simulate_logs import simulate
+    from replay.simulation.simulate_logs import simulate_scenario
 
-    for path in simulate(load_scenario(scenario, overrides or []), output, force=force):
+    for path in simulate_scenario(load_scenario(scenario, overrides or []), output, force=force):
         typer.echo(str(path))

@@ -41,9 +41,9 @@ _DRAWN: Final = {
 }
 _TITLES: Final = {
     "error_kg": "Mass less the reference, kg",
-    "rmse_kg": "Root mean square error of the runs' masses as they are, kg",
-    "calibrated_rmse_kg": "The same after calibration by (19), kg",
-    "left_out_rmse_kg": "The same with the run's own load left out of the fit, kg",
+    "rmse_kg": "Root mean square error of the runs' masses before calibration, kg",
+    "calibrated_rmse_kg": "Root mean square error after calibration by (19), kg",
+    "left_out_rmse_kg": "Root mean square error with the run's own load left out of the fit, kg",
 }
 
 
@@ -124,14 +124,14 @@ def _print_sweep(
     from estimators.errors import OutputError
     from recordings.report.atomic_output import check_output, refuse_input_as_output
     from recordings.report.picture import check_picture
-    from replay.commands.frame_output import format_of, print_frame
-    from replay.commands.print_tables import console
+    from replay.commands.frame_output import choose_format, print_frame
+    from replay.commands.print_tables import stdout_console
     from replay.commands.progress_bar import Stages
-    from replay.runs.sweep_settings import sweep, value_combinations
+    from replay.runs.sweep_settings import sweep_settings, value_combinations
 
     logs, machine_file, overrides, over = asked
     output, figure = outputs
-    output_format = format_of(output_format, output)
+    output_format = choose_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [*logs, machine_file])
         check_output(output, force=force)
@@ -142,7 +142,7 @@ def _print_sweep(
             raise OutputError(f"{figure}: is named twice; the table and the picture are two files")
     grid = value_combinations(over)
     with Stages(len(grid)) as stages:
-        rows = sweep(
+        rows = sweep_settings(
             logs,
             machine_file,
             overrides,
@@ -152,38 +152,38 @@ def _print_sweep(
             on_stage=stages.begin,
         )
     if output is None and output_format == "table":
-        console().print(render_sweep(rows))
+        stdout_console().print(render_sweep(rows))
     else:
         print_frame(
             _result_frame(rows),
             output_format,
             output,
             force=force,
-            table=lambda: _render_text(render_sweep(rows)),
-            records=[_nest_row(row) for row in rows],
+            table=lambda: _format_shown_value(render_sweep(rows)),
+            records=[_nest_row_for_json(row) for row in rows],
         )
     if figure is not None:
         from recordings.plots.sweep_figure import plot_sweep
 
         drawn = plot_sweep(
-            [_swept_row(row) for row in rows], figure, reference_kg=reference_kg, force=force
+            [_make_swept_row(row) for row in rows], figure, reference_kg=reference_kg, force=force
         )
         typer.echo(f"figure: {drawn}", err=True)
     return any(row.answer.verdict.can_weigh for row in rows)
 
 
-def _swept_row(row: Row) -> SweptRow:
+def _make_swept_row(row: Row) -> SweptRow:
     """A row as its figure has it."""
     from recordings.plots.sweep_figure import SweptRow
 
-    names = short_names(row.over)
+    names = shorten_dotted_names(row.over)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
     several = len(row.answer.loads) > 1 and known
     most = max(known, key=lambda load: load["payload_kg"]) if several else None
     return SweptRow(
-        over={names[key]: value for key, value in _type_columns(row).items()},
-        mass_kg=_by_method(row, "mass_kg"),
-        mass_std_kg=_by_method(row, "mass_std_kg"),
+        over={names[key]: value for key, value in _type_swept_columns(row).items()},
+        mass_kg=_quantity_by_method(row, "mass_kg"),
+        mass_std_kg=_quantity_by_method(row, "mass_std_kg"),
         payload_kg=None if most is None else (most["payload_kg"], most["payload_u_kg"] or 0.0),
         errors={_DRAWN[name]: errors for name, errors in row.errors.items()},
         accepted_share_1=row.answer.accepted_share,
@@ -191,27 +191,29 @@ def _swept_row(row: Row) -> SweptRow:
     )
 
 
-def _nest_row(row: Row) -> dict[str, Any]:
+def _nest_row_for_json(row: Row) -> dict[str, Any]:
     """A row as `run --json` gives it, with what was varied and the errors."""
     # logs that are replayed many times are not hashed
     left_out = ("losses", "notes", "recording", "fingerprint")
     told = {name: value for name, value in row.answer.to_dict().items() if name not in left_out}
-    return {"over": _type_columns(row), **told, **row.errors}
+    return {"over": _type_swept_columns(row), **told, **row.errors}
 
 
 def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     """A row a combination, a column a method and quantity; what was varied is a number or text."""
-    names = short_names(rows[0].over)
+    names = shorten_dotted_names(rows[0].over)
     flat = [
         {
             **{
-                names[key]: _cell_value(value, row.over[key])
-                for key, value in _type_columns(row).items()
+                names[key]: _value_for_file(value, row.over[key])
+                for key, value in _type_swept_columns(row).items()
             },
             **{
                 f"{method}_{name}": value
                 for name in ("mass_kg", "mass_std_kg", *row.errors)
-                for method, value in (row.errors.get(name) or _by_method(row, name)).items()
+                for method, value in (
+                    row.errors.get(name) or _quantity_by_method(row, name)
+                ).items()
             },
             **calibrated_mass(row),
             "accepted_share_1": row.answer.accepted_share,
@@ -241,7 +243,7 @@ def render_sweep(rows: Sequence[Row]) -> RenderableType:
 
     from replay.commands.print_tables import kg_text
 
-    masses = method_table(rows, _mass_text, ("used", "weighs"), _verdict_cells)
+    masses = method_table(rows, _format_mass, ("used", "weighs"), _make_verdict_cells)
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
     if calibrated_mass(rows[0]):
         parts += ["", "Calibrated mass and its interval, kg", calibrated_table(rows)]
@@ -260,10 +262,12 @@ def method_table(
     rest: Callable[[Row], Sequence[str]] = lambda _: (),
 ) -> Table:
     """A row a combination: what was varied, a cell a method, and more columns."""
-    from replay.commands.print_tables import plain_table
+    from replay.commands.print_tables import make_plain_table
 
-    methods = list(dict.fromkeys(method for row in rows for method in _by_method(row, "mass_kg")))
-    table = plain_table(*short_names(rows[0].over).values(), *methods, *more)
+    methods = list(
+        dict.fromkeys(method for row in rows for method in _quantity_by_method(row, "mass_kg"))
+    )
+    table = make_plain_table(*shorten_dotted_names(rows[0].over).values(), *methods, *more)
     if more:
         # the last is words
         table.columns[-1].justify = "left"
@@ -274,9 +278,11 @@ def method_table(
 
 def calibrated_table(rows: Sequence[Row]) -> Table:
     """A row a combination: the calibrated mass, or why there is none."""
-    from replay.commands.print_tables import kg_text, plain_table
+    from replay.commands.print_tables import kg_text, make_plain_table
 
-    table = plain_table(*short_names(rows[0].over).values(), "calibrated", "from", "to")
+    table = make_plain_table(
+        *shorten_dotted_names(rows[0].over).values(), "calibrated", "from", "to"
+    )
     table.add_column("", overflow="fold")
     for row in rows:
         mass, low, high, reason = calibrated_mass(row).values()
@@ -286,14 +292,14 @@ def calibrated_table(rows: Sequence[Row]) -> Table:
     return table
 
 
-def _mass_text(row: Row, method: str) -> str:
+def _format_mass(row: Row, method: str) -> str:
     from replay.commands.print_tables import kg_text
 
-    mass, std = (_by_method(row, name).get(method) for name in ("mass_kg", "mass_std_kg"))
+    mass, std = (_quantity_by_method(row, name).get(method) for name in ("mass_kg", "mass_std_kg"))
     return kg_text(mass) + ("" if std is None else f" ± {std:.1f}")
 
 
-def _verdict_cells(row: Row) -> Sequence[str]:
+def _make_verdict_cells(row: Row) -> Sequence[str]:
     failed = _failed_checks(row)
     loads = len(row.answer.loads)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
@@ -309,30 +315,30 @@ def _failed_checks(row: Row) -> list[str]:
     return [check.check for check in (*verdict.failed("mass"), *verdict.failed("inertia"))]
 
 
-def _by_method(row: Row, quantity: str) -> Mapping[str, float | None]:
+def _quantity_by_method(row: Row, quantity: str) -> Mapping[str, float | None]:
     """A quantity of the answer; a log without masses has none."""
     return row.answer.rows[0].quantities[quantity] if row.answer.rows else {}
 
 
-def _type_columns(row: Row) -> dict[str, Any]:
+def _type_swept_columns(row: Row) -> dict[str, Any]:
     from replay.machines.toml_file import read_value
 
     return {key: read_value(text) for key, text in row.over.items()}
 
 
-def _cell_value(value: Any, written: str) -> Any:
+def _value_for_file(value: Any, written: str) -> Any:
     """A value for a column that a file may hold: a list or table as it was written."""
     return written if isinstance(value, list | dict) else value
 
 
-def short_names(keys: Iterable[str]) -> dict[str, str]:
-    """What a table calls each dotted key: its last part, or all of it where two share that."""
+def shorten_dotted_names(keys: Iterable[str]) -> dict[str, str]:
+    """Short name of each dotted key: its last part, or all of it if two share that."""
     last = {key: key.rpartition(".")[2] for key in keys}
     shared = Counter(last.values())
     return {key: name if shared[name] == 1 else key for key, name in last.items()}
 
 
-def _render_text(shown: RenderableType) -> str:
+def _format_shown_value(shown: RenderableType) -> str:
     from io import StringIO
 
     from rich.console import Console

@@ -80,7 +80,7 @@ def command(
         _verify_list(first, key, signed=require_signed, as_json=as_json)
         return
     if more and previous is not None:
-        raise typer.BadParameter("--previous is of one folder; name it among the others")
+        raise typer.BadParameter("--previous needs a single folder; name it among the others")
     check = (
         partial(verify_chain, folders) if more else partial(verify_bundle, first, previous=previous)
     )
@@ -116,14 +116,14 @@ def _write_page(folders: list[Path], output: Path | None, *, force: bool) -> Non
 
 def _verify_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:
     """Check a notary's list."""
-    from replay.commands.print_tables import console, print_json, print_line
+    from replay.commands.print_tables import print_json, print_line, stdout_console
     from replay.notary.verify_list import UNSEEN, verify_list
 
     found = verify_list(path, key_file=key, signed=signed)
     if as_json:
         print_json(found.to_dict())
     else:
-        screen = console()
+        screen = stdout_console()
         for finding in found.findings:
             print_line(screen, str(finding), "[bold red]!![/] ")
         for note in found.notes:
@@ -137,9 +137,9 @@ def _verify_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -
 
 
 def _print_chain(found: "VerifiedChain") -> None:
-    from replay.commands.print_tables import console, print_line
+    from replay.commands.print_tables import print_line, stdout_console
 
-    screen = console()
+    screen = stdout_console()
     for made in found.bundles:
         _print(made)
         screen.print()
@@ -151,9 +151,9 @@ def _print_chain(found: "VerifiedChain") -> None:
 
 
 def _print(found: "Verification") -> None:
-    from replay.commands.print_tables import console, print_line
+    from replay.commands.print_tables import print_line, stdout_console
 
-    screen = console()
+    screen = stdout_console()
     for finding in found.findings:
         print_line(screen, str(finding), "[bold red]!![/] ")
     for done in found.done:

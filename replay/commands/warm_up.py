@@ -6,7 +6,9 @@ import typer
 
 
 def command(
-    force: Annotated[bool, typer.Option(help="Go through all of it all the same.")] = False,
+    force: Annotated[
+        bool, typer.Option(help=("Compile all loops again, even if they are cached."))
+    ] = False,
 ) -> None:
     """Compile the numerical code ahead: a minute and a half, once a version.
 

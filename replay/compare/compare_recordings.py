@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import polars as pl
 
-from analysis.compare.run_comparison import Comparison, compare, same_inputs
+from analysis.compare.run_comparison import Comparison, compare_runs, same_inputs
 from analysis.model.run_record import Provenance, Run
 from estimators.errors import RecordingError
 from estimators.file_digest import file_sha256
@@ -119,7 +119,7 @@ def compare_recordings(
                 "SHA-256), so that their rows do not correspond; --other-logs compares settings, "
                 "masses and verdict alone"
             )
-        found = compare(mine, theirs, rtol=rtol, rows=not other_logs)
+        found = compare_runs(mine, theirs, rtol=rtol, rows=not other_logs)
         if output.path is not None:
             from recordings.compare.overlay_recording import comparison_text, write_overlay
 
@@ -138,12 +138,12 @@ def are_of_one_log(mine: RecordedRun, theirs: RecordedRun) -> bool:
     """Whether both are replays of the same bytes, or one is a replay of the other."""
     return (
         same_inputs(mine.provenance, theirs.provenance)
-        or is_replay_of(mine.path, theirs.provenance)
-        or is_replay_of(theirs.path, mine.provenance)
+        or is_replay_of_recording(mine.path, theirs.provenance)
+        or is_replay_of_recording(theirs.path, mine.provenance)
     )
 
 
-def is_replay_of(recording: Path, by: Provenance) -> bool:
+def is_replay_of_recording(recording: Path, by: Provenance) -> bool:
     """Whether a replay is of this recording."""
     # a shift takes a second to read: most others are told by their size
     if [each.size_bytes for each in by.inputs] != [recording.stat().st_size]:

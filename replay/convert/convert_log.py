@@ -47,7 +47,7 @@ _STAMP: Final = "header_stamp_ns"
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """What was converted.
+    """Result of a conversion.
 
     Attributes:
         folder: where.
@@ -65,16 +65,16 @@ class Conversion:
 
     @property
     def rows(self) -> int:
-        """Of all topics."""
+        """Number of rows written, over all topics."""
         return sum(part.rows for topic in self.topics for part in topic.parts)
 
     @property
     def size_bytes(self) -> int:
-        """Of all parts."""
+        """Size of all parts."""
         return sum(part.size_bytes for topic in self.topics for part in topic.parts)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The fields as plain JSON values."""
         return {
             "folder": str(self.folder),
             "rows": self.rows,
@@ -127,18 +127,18 @@ def convert_log(
     making = RunningConversion(log, topics)
     try:
         with unfinished_folder(target) as folder:
-            done, taken_up = making.spans(folder, span_messages, on_span)
+            done, taken_up = making.convert_by_spans(folder, span_messages, on_span)
             described = making.describe(folder, done)
             kept = {part.file for topic in described.topics for part in topic.parts}
             folder.drop_records(kept)
             write_file_whole(folder.path / DESCRIPTION, described.model_dump_json(indent=1))
-            _replace(folder.path, target)
+            _replace_folder(folder.path, target)
     except OSError as error:
         raise OutputError(f"{target}: cannot be written ({error.strerror or error})") from None
     return Conversion(target, described.topics, described.losses, len(done), taken_up)
 
 
-def _replace(made: Path, target: Path) -> None:
+def _replace_folder(made: Path, target: Path) -> None:
     """Give what was made its name; what had it before goes when that is done."""
     before = made / ".replaced"
     if target.exists():
@@ -162,16 +162,16 @@ class RunningConversion:
         chosen = dict.fromkeys(topics or self._summaries)
         self._summaries = {t: row for t, row in self._summaries.items() if t in chosen}
         decoded = [t for t, row in self._summaries.items() if row["problem"] is None]
-        self._fields = {t: _fields_of(log, t) for t in decoded}
-        self._folders = _folder_names(decoded)
+        self._fields = {t: _list_converted_fields(log, t) for t in decoded}
+        self._folders = _name_topic_folders(decoded)
         self._faults: dict[str, str] = {}
         self._files = tuple(
             SourceFile(name=path.name, size_bytes=path.stat().st_size, sha256=digest)
             for path, digest in zip(log.files, log.digests, strict=True)
         )
-        self._schemas = {t: self._schema(t) for t in decoded}
+        self._schemas = {t: self._make_topic_schema(t) for t in decoded}
 
-    def spans(
+    def convert_by_spans(
         self, folder: UnfinishedFolder, span_messages: int, on_span: Callable[[str], None]
     ) -> tuple[list[_Parts], int]:
         """Go through the log span by span, or in one go where that may give other rows.
@@ -197,7 +197,7 @@ class RunningConversion:
                 parts = self._convert_span(folder.path, number, first, last)
                 if self._faults or self._log.losses():
                     break
-                done.append(folder.add(number, parts).parts)
+                done.append(folder.add_finished_part(number, parts).parts)
             else:
                 if self._is_complete(done):
                     return done, taken_up
@@ -229,13 +229,13 @@ class RunningConversion:
             scanned = self._log.scan_many(names, self._faults, first_ns, last_ns)
             for topic, rows in scanned:
                 if topic not in writers:
-                    file = self._part_name(topic, number)
+                    file = self._name_part(topic, number)
                     writer = PartWriter(folder, file, self._schemas[topic])
                     writers[topic] = open_files.enter_context(writer)
                 writers[topic].write(rows)
             return {topic: writer.close() for topic, writer in sorted(writers.items())}
 
-    def _part_name(self, topic: str, number: int) -> str:
+    def _name_part(self, topic: str, number: int) -> str:
         return f"{self._folders[topic]}/part-{number:05}.parquet"
 
     def _is_complete(self, done: Sequence[_Parts]) -> bool:
@@ -255,7 +255,7 @@ class RunningConversion:
                 continue
             parts = [each[topic] for each in done if topic in each]
             if not parts:
-                writer = PartWriter(folder.path, self._part_name(topic, 0), self._schemas[topic])
+                writer = PartWriter(folder.path, self._name_part(topic, 0), self._schemas[topic])
                 parts = [writer.close()]
             topics.append(
                 ConvertedTopic(
@@ -276,7 +276,7 @@ class RunningConversion:
             notes=self._log.notes(),
         )
 
-    def _schema(self, topic: str) -> "pa.Schema":
+    def _make_topic_schema(self, topic: str) -> "pa.Schema":
         """The columns of a topic, with what a reader of the file alone should know."""
         log, summary = self._log, self._summaries[topic]
         leaves = log.leaf_fields(topic, [field.name for field in self._fields[topic]])
@@ -298,7 +298,7 @@ class RunningConversion:
         return arrow_schema(schema, {LOG_TIME: "ns", _STAMP: "ns", **units}, named)
 
 
-def _fields_of(log: Log, topic: str) -> tuple[ConvertedField, ...]:
+def _list_converted_fields(log: Log, topic: str) -> tuple[ConvertedField, ...]:
     units = log.units(topic)
     return tuple(
         ConvertedField(
@@ -312,7 +312,7 @@ def _fields_of(log: Log, topic: str) -> tuple[ConvertedField, ...]:
     )
 
 
-def _folder_names(topics: Sequence[str]) -> dict[str, str]:
+def _name_topic_folders(topics: Sequence[str]) -> dict[str, str]:
     """A folder a topic, in letters, digits and underscores, no two alike."""
     found: dict[str, str] = {}
     taken: set[str] = set()

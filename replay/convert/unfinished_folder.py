@@ -106,7 +106,7 @@ class PartWriter:
 
 
 class ConversionPlan(BaseModel):
-    """What a conversion is of: another plan has other parts."""
+    """Plan of a conversion; another plan has other parts."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -146,16 +146,16 @@ class UnfinishedFolder:
             write_file_whole(self.path / _PLAN, plan.model_dump_json(indent=1))
             return []
         done: list[DoneSpan] = []
-        while span := load_json(self.path / _record_name(len(done)), DoneSpan):
+        while span := load_json(self.path / _name_record(len(done)), DoneSpan):
             if not all((self.path / part.file).is_file() for part in span.parts.values()):
                 break
             done.append(span)
         return done
 
-    def add(self, number: int, parts: dict[str, ConvertedPart]) -> DoneSpan:
+    def add_finished_part(self, number: int, parts: dict[str, ConvertedPart]) -> DoneSpan:
         """Note that a span is done."""
         span = DoneSpan(parts=parts)
-        write_file_whole(self.path / _record_name(number), span.model_dump_json(indent=1))
+        write_file_whole(self.path / _name_record(number), span.model_dump_json(indent=1))
         return span
 
     def clear(self) -> None:
@@ -204,12 +204,12 @@ def write_file_whole(path: Path, text: str) -> None:
     partial.replace(path)
 
 
-def _record_name(number: int) -> str:
+def _name_record(number: int) -> str:
     return f"span-{number:05}.json"
 
 
 def load_json(path: Path, model: type[_Model]) -> _Model | None:
-    """What was written, or None where it is not there or of another version."""
+    """Read a written file; None if it is missing or of another version."""
     try:
         return model.model_validate_json(path.read_bytes())
     except (FileNotFoundError, ValidationError):

@@ -17,7 +17,7 @@ from analysis.calibration.campaign.by_method import (
     calibration_frame,
     method_rows,
 )
-from analysis.calibration.campaign.campaign_readings import run_estimates
+from analysis.calibration.campaign.campaign_readings import average_readings_by_run
 from analysis.calibration.campaign.method_errors import rms_errors
 from analysis.model.answer import JOINT, Answer, answer
 from analysis.simulation import Scenario
@@ -27,16 +27,16 @@ from recordings import plot_run, write_recording
 from recordings.report.atomic_output import atomic_file, check_folder, check_output
 from recordings.signatures.signing import make_key_pair
 from replay.calibration.apply_evidence import CalibrationRequest
-from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import STAGES, run
 from replay.review.review_folder import check_review_folder
-from replay.review.review_shift import ReviewOptions, review
+from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
 from replay.simulation.log_truth import true_trials, truth_path
-from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate
+from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate_scenario
 
 _HEAD = """\
 # The demo's calibration: simulated logs. The certificates are examples and stand for none:
@@ -110,7 +110,7 @@ _TARGET_KG: Final = 200.0
 
 @dataclass(frozen=True, slots=True)
 class Demo:
-    """What the demo found, and the files it made."""
+    """Results of the demo, and the files it made."""
 
     calibrated: CalibrationOutcome
     verified: Verification
@@ -121,7 +121,7 @@ class Demo:
     files: tuple[Path, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values."""
+        """The fields as plain values."""
         return {
             "evidence": self.calibrated.to_dict(),
             "verified": self.verified.to_dict(),
@@ -156,7 +156,7 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
     campaign_file, evidence = folder / "calibration.toml", folder / "evidence"
     shift, page = folder / "shift.mcap", folder / "review"
     keys = folder / "key.pem", folder / "key.pub.pem"
-    scenario = Scenario().seeded(seed)
+    scenario = Scenario().with_seed(seed)
     hauling = scenario.model_copy(update={"shift": _SHIFT})
     hauled, truth = log_paths(hauling, shift), shift_truth_path(shift)
     for output in (machine_file, campaign_file, *keys, recording, picture, *hauled, truth):
@@ -169,7 +169,7 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
     with atomic_file(machine_file, force=force) as partial:
         shutil.copyfile(machine_path(_MACHINE), partial)
     on_stage("simulate")
-    logs = simulate(scenario, folder / "campaign.bag", force=force)
+    logs = simulate_scenario(scenario, folder / "campaign.bag", force=force)
     with atomic_file(campaign_file, force=force) as partial:
         partial.write_text(demo_campaign(scenario, logs, machine_file.name), encoding="utf-8")
     for path, half in zip(keys, make_key_pair(), strict=True):
@@ -177,7 +177,7 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
             partial.touch(mode=0o600)
             partial.write_bytes(half)
     on_stage("calibrate")
-    calibrated = calibrate(campaign_file, evidence, key_file=keys[0], force=force)
+    calibrated = calibrate_from_campaign(campaign_file, evidence, key_file=keys[0], force=force)
     on_stage("verify")
     verified = verify_bundle(evidence, key_file=keys[1], on=calibrated.document.expires)
     replayed = replay_campaign(logs, load_machine(machine_file), on_stage)
@@ -186,10 +186,10 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
     write_recording(replayed, recording, force=force)
     plot_run(replayed, picture, force=force)
     on_stage("review")
-    simulate(hauling, shift, force=force)
+    simulate_scenario(hauling, shift, force=force)
     by = CalibrationRequest(evidence, keys[1], signed=True)
     asked = ReviewOptions(calibration=by, target_kg=_TARGET_KG)
-    reviewed = review(hauled, machine_file, page, asked)
+    reviewed = review_shift(hauled, machine_file, page, asked)
     return Demo(
         calibrated,
         verified,
@@ -222,7 +222,7 @@ def replay_campaign(
     with ExitStack() as stack:
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         replayed = run(opened, machine, on_stage)
-    calibration = calibrate_methods(run_estimates(replayed, true_trials(logs)))
+    calibration = calibrate_methods(average_readings_by_run(replayed, true_trials(logs)))
     frames = {**replayed.frames, "calibration": calibration}
     return replace(replayed, frames=frames).with_fingerprint()
 

@@ -29,7 +29,7 @@ _RECURSIVE: Final = ("estimates/rls", "estimates/rtls")
 
 @dataclass(frozen=True, slots=True)
 class ExplainRequest:
-    """What is to be explained.
+    """Request for an explanation.
 
     Attributes:
         path: a recording, or a log.
@@ -142,7 +142,7 @@ def _is_other_machine(held: OpenRecording, machine: Machine) -> bool:
 
 
 def read_explained_frames(held: OpenRecording, *, pictured: bool) -> Run:
-    """What an explanation looks at, and a picture shows: a shift is much more."""
+    """Read the frames of an explanation or a picture, a small part of a shift."""
     held.refuse_without_stages()
     wanted: dict[str, Sequence[str]] = {}
     for name, columns in held.stages.items():

@@ -16,8 +16,8 @@ from analysis.model.answer import Answer, answer
 from analysis.model.run_record import Run
 from analysis.model.schema import values
 from estimators.errors import DataError, MachineError
-from recordings.report.finding_text import findings_of
-from replay.explain.mended_file import Proposal, proposals
+from recordings.report.finding_text import findings_of_run
+from replay.explain.mended_file import Proposal, proposals_of_finding
 
 #: By how much the uncertainty may grow for a cause that hardly moves the mass.
 _WIDER: Final = 1.05
@@ -51,17 +51,17 @@ class ProposalTrial:
     before: Run
     after: Run
 
-    def objection(self) -> str:
+    def find_objection(self) -> str:
         """Why the replay with it is no better on the whole log; empty where it is."""
         was, now = answer(self.before), answer(self.after)
         open_before = was.verdict.can_weigh
         if open_before and not now.verdict.can_weigh:
             return "the log could no longer weigh"
-        still = matching_finding(self.finding, self.after)
+        still = find_matching_finding(self.finding, self.after)
         claimed = is_change_as_claimed(was, now, self.finding)
         if still is not None and not is_cause_reduced(still, self.finding, as_claimed=claimed):
             return "the log still shows it"
-        by_mass = self._against_empty_mass(was, now)
+        by_mass = self._object_by_empty_mass(was, now)
         if by_mass:
             return by_mass
         if not open_before:
@@ -73,10 +73,10 @@ class ProposalTrial:
             return "the uncertainty would grow"
         return ""
 
-    def _against_empty_mass(self, was: Answer, now: Answer) -> str:
-        """What the mass of the empty machine, and gravity at rest, say against it."""
+    def _object_by_empty_mass(self, was: Answer, now: Answer) -> str:
+        """Objection by the empty machine's mass or gravity at rest."""
         empty_kg = self.before.provenance.machine["machine"].get("empty_mass_kg")
-        one, other = _lightest_load(was), _lightest_load(now)
+        one, other = _find_lightest_load(was), _find_lightest_load(now)
         nearer = False
         if empty_kg and one is not None and other is not None:
             off, now_off = abs(one[0] - empty_kg), abs(other[0] - empty_kg)
@@ -116,18 +116,18 @@ def held_out_objection(
         return "the log is too short to try it on stretches that it was not fitted to"
     first, second = (None, middle_ns), (middle_ns + 1, None)
     try:
-        fitted = matching_finding(finding, replay((), first))
+        fitted = find_matching_finding(finding, replay((), first))
         if fitted is None:
             return "the first half of the log does not show it"
         unchanged = replay((), second)
-        seen = matching_finding(finding, unchanged)
+        seen = find_matching_finding(finding, unchanged)
         if seen is None:
             return "the second half of the log does not show it"
-        changed = replay(proposals(fitted), second)
+        changed = replay(proposals_of_finding(fitted), second)
     except (DataError, MachineError):
         return "a half of the log is too short to try it on"
     was, now = answer(unchanged), answer(changed)
-    left = matching_finding(finding, changed)
+    left = find_matching_finding(finding, changed)
     claimed = is_change_as_claimed(was, now, seen)
     if left is not None and not is_cause_reduced(left, seen, as_claimed=claimed):
         return "found in the first half of the log, it does not mend the second"
@@ -136,10 +136,10 @@ def held_out_objection(
     return ""
 
 
-def matching_finding(finding: Finding, run: Run) -> Finding | None:
+def find_matching_finding(finding: Finding, run: Run) -> Finding | None:
     """The finding of a cause with a proposal for the same keys."""
     keys = finding.setting
-    shown = (each for each in findings_of(run) if each.cause == finding.cause)
+    shown = (each for each in findings_of_run(run) if each.cause == finding.cause)
     return next((each for each in shown if each.setting == keys), None)
 
 
@@ -166,7 +166,7 @@ def failed_checks(said: Answer) -> set[str]:
     }
 
 
-def _lightest_load(said: Answer) -> tuple[float, float] | None:
+def _find_lightest_load(said: Answer) -> tuple[float, float] | None:
     known = [(row["mass_kg"], row["u_kg"]) for row in said.loads if row["mass_kg"] is not None]
     return min(known, default=None)
 

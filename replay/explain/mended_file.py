@@ -8,7 +8,7 @@ from typing import Any
 
 from analysis.explain import Finding
 from estimators.errors import MachineError, one_line
-from recordings.report.finding_text import change_of, name_of
+from recordings.report.finding_text import cause_name, mass_change_text
 from replay.machines.old_names import BothNamesError, migrate_text
 
 
@@ -33,15 +33,17 @@ class Proposal:
     change_u_kg: float | None = None
 
 
-def proposals(finding: Finding) -> tuple[Proposal, ...]:
-    """What a finding proposes, a key each; nothing where there is nothing to write."""
+def proposals_of_finding(finding: Finding) -> tuple[Proposal, ...]:
+    """Proposals of a finding, a key each; none if there is nothing to write."""
     if not finding.has_proposal:
         return ()
     keys = [key.strip() for key in str(finding.setting).split(",")]
-    values = _parse_values(str(finding.value))
+    values = _parse_toml_values(str(finding.value))
     if len(keys) != len(values):
         return ()
-    said = "; ".join(filter(None, (name_of(finding.cause), finding.evidence, change_of(finding))))
+    said = "; ".join(
+        filter(None, (cause_name(finding.cause), finding.evidence, mass_change_text(finding)))
+    )
     return tuple(
         Proposal(
             key,
@@ -55,7 +57,7 @@ def proposals(finding: Finding) -> tuple[Proposal, ...]:
     )
 
 
-def _parse_values(text: str) -> list[Any]:
+def _parse_toml_values(text: str) -> list[Any]:
     """Values by commas, each as TOML; none where they are not."""
     try:
         return tomllib.loads(f"values = [{text}]")["values"]
@@ -105,7 +107,7 @@ def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
 
 
 def _change_comment(place: Any, name: str, why: str) -> str:
-    """What stands behind a key: the user's own words, why it changed, and what it was."""
+    """Comment behind a key: the user's words, why it changed, and its old value."""
     import tomlkit
     from tomlkit.items import Table
 

@@ -22,9 +22,9 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
 from recordings.report.atomic_output import atomic_file
-from recordings.report.finding_text import findings_of, name_of
+from recordings.report.finding_text import cause_name, findings_of_run
 from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection
-from replay.explain.mended_file import Proposal, proposals, write_proposals
+from replay.explain.mended_file import Proposal, proposals_of_finding, write_proposals
 from replay.inputs.cached_log import CachedLog, LogPart
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import Log, open_log
@@ -65,7 +65,7 @@ class RejectedProposal:
 
 @dataclass(frozen=True)
 class MendedMachine:
-    """What a mended machine file does.
+    """A mended machine file and its effect.
 
     Attributes:
         path: of the file; None where nothing pays, so that none was written.
@@ -126,7 +126,7 @@ class Replays:
 
 @dataclass
 class Progress:
-    """What was kept so far, and what not.
+    """Proposals kept and rejected so far.
 
     Attributes:
         run: the replay with what was kept.
@@ -163,7 +163,7 @@ def mend_machine_file(
         PayscopeError: the machine file cannot be read, or the output not written.
     """
     file = machine_path(source.path)
-    text = _read_text(file)
+    text = _read_machine_text(file)
     machine = load_machine(source.path, source.overrides)
     with (
         open_log(path, time=time_axis(machine)) as opened,
@@ -196,28 +196,30 @@ def try_all_proposals(before: Run, replays: Replays) -> Progress:
     """
     tried = Progress(before)
     for _ in range(_MOST):
-        finding = _next_proposal(tried)
+        finding = _find_next_proposal(tried)
         if finding is None:
             break
         try_proposal(tried, finding, replays)
     behind = list_masked(tried)
     tried.taken_back += [
         RejectedProposal(
-            proposals(each)[0], f"{name_of(behind[each.cause])} explains it, and stays"
+            proposals_of_finding(each)[0],
+            f"{cause_name(behind[each.cause])} explains it, and stays",
         )
         for each in list_untried(tried)
         if each.cause in behind
     ]
     if tried.changes and not answer(tried.run).verdict.can_weigh:
         tried.taken_back += [
-            RejectedProposal(each, "the mass stays withheld") for each in _first_keys(tried.changes)
+            RejectedProposal(each, "the mass stays withheld")
+            for each in _first_proposal_of_each_cause(tried.changes)
         ]
         return Progress(before, taken_back=tried.taken_back)
     take_back_needless(tried, replays)
     return tried
 
 
-def _first_keys(changes: Sequence[Proposal]) -> list[Proposal]:
+def _first_proposal_of_each_cause(changes: Sequence[Proposal]) -> list[Proposal]:
     """The first key of each cause."""
     return list({each.cause: each for each in reversed(changes)}.values())[::-1]
 
@@ -230,21 +232,21 @@ def take_back_needless(tried: Progress, replays: Replays) -> None:
             without = replays.run(others)
         except (DataError, MachineError):
             continue
-        shown = {each.cause for each in findings_of(without)}
+        shown = {each.cause for each in findings_of_run(without)}
         if answer(without).verdict.can_weigh and finding.cause not in shown:
             own = next(each for each in tried.changes if each.cause == finding.cause)
             tried.taken_back.append(RejectedProposal(own, "the log weighs as well without it"))
             tried.changes, tried.run = others, without
 
 
-def _read_text(file: Path) -> str:
+def _read_machine_text(file: Path) -> str:
     try:
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise MachineError(f"{file}: cannot be read ({error})") from None
 
 
-def _next_proposal(tried: Progress) -> Finding | None:
+def _find_next_proposal(tried: Progress) -> Finding | None:
     """The likeliest cause that has a proposal, was not tried, and stands behind none that stays."""
     return next(
         (each for each in list_untried(tried) if each.cause not in list_masked(tried)), None
@@ -253,8 +255,12 @@ def _next_proposal(tried: Progress) -> Finding | None:
 
 def list_untried(tried: Progress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
-    shown = findings_of(tried.run)
-    return [each for each in shown if _finding_key(each) not in tried.seen and proposals(each)]
+    shown = findings_of_run(tried.run)
+    return [
+        each
+        for each in shown
+        if _finding_key(each) not in tried.seen and proposals_of_finding(each)
+    ]
 
 
 def list_masked(tried: Progress) -> dict[str, str]:
@@ -265,7 +271,7 @@ def list_masked(tried: Progress) -> dict[str, str]:
     # the table brings all that looks for causes
     from analysis.findings import CAUSES
 
-    shown = findings_of(tried.run)
+    shown = findings_of_run(tried.run)
     untried = {_finding_key(each) for each in list_untried(tried)}
     stays = {each.cause for each in shown if _finding_key(each) not in untried}
     ranks = {each.cause: each.rank for each in reversed(shown)}
@@ -289,10 +295,10 @@ def _finding_key(finding: Finding) -> tuple[str, str | None]:
 def try_proposal(tried: Progress, finding: Finding, replays: Replays) -> None:
     """Replay with a proposal, and keep it or take it back."""
     tried.seen.add(_finding_key(finding))
-    changes = list(proposals(finding))
+    changes = list(proposals_of_finding(finding))
     try:
         replayed = replays.run([*tried.changes, *changes])
-        why = ProposalTrial(finding, tried.run, replayed).objection() or held_out_objection(
+        why = ProposalTrial(finding, tried.run, replayed).find_objection() or held_out_objection(
             finding,
             tried.run,
             replays.span_ns,
@@ -317,5 +323,5 @@ def _mended_machine(path: Path | None, tried: Progress, before: Run) -> MendedMa
         tuple(tried.taken_back),
         answer(before),
         answer(tried.run),
-        findings_of(tried.run),
+        findings_of_run(tried.run),
     )

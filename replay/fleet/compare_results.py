@@ -15,7 +15,7 @@ from analysis.fleet.results_comparison import FleetComparison, compare_results
 from estimators.errors import FleetError
 from replay.fleet.gathered_tables import FleetResults, fleet_results
 from replay.fleet.last_run import LastRun, NamedFiles, TaskLimits
-from replay.fleet.log_sources import FleetLog, fleet_logs
+from replay.fleet.log_sources import FleetLog, list_fleet_logs
 from replay.fleet.machine_setups import MachineSetup, machine_setups
 from replay.fleet.run_fleet import FleetRun, OnDone, fleet_run
 from replay.fleet.task_engine import Engine
@@ -32,7 +32,7 @@ class DayRange:
     first: dt.date | None = None
     last: dt.date | None = None
 
-    def of(self, results: pl.DataFrame) -> pl.DataFrame:
+    def select_results(self, results: pl.DataFrame) -> pl.DataFrame:
         """The results of these days; of all where both ends are open."""
         if self.first is None and self.last is None:
             return results
@@ -78,10 +78,10 @@ class OtherSettings:
 
     @property
     def limits(self) -> TaskLimits:
-        """What one recording may take."""
+        """Limits of one recording."""
         return self.last.limits
 
-    def setups_of(self, log: str) -> tuple[MachineSetup, ...]:
+    def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
         """How a log is to be replayed; evidence that does not fit the settings is left out."""
         machine = self.machines[log]
         if machine not in self.last.machines:
@@ -102,7 +102,7 @@ def fleet_compare(a: FleetResults, b: FleetResults, days: DayRange) -> FleetComp
     Raises:
         FleetError: no log is in both.
     """
-    found = compare_results(days.of(a.results), days.of(b.results))
+    found = compare_results(days.select_results(a.results), days.select_results(b.results))
     if found.logs.is_empty():
         raise FleetError(
             f"{a.store.place} and {b.store.place}: have no log in common on these days"
@@ -132,13 +132,13 @@ def replay_with_settings(
     Raises:
         FleetError: none of the logs is there any more.
     """
-    rows = days.of(results.results).select("source", "machine")
+    rows = days.select_results(results.results).select("source", "machine")
     machines: dict[str, str] = dict(rows.iter_rows())
     logs: list[FleetLog] = []
     gone = 0
     for source in machines:
         try:
-            logs += fleet_logs([source])
+            logs += list_fleet_logs([source])
         except FleetError:
             gone += 1
     if not logs:

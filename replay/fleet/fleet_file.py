@@ -56,9 +56,9 @@ class MachineRule(BaseModel):
     )
     overrides: tuple[str, ...] = Field((), description="`key=value`, of the machine file")
 
-    def machine_of(self, log: str) -> str | None:
+    def machine_of_log(self, log: str) -> str | None:
         """The machine of a log; None where the rule does not fit."""
-        found = _pattern(self.logs).search(log)
+        found = _compile_path_pattern(self.logs).search(log)
         if found is None:
             return None
         return found.groupdict().get("machine") or self.name
@@ -95,10 +95,10 @@ class Fleet:
 
     @property
     def limits(self) -> TaskLimits:
-        """What one recording may take."""
+        """Limits of one recording."""
         return self.rules.limits
 
-    def setups_of(self, log: str) -> tuple[MachineSetup, ...]:
+    def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
         """How a log is to be replayed: under one of the machine's calibrations, or none.
 
         Raises:
@@ -106,13 +106,13 @@ class Fleet:
             PayscopeError: the machine file or evidence that the rule names is wrong.
         """
         for rule in self.rules.machines:
-            name = rule.machine_of(log)
+            name = rule.machine_of_log(log)
             if name is not None:
-                return self._setups(rule, name)
+                return self._make_setups(rule, name)
         patterns = ", ".join(rule.logs for rule in self.rules.machines)
         raise FleetError(f"{log}: no rule of {self.path} fits it; its rules: {patterns}")
 
-    def _setups(self, rule: MachineRule, name: str) -> tuple[MachineSetup, ...]:
+    def _make_setups(self, rule: MachineRule, name: str) -> tuple[MachineSetup, ...]:
         file = rule.file.replace(NAME, name)
         beside = (self.path.parent / file).absolute()
         file = str(beside) if beside.exists() else file
@@ -132,8 +132,8 @@ def _setups_of_rule(name: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
 
 
 @cache
-def _pattern(text: str) -> re.Pattern[str]:
-    """Of the end of a path: from a slash, or from its beginning."""
+def _compile_path_pattern(text: str) -> re.Pattern[str]:
+    """Compile a pattern that matches the end of a path, from a slash or from its beginning."""
     end = 0
     found: list[str] = []
     for part in _PART.finditer(text):

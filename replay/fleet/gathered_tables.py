@@ -44,9 +44,9 @@ class FleetResults:
 
     @cached_property
     def names(self) -> Mapping[str, Sequence[ResultName]]:
-        """Of every machine the results that are there, by day and key."""
+        """Existing results of every machine, by day and key."""
         found: dict[str, list[ResultName]] = {}
-        for each in self.store.names(MARK):
+        for each in self.store.list_names(MARK):
             name = parse_result_name(each)
             if name is not None:
                 found.setdefault(name.machine, []).append(name)
@@ -54,9 +54,9 @@ class FleetResults:
 
     @cached_property
     def _gathered(self) -> Mapping[str, str]:
-        """Of every machine the folder of its gathered tables, which are up to date."""
+        """Folder of the up-to-date gathered tables of every machine."""
         there: dict[str, list[str]] = {}
-        for each in self.store.names(_GATHERED):
+        for each in self.store.list_names(_GATHERED):
             folder, _, name = each.rpartition("/")
             if name == f"{MARK}.parquet":  # written last
                 there.setdefault(folder.rpartition("/")[0], []).append(folder)
@@ -66,7 +66,7 @@ class FleetResults:
             wanted = f"{home}/{_results_digest(names)}"
             old = there.get(home, [])
             if wanted not in old:
-                self._gather(wanted, names, old)
+                self._gather_machine(wanted, names, old)
             found[machine] = wanted
         return found
 
@@ -74,28 +74,28 @@ class FleetResults:
         """Bring what is gathered up to date."""
         _ = self._gathered
 
-    def _gather(self, folder: str, names: Sequence[ResultName], old: Sequence[str]) -> None:
+    def _gather_machine(self, folder: str, names: Sequence[ResultName], old: Sequence[str]) -> None:
         """Gather the results of one machine."""
         keys = {name.key for name in names}
         known: set[str] = set()
         base = ""
         for each in old:
-            held = set(self._read(f"{each}/{MARK}.parquet")["key"])
+            held = set(self._read_table(f"{each}/{MARK}.parquet")["key"])
             if held <= keys and len(held) >= len(known):
                 base, known = each, held
         new = [name for name in names if name.key not in known]
         for table in TABLES:
-            parts = self.store.read_some(name.table(table) for name in new)
+            parts = self.store.read_some(name.table_object_name(table) for name in new)
             frames = [pl.read_parquet(io.BytesIO(part)) for part in parts if part is not None]
             if base:
-                frames.insert(0, self._read(f"{base}/{table}.parquet"))
+                frames.insert(0, self._read_table(f"{base}/{table}.parquet"))
             # rows of one result keep their order
             whole = pl.concat([pl.DataFrame(schema=table_schema(table)), *frames])
             ordered = whole.sort(_ORDER, maintain_order=True, nulls_last=True)
             self.store.write(f"{folder}/{table}.parquet", parquet_bytes(ordered))
         self.store.delete([f"{each}/{table}.parquet" for each in old for table in TABLES])
 
-    def _read(self, name: str) -> pl.DataFrame:
+    def _read_table(self, name: str) -> pl.DataFrame:
         return pl.read_parquet(io.BytesIO(self.store.read(name)))
 
     def all_results(self, name: str) -> pl.LazyFrame:
@@ -133,9 +133,9 @@ class FleetResults:
 
     @cached_property
     def last_run(self) -> LastRun:
-        """What the last run was told."""
+        """Options of the last run."""
         try:
-            return LastRun.model_validate_json(self._read_or(CURRENT, b"{}"))
+            return LastRun.model_validate_json(self._read_or_empty(CURRENT, b"{}"))
         except ValidationError:
             place = self.store.full_name(CURRENT)
             raise FleetError(f"{place}: is not as payscope wrote it; run the fleet again") from None
@@ -143,15 +143,15 @@ class FleetResults:
     @cached_property
     def failed(self) -> dict[str, str]:
         """Recordings without a result, and why, by source."""
-        return json.loads(self._read_or(FAILED, b"{}"))
+        return json.loads(self._read_or_empty(FAILED, b"{}"))
 
     @cached_property
     def calibrations(self) -> list[FleetCalibration]:
         """Calibrations that were in use."""
-        kept = json.loads(self._read_or(CALIBRATIONS, b"[]"))
+        kept = json.loads(self._read_or_empty(CALIBRATIONS, b"[]"))
         return [FleetCalibration.model_validate(each) for each in kept]
 
-    def _read_or(self, name: str, nothing: bytes) -> bytes:
+    def _read_or_empty(self, name: str, nothing: bytes) -> bytes:
         try:
             return self.store.read(name)
         except FileNotFoundError:

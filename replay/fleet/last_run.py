@@ -1,4 +1,4 @@
-"""What the last run was told, beside the results: which settings count, and how to run again."""
+"""Options of the last run, stored beside the results to count settings and to run again."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -13,7 +13,7 @@ FAILED: Final = "failed.json"
 
 
 class TaskLimits(BaseModel):
-    """What one recording may take."""
+    """Limits of one recording."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -30,7 +30,7 @@ class TaskLimits(BaseModel):
 
 @dataclass(frozen=True)
 class NamedFiles:
-    """What a fleet file names for a machine.
+    """Files that a fleet file names for a machine.
 
     Attributes:
         file: machine file.
@@ -51,7 +51,7 @@ class CurrentMachine(BaseModel):
 
 
 class LastRun(BaseModel):
-    """What the last run was told, beside the results."""
+    """Options of the last run, stored beside the results."""
 
     fleet: str = "fleet"
     limits: TaskLimits = TaskLimits.model_validate({})

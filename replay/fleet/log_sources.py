@@ -7,8 +7,8 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from estimators.errors import FleetError
-from replay.fleet.object_store import S3, StoredObject, store_of
-from replay.logs import logs_among, logs_in
+from replay.fleet.object_store import S3, StoredObject, open_store_once
+from replay.logs import expand_log_folders, group_objects_by_log
 
 _MAGIC: Final = "*?["
 
@@ -32,7 +32,7 @@ class FleetLog:
     stamp: str
 
 
-def fleet_logs(sources: Sequence[str]) -> list[FleetLog]:
+def list_fleet_logs(sources: Sequence[str]) -> list[FleetLog]:
     """Every log that the sources name, once, by name.
 
     Args:
@@ -45,27 +45,29 @@ def fleet_logs(sources: Sequence[str]) -> list[FleetLog]:
     """
     found: dict[str, FleetLog] = {}
     for source in sources:
-        logs = _logs_of_bucket(source) if source.startswith(S3) else _logs_of_folder(source)
+        logs = (
+            _list_logs_of_bucket(source) if source.startswith(S3) else _list_logs_of_folder(source)
+        )
         if not logs:
             raise FleetError(f"{source}: no log there; name a log, a folder, a glob or s3://…")
         found |= {log.source: log for log in logs}
     return [found[name] for name in sorted(found)]
 
 
-def _logs_of_folder(source: str) -> list[FleetLog]:
+def _list_logs_of_folder(source: str) -> list[FleetLog]:
     named = [source]
     if any(each in source for each in _MAGIC) and not Path(source).exists():
         named = sorted(glob.glob(source, recursive=True))  # noqa: PTH207 - an absolute pattern
     paths = [Path(name).absolute() for name in named if Path(name).exists()]
-    return [_log_of_path(path) for path in logs_in(paths) if _is_log(path)]
+    return [_make_fleet_log_of_path(path) for path in expand_log_folders(paths) if _is_log(path)]
 
 
 def _is_log(path: Path) -> bool:
-    """Not so a folder that `logs_in` found no log in, and leaves for a reader to refuse."""
+    """Whether a path is a log: a file, or a folder with a metadata.yaml."""
     return not path.is_dir() or (path / "metadata.yaml").is_file()
 
 
-def _log_of_path(path: Path) -> FleetLog:
+def _make_fleet_log_of_path(path: Path) -> FleetLog:
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
     stats = [each.stat() for each in files]
     return FleetLog(
@@ -77,25 +79,25 @@ def _log_of_path(path: Path) -> FleetLog:
     )
 
 
-def _logs_of_bucket(source: str) -> list[FleetLog]:
+def _list_logs_of_bucket(source: str) -> list[FleetLog]:
     bucket, _, inside = source.removeprefix(S3).partition("/")
     place = f"{S3}{bucket}"
     fixed = inside
     for magic in _MAGIC:
         fixed = fixed.partition(magic)[0]
     folder = fixed if fixed == inside else fixed.rpartition("/")[0]
-    one = store_of(place).object(inside) if inside and fixed == inside else None
-    objects = [one] if one is not None else store_of(place).objects(folder.rstrip("/"))
+    one = open_store_once(place).find_object(inside) if inside and fixed == inside else None
+    objects = [one] if one is not None else open_store_once(place).list_objects(folder.rstrip("/"))
     by_name = {each.name: each for each in objects}
     if fixed != inside:
         by_name = {n: o for n, o in by_name.items() if PurePosixPath(n).match(inside)}
     return [
-        _log_of_objects(place, log, [by_name[name] for name in names])
-        for log, names in logs_among(list(by_name)).items()
+        _make_fleet_log_of_objects(place, log, [by_name[name] for name in names])
+        for log, names in group_objects_by_log(list(by_name)).items()
     ]
 
 
-def _log_of_objects(place: str, log: str, objects: list[StoredObject]) -> FleetLog:
+def _make_fleet_log_of_objects(place: str, log: str, objects: list[StoredObject]) -> FleetLog:
     return FleetLog(
         f"{place}/{log}",
         place,

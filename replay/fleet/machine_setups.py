@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from analysis.fleet.calibration_steps import FleetCalibration, fleet_calibration
+from analysis.fleet.calibration_steps import FleetCalibration, fit_fleet_calibration
 from analysis.fleet.fleet_tables import TABLES
 from analysis.model.machine import Machine
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -47,13 +47,13 @@ class MachineSetup:
     first: dt.date
     basis: str
 
-    def holds_on(self, day: dt.date | None) -> bool:
+    def applies_on_day(self, day: dt.date | None) -> bool:
         """Whether it is for logs of a day; None is an unknown one."""
         if self.by is None:
             return True
         return day is not None and self.first <= day <= self.by.document.expires
 
-    def day_of(self, unix_ns: int | None) -> dt.date | None:
+    def local_day(self, unix_ns: int | None) -> dt.date | None:
         """The day where the machine is; None without a date."""
         if unix_ns is None or unix_ns < FIRST_DATE_NS:
             return None
@@ -66,7 +66,7 @@ class MachineSetup:
             return None
         document = self.by.document
         days = (self.first, document.expires)
-        return fleet_calibration(self.name, document.id, days, self.by.calibration)
+        return fit_fleet_calibration(self.name, document.id, days, self.by.calibration)
 
 
 def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[MachineSetup, ...]:
@@ -100,14 +100,14 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
                 raise
             continue
         calibrations.append((by, weighing))
-    calibrations.sort(key=lambda each: last_campaign_day(each[0]), reverse=True)
+    calibrations.sort(key=lambda each: last_day_of_campaign(each[0]), reverse=True)
     calibrated = [_make_setup(name, files, weighing, by) for by, weighing in calibrations]
     return (*calibrated, _make_setup(name, files, machine, None))
 
 
 def setup_of_day(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
     """The setup of logs of a day: under the latest calibration that holds then, or under none."""
-    return next(each for each in setups if each.holds_on(day))
+    return next(each for each in setups if each.applies_on_day(day))
 
 
 def _make_setup(
@@ -123,11 +123,11 @@ def _make_setup(
         "versions": package_versions(),
     }
     basis = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
-    first = dt.date.min if by is None else last_campaign_day(by)
+    first = dt.date.min if by is None else last_day_of_campaign(by)
     return MachineSetup(name, files, machine, by, first, basis)
 
 
-def last_campaign_day(by: MachineCalibration) -> dt.date:
+def last_day_of_campaign(by: MachineCalibration) -> dt.date:
     """The last day of the campaign: from then on its line is the latest."""
     return max(run.day for run in by.document.campaign.runs)
 

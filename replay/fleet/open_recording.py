@@ -10,7 +10,7 @@ import polars as pl
 from estimators.errors import FleetError
 from recordings import write_recording
 from replay.fleet.gathered_tables import FleetResults
-from replay.fleet.log_sources import fleet_logs
+from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.machine_setups import machine_setups, setup_of_day
 from replay.fleet.recording_task import fetch_log, replay_log
 from replay.fleet.results_layout import ResultName
@@ -39,7 +39,7 @@ def recording_of_result(results: FleetResults, key: str) -> Generator[Path]:
     store = results.store
     with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
         recording = Path(folder) / f"{name.key}.rrd"
-        if store.has(name.recording):
+        if store.has_object(name.recording):
             store.fetch(name.recording, recording)
         else:
             _find_recording(results, row["source"], name.machine, recording)
@@ -50,9 +50,9 @@ def _find_recording(results: FleetResults, source: str, machine: str, recording:
     known = results.last_run.machines.get(machine)
     if known is None:
         raise FleetError(f"{source}: no run has machine '{machine}' since; run the fleet again")
-    (log,) = fleet_logs([source])
+    (log,) = list_fleet_logs([source])
     setups = machine_setups(machine, known.files, lenient=True)
     with fetch_log(log) as path, open_log(path, time=time_axis(setups[-1].machine)) as opened:
         first = opened.topics()["start_ns"].min()
-        day = setups[-1].day_of(first if isinstance(first, int) else None)
+        day = setups[-1].local_day(first if isinstance(first, int) else None)
         write_recording(replay_log(opened, setup_of_day(setups, day), source), recording)

@@ -151,7 +151,7 @@ class RayEngine:
                 if running:
                     ready, _ = self._ray.wait(list(running), timeout=_WAIT_S)
                     for reference in ready:
-                        yield running.pop(reference).task, self._result(reference)
+                        yield running.pop(reference).task, self._fetch_result(reference)
         finally:
             for reference in running:
                 self._ray.cancel(reference, force=True)
@@ -167,7 +167,7 @@ class RayEngine:
             f"{largest / _GIB:.1f} GiB; [limits] of the fleet file says how much is declared"
         )
 
-    def _result(self, reference: Any) -> Any:
+    def _fetch_result(self, reference: Any) -> Any:
         from ray import exceptions
 
         try:

@@ -32,10 +32,10 @@ from analysis.model.run_record import Run
 from estimators.errors import DataError, LogError, PayscopeError
 from estimators.file_digest import file_sha256
 from recordings import write_recording
-from recordings.review.review_state import state_of
+from recordings.review.review_state import take_review_state
 from replay.fleet.log_sources import FleetLog
 from replay.fleet.machine_setups import MachineSetup, setup_of_day
-from replay.fleet.object_store import Store, store_of
+from replay.fleet.object_store import Store, open_store_once
 from replay.fleet.results_layout import MARK, ResultName, result_key, write_result
 from replay.inputs.channel_inputs import package_versions
 from replay.logs import Log, open_log
@@ -70,7 +70,7 @@ class _LimitWatch(threading.Thread):
 
     def run(self) -> None:
         while not self.done.wait(_LOOK_S):
-            self._reason = self._over()
+            self._reason = self._limit_exceeded()
             if self._reason:
                 break
         if not self._reason or self.done.is_set():
@@ -84,7 +84,7 @@ class _LimitWatch(threading.Thread):
         if self._reason and not self.done.is_set():
             raise LimitError(self._reason)
 
-    def _over(self) -> str:
+    def _limit_exceeded(self) -> str:
         if time.monotonic() > self._end:
             return f"took longer than {self._seconds:g} s, its limit"
         used = resident_bytes() - self._held
@@ -121,7 +121,7 @@ class ReplayTask:
 
 @dataclass(frozen=True, slots=True)
 class TaskOutcome:
-    """What became of a recording.
+    """Outcome of a recording's task.
 
     Attributes:
         status: made; there already; refused, which is a result too; failed, which is none.
@@ -150,7 +150,7 @@ def replay_one(task: ReplayTask) -> TaskOutcome:
             interrupt_over_limits(task.seconds, 2 * task.memory_bytes),
             fetch_log(task.log) as path,
         ):
-            made = _result(task, path)
+            made = _make_outcome(task, path)
     except LimitError as error:
         return TaskOutcome("failed", str(error))
     except MemoryError:
@@ -167,13 +167,13 @@ def replay_one(task: ReplayTask) -> TaskOutcome:
     )
 
 
-def _result(task: ReplayTask, path: Path) -> TaskOutcome:
+def _make_outcome(task: ReplayTask, path: Path) -> TaskOutcome:
     setup, day = task.setups[-1], None
-    store = store_of(task.destination)
+    store = open_store_once(task.destination)
     try:
         with open_log(path, time=time_axis(setup.machine)) as log:
             first = log.topics()["start_ns"].min()
-            day = setup.day_of(first if isinstance(first, int) else None)
+            day = setup.local_day(first if isinstance(first, int) else None)
             setup = setup_of_day(task.setups, day)
             result = _ResultInTransit(task, setup, log.digests, day)
             if result.is_there(store):
@@ -184,7 +184,7 @@ def _result(task: ReplayTask, path: Path) -> TaskOutcome:
     except (LogError, DataError) as error:
         # of this log alone: made anew, it would be refused again
         said = str(error).replace(str(path), task.log.source)
-        result = _ResultInTransit(task, setup, _digests(path), day)
+        result = _ResultInTransit(task, setup, _digest_log_files(path), day)
         if not result.is_there(store):
             result.write(store, None, {"status": "refused", "reason": said})
         return TaskOutcome("refused", said)
@@ -204,8 +204,8 @@ class _ResultInTransit:
 
     def is_there(self, store: Store) -> bool:
         """Whether nothing is left to do."""
-        recorded = not self._task.recording or store.has(self._name.recording)
-        return recorded and store.has(self._name.table(MARK))
+        recorded = not self._task.recording or store.has_object(self._name.recording)
+        return recorded and store.has_object(self._name.table_object_name(MARK))
 
     def write(self, store: Store, made: Run | None, row: dict[str, object]) -> None:
         """Write it; `made` is None of a log that is refused."""
@@ -249,7 +249,7 @@ def replay_log(log: Log, setup: MachineSetup, source: str) -> Run:
     against = contradicted_priors(made.frames["nuisances"])
     frames = dict(made.frames)
     if not against:
-        unlike = Unlike.of(frames)
+        unlike = Unlike.from_frames(frames)
         frames["cycles"] = calibrate_cycles(frames["cycles"], setup.by.calibration, unlike)
         frames["shift"] = recount_shift(frames["shift"], frames["cycles"])
     return setup.by.calibrate_run(Run(frames, made.provenance))
@@ -259,7 +259,7 @@ def tables_of_replay(
     made: Run, setup: MachineSetup
 ) -> tuple[dict[str, pl.DataFrame], dict[str, object]]:
     """The tables of a run, and its row of `results`."""
-    state = state_of(made, "", "", {})
+    state = take_review_state(made, "", "", {})
     shares = pl.DataFrame(
         {"reason": list(state.gate_shares), "share_1": list(state.gate_shares.values())},
         schema={column.name: column.dtype for column in GATE_SHARES.columns},
@@ -289,12 +289,12 @@ def fetch_log(log: FleetLog) -> Generator[Path]:
         for name in log.names:
             to = Path(folder, root.name, PurePosixPath(name).relative_to(root))
             to.parent.mkdir(parents=True, exist_ok=True)
-            store_of(log.place).fetch(name, to)
+            open_store_once(log.place).fetch(name, to)
         yield Path(folder, root.name)
 
 
-def _digests(path: Path) -> tuple[str, ...]:
-    """Of a log that may not be one."""
+def _digest_log_files(path: Path) -> tuple[str, ...]:
+    """Digest the files of a path; empty if it is no log."""
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
     return tuple(file_sha256(each) for each in files)
 

@@ -26,7 +26,7 @@ class ResultName(NamedTuple):
     day: str
     key: str
 
-    def table(self, name: str) -> str:
+    def table_object_name(self, name: str) -> str:
         """The object of one of its tables."""
         return f"{name}/machine={quote(self.machine, safe='')}/day={self.day}/{self.key}.parquet"
 
@@ -73,9 +73,11 @@ def write_result(
     """
     of = {**name._asdict(), "t0_unix_ns": t0_unix_ns}
     for each, frame in frames.items():
-        store.write(name.table(each), parquet_bytes(rows_of_table(each, frame, of)))
+        store.write(name.table_object_name(each), parquet_bytes(rows_of_table(each, frame, of)))
     columns = {c.name: pl.Series([row.get(c.name)], dtype=c.dtype) for c in TABLES[MARK].columns}
-    store.write(name.table(MARK), parquet_bytes(rows_of_table(MARK, pl.DataFrame(columns), of)))
+    store.write(
+        name.table_object_name(MARK), parquet_bytes(rows_of_table(MARK, pl.DataFrame(columns), of))
+    )
 
 
 def parquet_bytes(frame: pl.DataFrame) -> bytes:

@@ -31,10 +31,10 @@ class FleetPlan(Protocol):
 
     @property
     def limits(self) -> TaskLimits:
-        """What one recording may take."""
+        """Limits of one recording."""
         ...
 
-    def setups_of(self, log: str) -> tuple[MachineSetup, ...]:
+    def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
         """How a log is to be replayed, the first setup that holds on its day."""
         ...
 
@@ -45,7 +45,7 @@ OnDone = Callable[[FleetLog, TaskOutcome], None]
 
 @dataclass
 class FleetRun:
-    """What a run did.
+    """Summary of a fleet run.
 
     Attributes:
         destination: of the results.
@@ -65,7 +65,7 @@ class FleetRun:
     seconds: float = 0.0
     overhead_s: float = 0.0
 
-    def count(self, source: str, outcome: TaskOutcome) -> None:
+    def count_outcome(self, source: str, outcome: TaskOutcome) -> None:
         """Count what became of a recording."""
         self.seconds += outcome.seconds
         self.overhead_s += outcome.overhead_s
@@ -78,7 +78,7 @@ class FleetRun:
             listed[source] = outcome.reason
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The fields as plain JSON values."""
         return {
             "destination": self.destination,
             "made": self.made,
@@ -105,7 +105,7 @@ def fleet_run(
     A log that fails is listed and costs nobody else. What was done before an interruption is done.
 
     Args:
-        logs: of `fleet_logs`.
+        logs: of `list_fleet_logs`.
         plan: how each is replayed.
         destination: a folder, or `s3://bucket/prefix`.
         recordings: whether every recording's `.rrd` is kept.
@@ -130,7 +130,7 @@ def fleet_run(
     _remember_calibrations(results, setups)
     left, there = _split_finished(tasks, results)
     for task, outcome in there:
-        did.count(task.log.source, outcome)
+        did.count_outcome(task.log.source, outcome)
         on_done(task.log, outcome)
     try:
         if left:
@@ -146,7 +146,7 @@ def fleet_run(
                         if isinstance(result, LostTask)
                         else result
                     )
-                    did.count(task.log.source, outcome)
+                    did.count_outcome(task.log.source, outcome)
                     on_done(task.log, outcome)
     finally:
         keep_failed_list(results, did, {log.source for log in logs})
@@ -163,7 +163,7 @@ def _plan_tasks(
     here = package_versions()
     for log in logs:
         try:
-            setups = plan.setups_of(log.source)
+            setups = plan.setups_of_log(log.source)
         except PayscopeError as error:
             did.failed[log.source] = str(error)
             continue
@@ -188,7 +188,7 @@ def _split_finished(
     by_log: dict[tuple[str, str], list[tuple[str, ...]]] = {}
     for source, stamp, *row in results.all_results(MARK).select(columns).collect().iter_rows():
         by_log.setdefault((source, stamp), []).append(tuple(row))
-    names = map(parse_result_name, results.store.names(RECORDINGS))
+    names = map(parse_result_name, results.store.list_names(RECORDINGS))
     recorded = {name.key for name in names if name is not None}
     left: list[ReplayTask] = []
     there: list[tuple[ReplayTask, TaskOutcome]] = []

@@ -14,7 +14,7 @@ from analysis.fleet.attention import rank_concerns
 from analysis.fleet.calibration_steps import line_changes
 from analysis.fleet.daily_figures import (
     UNDATED,
-    daily_figures,
+    make_daily_figures,
     sum_machines,
     sum_results,
     weekly_tonnes,
@@ -93,9 +93,9 @@ def fleet_report(
 
 
 def report_page(results: FleetResults, destination: str, name: str) -> FleetPage:
-    """What the page of a fleet shows."""
+    """Contents of the page of a fleet."""
     rows, cycles = results.results, results.scan("cycles")
-    days = daily_figures(rows, cycles)
+    days = make_daily_figures(rows, cycles)
     calibrations = results.calibrations
     last = days["day"].max()
     return FleetPage(

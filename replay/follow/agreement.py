@@ -32,7 +32,7 @@ CAUSAL: Final = "settings.filter.causal=true"
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Of the gate or of a method.
+    """Agreement of the gate or of one method.
 
     Attributes:
         name: `gate` or the method, and of which axis if it is of spins.
@@ -57,7 +57,7 @@ class _MinuteDigest:
     rows: int = 0
     sums: tuple[float, ...] = ()
 
-    def with_row(self, t_ns: int, numbers: NDArray[np.float64]) -> "_MinuteDigest":
+    def add_row(self, t_ns: int, numbers: NDArray[np.float64]) -> "_MinuteDigest":
         # each digest is of the row and of the digest before, so that none has to be kept open
         row = np.int64(t_ns).tobytes() + np.where(np.isnan(numbers), np.nan, numbers).tobytes()
         known = np.nan_to_num(numbers)
@@ -79,10 +79,10 @@ class _MinuteDigests:
 
     def add(self, t_ns: int, numbers: NDArray[np.float64]) -> None:
         minute = t_ns // _MINUTE_NS
-        self.minutes[minute] = self.minutes.get(minute, _MinuteDigest()).with_row(t_ns, numbers)
+        self.minutes[minute] = self.minutes.get(minute, _MinuteDigest()).add_row(t_ns, numbers)
         self.rows += 1
 
-    def compared(self, name: str, replayed: "_MinuteDigests") -> Agreement:
+    def compare_with_replay(self, name: str, replayed: "_MinuteDigests") -> Agreement:
         every = sorted(self.minutes.keys() | replayed.minutes.keys())
         pairs = [(m, self.minutes.get(m, _MinuteDigest()), replayed.minutes.get(m)) for m in every]
         differing = [minute for minute, mine, theirs in pairs if mine != theirs]
@@ -97,7 +97,7 @@ class _MinuteDigests:
 
 
 class FollowedDigests:
-    """What the gate decided and the methods estimated, as it was followed."""
+    """Digests of gate decisions and estimates while a log was followed."""
 
     def __init__(self) -> None:
         self._minutes: dict[str, _MinuteDigests] = {}
@@ -111,42 +111,48 @@ class FollowedDigests:
             ):
                 if gate is not None:
                     code = np.array([_REASONS[gate.reason]], np.float64)
-                    self._of(_name(GATE, axis)).add(row.t_ns, code)
+                    self._digests_by_name(_name_followed_column(GATE, axis)).add(row.t_ns, code)
                 for method, (t_ns, estimate) in estimates.items():
-                    self._of(_name(method, axis)).add(t_ns, estimate.theta)
+                    self._digests_by_name(_name_followed_column(method, axis)).add(
+                        t_ns, estimate.theta
+                    )
 
     def compare(self, frames: Mapping[str, pl.DataFrame]) -> list[Agreement]:
         """Compare with the frames of a replay."""
         return [
-            self._minutes.get(name, _MinuteDigests()).compared(name, replayed)
-            for name, replayed in _replayed_rows(frames).items()
+            self._minutes.get(name, _MinuteDigests()).compare_with_replay(name, replayed)
+            for name, replayed in _digest_replayed_frames(frames).items()
         ]
 
-    def _of(self, name: str) -> _MinuteDigests:
+    def _digests_by_name(self, name: str) -> _MinuteDigests:
         return self._minutes.setdefault(name, _MinuteDigests())
 
 
-def _replayed_rows(frames: Mapping[str, pl.DataFrame]) -> dict[str, _MinuteDigests]:
+def _digest_replayed_frames(frames: Mapping[str, pl.DataFrame]) -> dict[str, _MinuteDigests]:
     found: dict[str, _MinuteDigests] = {}
     for axis in available_axes(frames["excitation"]):
         gate = frames["gate"]
         codes = gate[f"reason_{axis.letter}"].cast(pl.String)
         codes = codes.replace_strict(_REASONS, return_dtype=pl.Float64)
-        found[_name(GATE, axis)] = _digest_rows(gate["t_ns"], codes.to_numpy()[:, None])
+        found[_name_followed_column(GATE, axis)] = _digest_rows_by_minute(
+            gate["t_ns"], codes.to_numpy()[:, None]
+        )
         for name, frame in frames.items():
             method = name.removeprefix("estimates/")
             if method != name and axis.parameters[0][0] in frame.columns:
                 rows = rows_of_axis(axis, frame).drop_nulls("t_ns")
                 theta, _ = estimated_parameters(axis, rows)
-                found[_name(method, axis)] = _digest_rows(rows["t_ns"], theta)
+                found[_name_followed_column(method, axis)] = _digest_rows_by_minute(
+                    rows["t_ns"], theta
+                )
     return found
 
 
-def _name(name: str, axis: Axis) -> str:
+def _name_followed_column(name: str, axis: Axis) -> str:
     return name if axis is X else f"{name} of spins"
 
 
-def _digest_rows(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _MinuteDigests:
+def _digest_rows_by_minute(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _MinuteDigests:
     minutes = _MinuteDigests()
     for t, row in zip(t_ns.to_list(), np.ascontiguousarray(numbers), strict=True):
         minutes.add(t, row)

@@ -57,7 +57,7 @@ class Following:
 
     @property
     def remedy(self) -> str:
-        """What to do where topics are missing; empty where none is."""
+        """Remedy for missing topics; empty if none is missing."""
         if not self.missing_excitation:
             return ""
         has = f"it has {', '.join(self.topics)}" if self.topics else "it has no topic yet"

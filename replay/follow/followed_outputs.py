@@ -30,12 +30,12 @@ from replay.logs import ACTIVE
 
 @dataclass(frozen=True, slots=True)
 class ResumePoint:
-    """How far a recording came.
+    """How far an interrupted recording came, to resume from.
 
     Attributes:
-        until_unix_ns: of its last row.
-        end: of one that was cut, which is appended to; None of one whose log had not ended, which
-            is replaced when the log was followed as far again.
+        until_unix_ns: time of its last row.
+        end: where to append if the recording was cut off; None if its log had not ended yet, then
+            the recording is replaced once the follower has come as far again.
     """
 
     until_unix_ns: int
@@ -100,11 +100,11 @@ class FollowedOutputs:
         for row in rows:
             waiting.append(row)
             if row.reports:
-                self._record(following, waiting, page_text(row.reports[-1]))
-                self._report(row.reports)
+                self._record_rows(following, waiting, page_text(row.reports[-1]))
+                self._write_reports(row.reports)
                 told += [each for each in row.reports if each.unix_ns > self._told_ns]
                 waiting = []
-        self._record(following, waiting, None)
+        self._record_rows(following, waiting, None)
         return told
 
     def close(self) -> None:
@@ -117,7 +117,7 @@ class FollowedOutputs:
             except OSError as error:
                 self._tell(f"{self._topic.path}: {_give_up_text(error)}")
 
-    def _report(self, reports: Sequence[OnlineReport]) -> None:
+    def _write_reports(self, reports: Sequence[OnlineReport]) -> None:
         if self._topic is None:
             return
         try:
@@ -127,25 +127,27 @@ class FollowedOutputs:
             self._topic.give_up()
             self._topic = None
 
-    def _record(self, following: Following, rows: Sequence[FollowedRow], text: str | None) -> None:
+    def _record_rows(
+        self, following: Following, rows: Sequence[FollowedRow], text: str | None
+    ) -> None:
         """Record rows; with a text, on disc before anybody is told."""
         if not rows or not self._begins:
             return
         try:
-            recording = self._recording or self._begin(following)
+            recording = self._recording or self._begin_recording(following)
             t0_ns = self._t0_ns(following)
             recorded_ns = self._recorded_ns if self._from is None or self._from.end else 0
             recording.add([row for row in rows if row.t_ns + t0_ns > recorded_ns])
             if text is not None:
                 recording.flush(text)
-            self._take_place(rows[-1].t_ns + t0_ns)
+            self._replace_shorter_recording(rows[-1].t_ns + t0_ns)
         except OSError as error:
             self._tell(f"{self._output}: {_give_up_text(error)}")
             if self._recording is not None:
                 self._recording.give_up_file()
             self._begins = self._server is not None and self._recording is not None
 
-    def _begin(self, following: Following) -> GrowingRecording:
+    def _begin_recording(self, following: Following) -> GrowingRecording:
         basis = following.follower.log.basis
         assert basis is not None, "there are rows"
         end = self._from.end if self._from else None
@@ -167,7 +169,7 @@ class FollowedOutputs:
         )
         return self._recording
 
-    def _take_place(self, unix_ns: int) -> None:
+    def _replace_shorter_recording(self, unix_ns: int) -> None:
         """Take the place of a recording that came less far."""
         if self._file is None or self._output is None or self._file.path == self._output:
             return
@@ -188,7 +190,7 @@ def identity_of_inputs(paths: Sequence[Path], machine: Machine, noise: pl.DataFr
     """Tell what is followed: names of logs, and a digest of the machine file and the noise."""
     digest = hashlib.sha256(causal_machine(machine).model_dump_json().encode())
     digest.update(b"" if noise is None else noise.write_json().encode())
-    return f"{', '.join(map(_log_name, paths))}; {digest.hexdigest()}"
+    return f"{', '.join(map(_name_log, paths))}; {digest.hexdigest()}"
 
 
 def find_continuation(
@@ -227,7 +229,7 @@ def has_log_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool
     inner = [
         each for path in paths for each in (sorted(path.iterdir()) if path.is_dir() else [path])
     ]
-    sizes = {_log_name(path): path.stat().st_size for path in inner if path.exists()}
+    sizes = {_name_log(path): path.stat().st_size for path in inner if path.exists()}
     then = {each.name.removesuffix(ACTIVE): each.size_bytes for each in about.inputs}
     return (
         about.settings.filter.causal
@@ -237,5 +239,5 @@ def has_log_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool
     )
 
 
-def _log_name(path: Path) -> str:
+def _name_log(path: Path) -> str:
     return path.name.removesuffix(ACTIVE)

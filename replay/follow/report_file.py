@@ -65,7 +65,7 @@ class ReportFile:
         self._channel = self._writer.register_channel(TOPIC, "json", number)
         self._writer.add_metadata(_FOLLOWED, {"identity": identity})
         for each in reported:
-            self._add(each.log_time, each.data)
+            self._add_report(each.log_time, each.data)
         self._stream.flush()
 
     def write(self, reports: Iterable[OnlineReport]) -> None:
@@ -77,7 +77,7 @@ class ReportFile:
         for report in reports:
             if report.unix_ns > self.until_unix_ns:
                 data = json.dumps(report.to_dict(), allow_nan=False).encode()
-                self._add(report.unix_ns, data)
+                self._add_report(report.unix_ns, data)
         self._stream.flush()
 
     def close(self) -> None:
@@ -96,7 +96,7 @@ class ReportFile:
         """Leave the file as it is, without its index."""
         self._stream.close()
 
-    def _add(self, unix_ns: int, data: bytes) -> None:
+    def _add_report(self, unix_ns: int, data: bytes) -> None:
         self._writer.add_message(self._channel, unix_ns, data, unix_ns)
 
 
@@ -129,7 +129,7 @@ class _Stream(BytesIO):
 def _read_reports(path: Path, identity: str) -> tuple[list[Message], int]:
     """The whole reports of a file of the same log, and its bytes up to there; else none, 0."""
     data = path.read_bytes()
-    size = _complete_bytes(data)
+    size = _count_complete_bytes(data)
     found: list[Message] = []
     is_of_same = False
     try:
@@ -143,7 +143,7 @@ def _read_reports(path: Path, identity: str) -> tuple[list[Message], int]:
     return (found, size) if is_of_same else ([], 0)
 
 
-def _complete_bytes(data: bytes) -> int:
+def _count_complete_bytes(data: bytes) -> int:
     """Where the last whole report ends, or what stands before the first."""
     at, whole = _MAGIC_BYTES, 0
     while at + _RECORD_HEAD.size <= len(data):
@@ -184,7 +184,7 @@ def spin_text(report: OnlineReport) -> str:
 
 
 def event_text(report: OnlineReport) -> str:
-    """What a manoeuvre or a spin gave; empty for another event."""
+    """Result of a manoeuvre or spin; empty for another event."""
     match report.event:
         case "manoeuvre":
             return mass_text(report)
@@ -210,7 +210,7 @@ def progress_text(report: OnlineReport) -> str:
 
 
 def page_text(report: OnlineReport) -> str:
-    """The same in Markdown, for the page beside the plots."""
+    """The reports in Markdown, for the page beside the plots."""
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
     return (
         f"# {mass_text(report)}\n\n"

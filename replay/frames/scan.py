@@ -15,7 +15,7 @@ from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
 from replay.frames.shape import LOG_TIME, LOG_TIME_NS, FrameOptions
 from replay.frames.topic_source import SOURCE, TopicSource
-from replay.logs import TimeAxis, logs_in
+from replay.logs import TimeAxis, expand_log_folders
 
 Logs = str | Path | Sequence[str | Path]
 
@@ -72,31 +72,31 @@ class _OpenReaders:
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._open, self._reading, self._ends = 0, 0, False
-        atexit.register(self._wait)
+        atexit.register(self._wait_for_readers)
 
     def read(self, batches: Iterator[pl.DataFrame]) -> Iterator[pl.DataFrame]:
-        """The same batches, none any more once the interpreter ends."""
-        self._count(opened=1)
+        """Pass batches on, and stop once the interpreter ends."""
+        self._count_readers(opened=1)
         try:
             while not self._ends:
-                self._count(reading=1)
+                self._count_readers(reading=1)
                 try:
                     batch = next(batches, None)
                 finally:
-                    self._count(reading=-1)
+                    self._count_readers(reading=-1)
                 if batch is None:
                     break
                 yield batch
         finally:
-            self._count(opened=-1)
+            self._count_readers(opened=-1)
 
-    def _count(self, opened: int = 0, reading: int = 0) -> None:
+    def _count_readers(self, opened: int = 0, reading: int = 0) -> None:
         with self._changed:
             self._open += opened
             self._reading += reading
             self._changed.notify_all()
 
-    def _wait(self) -> None:
+    def _wait_for_readers(self) -> None:
         with self._changed:
             self._ends = True
             if self._changed.wait_for(lambda: not self._reading, _READS_S):
@@ -128,7 +128,7 @@ def lazy_batches(batches: Batches, schema: pl.Schema, name: str) -> pl.LazyFrame
 
 def lazy_frame(source: TopicSource) -> pl.LazyFrame:
     """A source as a lazy frame."""
-    return lazy_batches(source.batches, source.schema, f"log {source.topic}")
+    return lazy_batches(source.iter_batches, source.schema, f"log {source.topic}")
 
 
 class LogStream:
@@ -155,7 +155,7 @@ class LogStream:
         self.losses = source.losses
 
     def __iter__(self) -> Iterator[pl.DataFrame]:
-        return self._source.batches(self._columns, self._predicate)
+        return self._source.iter_batches(self._columns, self._predicate)
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
         import pyarrow as pa  # slow to import
@@ -253,7 +253,7 @@ def resolve_log_paths(logs: Logs) -> tuple[list[Path], bool]:
             found.append(Path(each))
     if not found:
         raise LogError("no log is named")
-    paths = logs_in(found)
+    paths = expand_log_folders(found)
     return paths, not isinstance(logs, str | Path) or paths != [Path(logs)]
 
 

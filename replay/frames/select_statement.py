@@ -47,7 +47,7 @@ def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl
         try:
             found = context.execute(query)
             columns = found.collect_schema()
-            words = {token.upper() for token in _tokens(query)}
+            words = {token.upper() for token in _tokenise(query)}
             if words.isdisjoint(_REORDERING) and not always_ordered:
                 return found
             by = [f'"{n}"' for n, dtype in columns.items() if not isinstance(dtype, _UNSORTABLE)]
@@ -57,11 +57,11 @@ def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl
 
 
 def query_fault(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
-    """What polars says of a statement, in a line."""
+    """Fault of a statement by polars, in a line."""
     said = str(error).strip().partition("\n")[0]
     unknown = re.search(r"relation '(.*)' was not found", said)
     if unknown:
-        return QueryError(f"query: no table '{unknown[1]}'; {_choices_text(unknown[1], tables)}")
+        return QueryError(f"query: no table '{unknown[1]}'; {_name_choices(unknown[1], tables)}")
     return QueryError(f"query: {said}")
 
 
@@ -72,7 +72,7 @@ def normalise_select(sql: str) -> str:
         QueryError: it is not one that only reads the tables.
     """
     query = sql.strip().rstrip(";").strip()
-    first = next(iter(_tokens(query)), "")
+    first = next(iter(_tokenise(query)), "")
     if first.upper() not in _READING:
         fault = f"'{first}' is not a SELECT; a query only reads tables" if first else "it is empty"
         raise QueryError(f'query: {fault}; write "SELECT … FROM …"')  # noqa: S608 - a message
@@ -86,17 +86,17 @@ def normalise_select(sql: str) -> str:
 
 def quoted_names(sql: str) -> list[str]:
     """The names in double quotes, of tables and columns."""
-    return [t[1:-1].replace('""', '"') for t in _tokens(sql) if t.startswith('"') and len(t) > 2]
+    return [t[1:-1].replace('""', '"') for t in _tokenise(sql) if t.startswith('"') and len(t) > 2]
 
 
-def _tokens(query: str) -> list[str]:
+def _tokenise(query: str) -> list[str]:
     found = [token[0] for token in _TOKEN.finditer(query)]
     return [token for token in found if not token.startswith(_COMMENTS)]
 
 
 def _select_used_tables(query: str, tables: Tables) -> list[str]:
     """The tables whose names are in a query: the others are not made."""
-    tokens = _tokens(query)
+    tokens = _tokenise(query)
     words = {token.strip('"`').replace('""', '"') for token in tokens}
     named = [name for name in tables if name in words]
     if not named:
@@ -104,11 +104,11 @@ def _select_used_tables(query: str, tables: Tables) -> list[str]:
         if "FROM" not in upper[:-1]:
             raise QueryError(f"query: names no table; tables: {_list_tables(tables)}")
         unknown = tokens[upper.index("FROM") + 1].strip('"`')
-        raise QueryError(f"query: no table '{unknown}'; {_choices_text(unknown, tables)}")
+        raise QueryError(f"query: no table '{unknown}'; {_name_choices(unknown, tables)}")
     return named
 
 
-def _choices_text(name: str, tables: Tables) -> str:
+def _name_choices(name: str, tables: Tables) -> str:
     meant = nearest(name, tables)
     listed = f"tables: {_list_tables(tables)}"
     return f"{meant} {listed}" if meant.endswith("?") else listed

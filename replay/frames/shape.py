@@ -66,31 +66,33 @@ class TopicShape:
         )
         for name, node in self._tree.items():
             # a field that is named like a column of every topic gives way to it
-            schema.setdefault(name, self._dtype(node, 0))
+            schema.setdefault(name, self._dtype_of_node(node, 0))
         self.schema = pl.Schema(schema)
 
-    def fields(self, columns: Sequence[str]) -> list[str]:
+    def fields_for_columns(self, columns: Sequence[str]) -> list[str]:
         """The fields to read for some columns."""
         wanted = [name for name in columns if name not in self._own]
         return [leaf.name for name in wanted for leaf in _leaves_below(self._tree[name])]
 
-    def frame(self, read: pl.DataFrame, columns: Sequence[str]) -> pl.DataFrame:
+    def make_frame(self, read: pl.DataFrame, columns: Sequence[str]) -> pl.DataFrame:
         """Make columns of what was read of their fields."""
         values = read.to_dict()
         made = [
             values[self._own[name]].cast(self.schema[name]).alias(name)
             if name in self._own
-            else self._column(self._tree[name], values, 0).alias(name)
+            else self._make_column(self._tree[name], values, 0).alias(name)
             for name in columns
         ]
         return pl.DataFrame(made)
 
-    def _dtype(self, node: FieldBranch | LeafField, depth: int) -> pl.DataType:
+    def _dtype_of_node(self, node: FieldBranch | LeafField, depth: int) -> pl.DataType:
         """The type of a column, inside so many lists."""
         if isinstance(node, LeafField):
             return self._leaf_dtype(node, depth)
         inside = depth + node.is_list
-        record = pl.Struct({name: self._dtype(below, inside) for name, below in node.below.items()})
+        record = pl.Struct(
+            {name: self._dtype_of_node(below, inside) for name, below in node.below.items()}
+        )
         return self._list_type(record, node.length) if node.is_list else record
 
     def _leaf_dtype(self, leaf: LeafField, depth: int) -> pl.DataType:
@@ -112,26 +114,27 @@ class TopicShape:
     def _is_named(self, leaf: LeafField) -> bool:
         return bool(leaf.value_names) and self._options.enums == "name"
 
-    def _column(
+    def _make_column(
         self, node: FieldBranch | LeafField, values: Mapping[str, pl.Series], depth: int
     ) -> pl.Series:
         """A column of a node, from the values of its leaves inside so many lists."""
         if isinstance(node, LeafField):
             found = values[node.name]
             if self._is_named(node):
-                found = _name_values(found, node.value_names)
+                found = _name_enumerated_values(found, node.value_names)
             dtype = self._leaf_dtype(node, depth)
             return found if found.dtype == dtype else found.cast(dtype)
         if not node.is_list:
             columns = [
-                self._column(below, values, depth).alias(name) for name, below in node.below.items()
+                self._make_column(below, values, depth).alias(name)
+                for name, below in node.below.items()
             ]
             return pl.DataFrame(columns).to_struct()
         leaves = [leaf.name for leaf in _leaves_below(node)]
         counts = values[leaves[0]].list.len()
         flat = {name: _flatten_lists(values[name]) for name in leaves}
-        record = self._column(FieldBranch(False, None, node.below), flat, depth + 1)
-        return _rebuild_lists(record, counts).cast(self._dtype(node, depth))
+        record = self._make_column(FieldBranch(False, None, node.below), flat, depth + 1)
+        return _rebuild_lists(record, counts).cast(self._dtype_of_node(node, depth))
 
 
 def _field_tree(leaves: Sequence[LeafField]) -> dict[str, FieldBranch | LeafField]:
@@ -177,7 +180,7 @@ def _rebuild_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
     return pl.Series(elements.name, lists)
 
 
-def _name_values(values: pl.Series, names: ValueNames) -> pl.Series:
+def _name_enumerated_values(values: pl.Series, names: ValueNames) -> pl.Series:
     """The names of values; the digits of one that the definition does not name."""
     number: pl.Expr = pl.element() if isinstance(values.dtype, pl.List) else pl.col(values.name)
     numbers, texts = zip(*names, strict=True)

@@ -72,7 +72,7 @@ class TopicSource:
         self.topic, self._paths, self._options = topic, tuple(paths), options
         self._time, self._asked = time, fields
         self._source = SOURCE if with_source else None
-        self._shape = self._first_shape()
+        self._shape = self._find_first_shape()
 
     @cached_property
     def schema(self) -> pl.Schema:
@@ -85,7 +85,7 @@ class TopicSource:
         """The column of the log times."""
         return self._shape.time
 
-    def batches(
+    def iter_batches(
         self,
         columns: Sequence[str] | None = None,
         predicate: pl.Expr | None = None,
@@ -100,12 +100,12 @@ class TopicSource:
             n_rows: at most so many, before the predicate.
         """
         try:
-            yield from self._batches(list(columns or self.schema), predicate, n_rows)
+            yield from self._iter_batches(list(columns or self.schema), predicate, n_rows)
         except PayscopeError as error:
             self.failure = error
             raise
 
-    def _batches(
+    def _iter_batches(
         self, columns: list[str], predicate: pl.Expr | None, n_rows: int | None
     ) -> Iterator[pl.DataFrame]:
         within, needed = TimeRange(), list(columns)
@@ -117,7 +117,7 @@ class TopicSource:
         for path in self._paths:
             if left <= 0 or within.first_ns > within.last_ns:
                 return
-            if not self._may_match(path, predicate):
+            if not self._may_log_match(path, predicate):
                 continue
             for frame in self._frames_of_log(path, needed, within):
                 rows = frame[:left] if frame.height > left else frame
@@ -125,16 +125,16 @@ class TopicSource:
                 if predicate is not None:
                     rows = rows.filter(predicate)
                 if rows.height:
-                    yield _with_columns(rows, columns)
+                    yield _select_columns(rows, columns)
                 if left <= 0:
                     break
 
-    def _may_match(self, path: Path, predicate: pl.Expr | None) -> bool:
+    def _may_log_match(self, path: Path, predicate: pl.Expr | None) -> bool:
         """Whether what a predicate asks of the source leaves rows of a log."""
         if predicate is None or self._source is None:
             return True
         known = pl.DataFrame({self._source: [str(path)]})
-        for part in _and_parts(predicate):
+        for part in _split_conjunction(predicate):
             if part.meta.root_names() == [self._source]:
                 with suppress(pl.exceptions.PolarsError):
                     if not known.select(part.any()).item():
@@ -147,22 +147,24 @@ class TopicSource:
         log = opened_log(path, self._time)
         told = len(self.losses)
         try:
-            yield from self._rows(log, needed, within)
+            yield from self._iter_rows_of_log(log, needed, within)
         finally:
             self.losses += [loss for loss in log.losses() if loss not in self.losses]
             # that another topic cannot be decoded is no news to who reads this one
             mine = [each for each in self.losses[told:] if each.topic in ("", self.topic)]
             _warn_of_losses(path, mine)
 
-    def _rows(self, log: Log, needed: list[str], within: TimeRange) -> Iterator[pl.DataFrame]:
+    def _iter_rows_of_log(
+        self, log: Log, needed: list[str], within: TimeRange
+    ) -> Iterator[pl.DataFrame]:
         shape, own = self._shape, [name for name in needed if name != self._source]
         if not self._has_topic(log):
             return
-        fields = shape.fields(own)
-        known = {leaf.name: leaf for leaf in self._leaves(log)}
+        fields = shape.fields_for_columns(own)
+        known = {leaf.name: leaf for leaf in self._list_leaf_fields(log)}
         missing = [name for name in fields if name not in known]
         for name in missing:
-            self._note(log, f"its messages have no field '{name}', which is null here")
+            self._note_loss(log, f"its messages have no field '{name}', which is null here")
         for name in known.keys() & fields:
             is_same = known[name].dtype == shape.leaves[name].dtype
             if not is_same:
@@ -177,7 +179,7 @@ class TopicSource:
         there = [name for name in fields if name in known]
         for read in log.scan(self.topic, there, *bounds):
             nulls = [pl.lit(None, shape.leaves[name].dtype).alias(name) for name in missing]
-            frame = shape.frame(read.with_columns(nulls) if nulls else read, own)
+            frame = shape.make_frame(read.with_columns(nulls) if nulls else read, own)
             if self._source in needed:
                 # a frame without columns has no height either
                 height = pl.repeat(str(log.path), read.height, dtype=pl.String, eager=True)
@@ -186,45 +188,45 @@ class TopicSource:
                     if own
                     else pl.DataFrame({SOURCE: height})
                 )
-            yield _with_columns(frame, needed)
+            yield _select_columns(frame, needed)
 
     def _has_topic(self, log: Log) -> bool:
         if self.topic in log.topic_names():
             return True
-        self._note(log, "this log does not have the topic")
+        self._note_loss(log, "this log does not have the topic")
         return False
 
-    def _note(self, log: Log, what: str) -> None:
+    def _note_loss(self, log: Log, what: str) -> None:
         loss = Loss(source=log.path.name, topic=self.topic, what=what)
         if loss not in self.losses:
             self.losses.append(loss)
 
-    def _first_shape(self) -> TopicShape:
+    def _find_first_shape(self) -> TopicShape:
         named: dict[str, None] = {}
         for path in self._paths:
             log = opened_log(path, self._time)
             topics = log.topic_names()
             if self.topic in topics:
-                return TopicShape(self._leaves(log), self._options)
+                return TopicShape(self._list_leaf_fields(log), self._options)
             named |= dict.fromkeys(topics)
         logs = ", ".join(map(str, self._paths[:3])) + (" …" if len(self._paths) > 3 else "")
         raise LogError(f"{logs}: no topic '{self.topic}'; {nearest(self.topic, named)}")
 
-    def _leaves(self, log: Log) -> tuple[LeafField, ...]:
+    def _list_leaf_fields(self, log: Log) -> tuple[LeafField, ...]:
         return log.leaf_fields(self.topic, self._asked)
 
 
-def _with_columns(frame: pl.DataFrame, columns: list[str]) -> pl.DataFrame:
+def _select_columns(frame: pl.DataFrame, columns: list[str]) -> pl.DataFrame:
     """These columns of a frame; it is not handed to polars' engine where it has no others."""
     return frame if frame.columns == columns else frame.select(columns)
 
 
-def _and_parts(predicate: pl.Expr) -> Iterator[pl.Expr]:
+def _split_conjunction(predicate: pl.Expr) -> Iterator[pl.Expr]:
     """The parts that must all hold."""
     parts = list(reversed(predicate.meta.pop()))
     if len(parts) == 2 and (parts[0] & parts[1]).meta.eq(predicate):
         for part in parts:
-            yield from _and_parts(part)
+            yield from _split_conjunction(part)
     else:
         yield predicate
 

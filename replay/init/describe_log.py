@@ -1,4 +1,4 @@
-"""What is in a log: the answer of `payscope info`."""
+"""Contents of a log, as `payscope info` prints them."""
 
 import time
 from dataclasses import asdict, dataclass
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogInfo:
-    """What is in a log. Times are ns of its own clock, null in a log without messages."""
+    """Contents of a log. Times are ns of its own clock, null in a log without messages."""
 
     path: Path
     format: str
@@ -42,7 +42,7 @@ class LogInfo:
         return None if self.checked is None else not self.losses
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The fields as plain JSON values."""
         return {
             "path": str(self.path),
             "format": self.format,
@@ -61,7 +61,7 @@ class LogInfo:
         }
 
 
-def describe(log: Log, *, check: bool = False, fields: bool = False) -> LogInfo:
+def describe_log(log: Log, *, check: bool = False, fields: bool = False) -> LogInfo:
     """Describe a log by its index, without decoding its messages.
 
     Args:

@@ -44,12 +44,12 @@ def lines_from_replay(log: Log, text: str) -> list[str]:
         be weighed with it; priors are comments, none where the log tells no more than the defaults.
     """
     replayed = _replay_draft(log, text)
-    braking = [] if replayed is None else _braking_lines(replayed)
+    braking = [] if replayed is None else _propose_braking_stage(replayed)
     if braking:
         tried = _replay_draft(log, "\n".join([text, *braking]))
         if tried is not None and _can_weigh(tried):
-            return [*braking, *_prior_lines(tried)]
-    return [*BRAKING, *([] if replayed is None else _prior_lines(replayed))]
+            return [*braking, *_propose_priors(tried)]
+    return [*BRAKING, *([] if replayed is None else _propose_priors(replayed))]
 
 
 def _replay_draft(log: Log, text: str) -> Run | None:
@@ -63,7 +63,7 @@ def _can_weigh(replayed: Run) -> bool:
     return Verdict.of(replayed.frames["verdict"]).can_weigh
 
 
-def _braking_lines(replayed: Run) -> list[str]:
+def _propose_braking_stage(replayed: Run) -> list[str]:
     """The stage that lets braking weigh, where a finding says that the force sees it."""
     found = replayed.frames["findings"].filter(pl.col("setting") == _EXCLUDE)
     if found.is_empty() or found["value"][0] != "false":
@@ -71,19 +71,19 @@ def _braking_lines(replayed: Run) -> list[str]:
     return ["[settings.gate]", f"exclude_braking = false  # {found['evidence'][0]}", ""]
 
 
-def _prior_lines(replayed: Run) -> list[str]:
-    lines = _proposal_lines(replayed) if _can_weigh(replayed) else []
+def _propose_priors(replayed: Run) -> list[str]:
+    lines = _format_prior_proposals(replayed) if _can_weigh(replayed) else []
     if not lines:
         return []
     return [
-        "# If this log may stand for the others of its machine, they may have narrower priors:",
+        "# If this log is typical of its machine, its logs may have narrower priors:",
         "# [settings.priors]",
         *lines,
         "",
     ]
 
 
-def _proposal_lines(replayed: Run) -> list[str]:
+def _format_prior_proposals(replayed: Run) -> list[str]:
     """A line a term: as wide as what was found, and what it is known to."""
     priors = replayed.provenance.settings.priors.model_dump()
     lines: list[str] = []

@@ -4,7 +4,7 @@ A guess is made only where a message type or a column's name leaves little doubt
 that is numeric is listed as a comment to choose from.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Final
 
@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.schema import CHANNEL_COLUMNS
-from analysis.stages.signals.derive import unit_of
+from analysis.stages.signals.derive import unit_of_name
 from analysis.stages.signals.mounting_guess import MountingGuess, guess_mounting
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.arrays import Floats, Ints
@@ -21,7 +21,7 @@ from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.machines.toml_file import toml_value
 from replay.recognise.joints import recognise_joints
-from replay.recognise.profile import FieldProfile, profile_fields
+from replay.recognise.profile import FieldProfile, ask_about_efforts, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.table import recognise_channels
 from replay.recognise.words import read_column_name
@@ -101,7 +101,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
     told = recognise_channels(log) if is_table else _recognise_joints(log, topics)
-    guesses = [*_recognise_columns(told), *_best_guesses(topics)]
+    guesses = [*_guess_from_recognised(told), *_best_guesses(topics)]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # what a comment holds is asked for already
     open_columns = {each.column for each in told.channels if each.is_comment}
@@ -114,15 +114,15 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     kinematic = "specific_force_x_m_s2" not in found
     lacking = [*told.questions, *_lacking_sentences(found, told.questions, kinematic=kinematic)]
     lines = [
-        f"# A first machine file for {_one_line(log.path.name)}: check every line of it.",
+        f"# A first machine file for {_replace_unprintable(log.path.name)}: check every line.",
         '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
         "",
         "[machine]",
         f"name = {toml_value(log.path.stem)}",
         *(f"id = {toml_value(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
-        "# wheel_radius_m = 0.42        # needed where the force comes from wheel torques (17)",
-        "# track_width_m = 1.5          # for the yaw torque (18)",
+        "# wheel_radius_m = 0.42        # needed where the force comes from wheel torques",
+        "# track_width_m = 1.5          # for the yaw torque",
         "# digs = false                 # where it has no bucket: a car, a rack, an arm",
         "force_share = 1.0              # share of the force that the measured wheels carry",
         'timezone = "UTC"               # what a person reads times in',
@@ -131,14 +131,14 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     sources = {guess.column: (guess.topic, guess.field) for guess in guesses}
     lines += mounting_lines(log, sources)
     if is_table and time is not None:
-        lines += ["[log]", *_log_lines(time), ""]
-    lines += [f"# {_one_line(note)}" for note in log.notes()]
+        lines += ["[log]", *_make_log_lines(time), ""]
+    lines += [f"# {_replace_unprintable(note)}" for note in log.notes()]
     lines += [""] if log.notes() else []
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
             lines.append(f"topic = {toml_value(guess.topic)}")
-        unit = unit_of(guess.column).replace("*", "·")
+        unit = unit_of_name(guess.column).replace("*", "·")
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:
@@ -148,9 +148,12 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
                 "",
             ]
             continue
-        lines += [f"field = {toml_value(guess.field)}  # in {unit}{why}{_with_scale(guess)}", ""]
+        lines += [
+            f"field = {toml_value(guess.field)}  # in {unit}{why}{_note_on_wheel_speed(guess)}",
+            "",
+        ]
     for proposal in told.channels:
-        lines += _comment_lines(proposal) if proposal.is_comment else []
+        lines += _make_comment_lines(proposal) if proposal.is_comment else []
     has_speed = "speed_x_m_s" in found
     if kinematic and not has_speed and "acc_x_m_s2" not in found:
         # ready for the speed that is asked for
@@ -160,22 +163,24 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         sign = "# " if is_open else ""
         lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]
-    is_unsure = any(_with_scale(guess) for guess in guesses)
-    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *_TO_ANSWER]
-    lines += [f"# to answer: {sentence}" for sentence in to_answer]
-    rest = [*_profile_lines(log, guesses), *notes_on_topics(topics, guesses)]
+    is_unsure = any(_note_on_wheel_speed(guess) for guess in guesses)
+    profiles = profile_fields(log)
+    used = {(guess.topic or TABLE, guess.field) for guess in guesses}
+    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_about_efforts(used, profiles)]
+    lines += [f"# to answer: {sentence}" for sentence in (*to_answer, *_TO_ANSWER)]
+    rest = [*_profile_unused_columns(profiles, used), *notes_on_topics(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
     return "\n".join(lines) + "\n", lacking
 
 
-def _log_lines(time: TimeAxis) -> list[str]:
+def _make_log_lines(time: TimeAxis) -> list[str]:
     """The keys of `[log]` that were given."""
     keys: dict[str, object] = {"time": time.column, "time_unit": time.unit, **asdict(time.table)}
     return [f"{key} = {toml_value(value)}" for key, value in keys.items() if value is not None]
 
 
-def _recognise_columns(told: Recognition) -> list[Guess]:
+def _guess_from_recognised(told: Recognition) -> list[Guess]:
     return [
         Guess(each.column, each.topic, each.field, each.unit, each.reason)
         for each in told.channels
@@ -183,7 +188,7 @@ def _recognise_columns(told: Recognition) -> list[Guess]:
     ]
 
 
-def _comment_lines(proposal: ChannelProposal) -> list[str]:
+def _make_comment_lines(proposal: ChannelProposal) -> list[str]:
     """A channel that needs what no column tells, to be completed."""
     lines = [f"[channels.{proposal.column}]"]
     if proposal.topic:
@@ -194,15 +199,16 @@ def _comment_lines(proposal: ChannelProposal) -> list[str]:
         lines.append(f'unit = "{proposal.unit}"')
     if proposal.derive:
         lines.append(f'derive = "{proposal.derive}"')
-    return [f"# {_one_line(proposal.reason)}", *(f"# {line}" for line in lines), ""]
+    return [f"# {_replace_unprintable(proposal.reason)}", *(f"# {line}" for line in lines), ""]
 
 
-def _profile_lines(log: Log, guesses: list[Guess]) -> list[str]:
+def _profile_unused_columns(
+    profiles: list[FieldProfile], used: Collection[tuple[str, str]]
+) -> list[str]:
     """Every column that is not used, with its unit, rate and range."""
-    used = {(guess.topic or TABLE, guess.field) for guess in guesses}
-    rest = [each for each in profile_fields(log) if (each.topic, each.field) not in used]
+    rest = [each for each in profiles if (each.topic, each.field) not in used]
     several = any(each.topic != TABLE for each in rest)
-    topics = [f"{_one_line(each.topic)} " if several else "" for each in rest]
+    topics = [f"{_replace_unprintable(each.topic)} " if several else "" for each in rest]
     return [
         "# Also in the log:",
         *(
@@ -213,7 +219,7 @@ def _profile_lines(log: Log, guesses: list[Guess]) -> list[str]:
 
 
 def _channel_line(each: FieldProfile) -> str:
-    """What a column without a channel says that it is, where a person may look for it."""
+    """Note on the quantity of a column without a channel."""
     quantity = read_column_name(each.field).quantity
     return f"  ({quantity})" if quantity in ("steering", "pressure", "power") else ""
 
@@ -223,19 +229,19 @@ def profile_line(each: FieldProfile) -> str:
     unit = f" [{each.unit}]" if each.unit else ""
     rate = "" if each.rate_hz is None else f", {each.rate_hz:.4g} Hz"
     if each.low is None or each.middle is None or each.high is None:
-        return _one_line(f"{each.field}{unit}{rate}: {each.course or 'no number'}")
+        return _replace_unprintable(f"{each.field}{unit}{rate}: {each.course or 'no number'}")
     span = f"{each.low:.4g} … {each.middle:.4g} … {each.high:.4g}"
-    return _one_line(f"{each.field}{unit}{rate}: {span}  {each.course}")
+    return _replace_unprintable(f"{each.field}{unit}{rate}: {span}  {each.course}")
 
 
-def _with_scale(guess: Guess) -> str:
+def _note_on_wheel_speed(guess: Guess) -> str:
     """A JointState's velocity is that of a wheel more often than that of the machine."""
     is_speed = guess.field.startswith("velocity[") and guess.column.endswith("_m_s")
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
 
 
 def _recognise_joints(log: Log, topics: pl.DataFrame) -> Recognition:
-    """What the joints of all JointStates fill."""
+    """Recognise the joints of all JointStates."""
     found = Recognition()
     for row in topics.sort("messages", descending=True).iter_rows(named=True):
         is_joints = row["type"].rpartition("/")[2] == "JointState"
@@ -305,12 +311,12 @@ def notes_on_topics(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[str]
         lists = [field for field in row["fields"] or [] if "[]" in field]
         rest = [each for each in lists if (row["topic"], each.partition("[")[0]) not in used]
         if row["problem"]:
-            yield _one_line(f"#   {row['topic']} ({row['type']}): {row['problem']}")
+            yield _replace_unprintable(f"#   {row['topic']} ({row['type']}): {row['problem']}")
         elif rest:
-            yield _one_line(f"#   {row['topic']} ({row['type']}): {', '.join(rest)}")
+            yield _replace_unprintable(f"#   {row['topic']} ({row['type']}): {', '.join(rest)}")
 
 
-def _one_line(text: str) -> str:
+def _replace_unprintable(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
@@ -332,10 +338,10 @@ def mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
     except LogError:
         return []
     guess = guess_mounting(t_ns, force, speed) if t_ns.size else None
-    return [] if guess is None else _mounting_lines(guess)
+    return [] if guess is None else _format_mounting_angles(guess)
 
 
-def _mounting_lines(guess: MountingGuess) -> list[str]:
+def _format_mounting_angles(guess: MountingGuess) -> list[str]:
     """Every angle with what it rests on; as comments where a slope may explain them."""
     where = "at standstill" if guess.stood else "on average over the drive"
     found = f"# gravity lies {guess.tilt_deg:.0f}° off the IMU's z axis {where}"
@@ -351,7 +357,7 @@ def _mounting_lines(guess: MountingGuess) -> list[str]:
         f"pitch_deg = {guess.pitch_deg:g}",
     ]
     if guess.yaw_deg is None:
-        lines.append("# yaw_deg = 0                  # the log does not tell it: look at the IMU")
+        lines.append("# yaw_deg = 0                  # not determined by the log: look at the IMU")
     else:
         std = f"± {guess.yaw_std_deg:.1g}°, from the direction of its starts"
         lines.append(f"yaw_deg = {guess.yaw_deg:g}{' ' * 15}# {std}")

@@ -31,7 +31,7 @@ class DerivedLog(Log):
         return self._log.check()
 
     def notes(self) -> tuple[str, ...]:
-        """What was recognised of the log."""
+        """Notes on what was recognised in the log."""
         return self._log.notes()
 
     def units(self, topic: str) -> Mapping[str, str]:
@@ -68,17 +68,17 @@ class CachedLog(DerivedLog):
         return {topic: self._kept[key] for topic, key in wanted.items()}
 
     def machine_ids(self) -> tuple[str, ...]:
-        """What the log says of whose it is."""
+        """Serial numbers of machines in the log."""
         return self._log.machine_ids()
 
     def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
-        """What will be read is read of the log, where it is not kept."""
+        """Tell the log which fields will be read, unless they are cached."""
         if not self._kept:
             self._log.expect(fields)
 
 
 class LogPart(DerivedLog):
-    """What another log recorded from one log time to another."""
+    """Part of another log between two log times."""
 
     def __init__(self, log: Log, start_ns: int | None, end_ns: int | None) -> None:
         """Take a stretch of a log.

@@ -10,10 +10,10 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from analysis.model.machine import Machine
-from analysis.model.physical_units import to_si
+from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.run_record import InputFile, Provenance
 from analysis.model.schema import HINTS
-from analysis.stages.signals.derive import unit_of
+from analysis.stages.signals.derive import unit_of_name
 from estimators.errors import LogError, MachineError, nearest
 from replay.inputs.time_line import offsets_ns, shift_times
 from replay.logs import TABLE, Log
@@ -116,7 +116,7 @@ def _refuse_stated_units(log: Log, machine: Machine) -> None:
         if stated is None or channel.unit is not None or channel.scale != 1.0 or channel.offset:
             continue
         try:
-            gain, offset = to_si(stated, unit_of(name))
+            gain, offset = gain_and_offset_to_si(stated, unit_of_name(name))
         except MachineError:  # of another dimension: it is called after something else
             continue
         if gain != 1.0 or offset:
@@ -172,7 +172,7 @@ def _refuse_unknown_names(log: Log, topic: str, frame: pl.DataFrame) -> None:
             )
 
 
-def named_by_topic(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def name_raw_frames(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """The frames by the names that a run has for them: `raw/imu/data` is that of `/imu/data`.
 
     Where there is a topic `imu/data` as well, the name is its, and `/imu/data` keeps its slash:
@@ -184,7 +184,7 @@ def named_by_topic(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     }
 
 
-def provenance(
+def make_provenance(
     logs: Iterable[Log],
     machine: Machine,
     t0_unix_ns: int,
@@ -223,7 +223,7 @@ def resolve_machine(machine: Machine) -> dict[str, Any]:
 
 
 def package_versions() -> dict[str, str]:
-    """Of whatever may change a number or a recording."""
+    """Versions of all packages that may change a number or a recording."""
     return {"python": platform.python_version(), **{n: version(n) for n in _VERSIONS}}
 
 
@@ -273,8 +273,12 @@ def drop_repeated_samples(
     shared = frame.filter(time <= end + _OVERLAP_NS)
     theirs = before.filter(time >= start - _OVERLAP_NS)
     keys = [name for name in frame.columns if name not in ("log_time_ns", "header_stamp_ns")]
-    new = _add_stamps(shared).join(
-        _add_stamps(theirs), on=[*keys, _STAMP], how="anti", nulls_equal=True, maintain_order="left"
+    new = _add_stamp_column(shared).join(
+        _add_stamp_column(theirs),
+        on=[*keys, _STAMP],
+        how="anti",
+        nulls_equal=True,
+        maintain_order="left",
     )
     overlap_ns = min(end, frame["log_time_ns"][-1]) - start
     inside = shared.filter(time <= end).height
@@ -287,7 +291,7 @@ def drop_repeated_samples(
     return pl.concat([new.drop(_STAMP), frame.filter(time > end + _OVERLAP_NS)])
 
 
-def _add_stamps(frame: pl.DataFrame) -> pl.DataFrame:
+def _add_stamp_column(frame: pl.DataFrame) -> pl.DataFrame:
     header = pl.col("header_stamp_ns")
     own = pl.when(header.is_not_null() & (header != 0)).then(header)
     return frame.with_columns(own.otherwise(pl.col("log_time_ns")).alias(_STAMP))

@@ -38,7 +38,7 @@ _SAID: Final = 2
 
 
 class _CachedDescription(BaseModel):
-    """Of a log that was decoded."""
+    """Description of a decoded log."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -77,7 +77,7 @@ class DecodedLog(Log):
         return self._digests
 
     def topics(self) -> pl.DataFrame:
-        """What is in the log; see `Log.topics`."""
+        """Topics of the log; see `Log.topics`."""
         return pl.read_ipc(self._kept / _TOPICS)
 
     def _read_many(
@@ -99,15 +99,15 @@ class DecodedLog(Log):
         return found
 
     def losses(self) -> tuple[Loss, ...]:
-        """What could not be read."""
+        """Losses: data that could not be read."""
         return self._about.losses
 
     def notes(self) -> tuple[str, ...]:
-        """What was recognised of how the log is written."""
+        """Notes on how the log is written."""
         return self._about.notes
 
     def machine_ids(self) -> tuple[str, ...]:
-        """What the log says of whose it is."""
+        """Serial numbers of machines in the log."""
         return self._machine_ids
 
     def check(self) -> LogCheck:
@@ -122,7 +122,7 @@ def decode_logs(
     folder: Path,
     on_log: Callable[[int], None] = lambda _: None,
 ) -> list[Log]:
-    """The same logs, decoded: those that are kept in the folder are not decoded again.
+    """Decode logs; those already decoded into the folder are read from it.
 
     Args:
         logs: opened.
@@ -140,11 +140,11 @@ def decode_logs(
     remove_oldest(folder, {place.name for place in places.values()})
     missing = [log for log in logs if not places[log].is_dir()]
     on_log(len(logs) - len(missing))
-    large = len(missing) > 1 and sum(map(_log_bytes, missing)) > _WORTH_A_PROCESS
+    large = len(missing) > 1 and sum(map(_count_log_bytes, missing)) > _WORTH_A_PROCESS
 
     def decode_missing(log: Log) -> None:
         if large:
-            _by_process(log, wanted[log], places[log], time)
+            _decode_by_process(log, wanted[log], places[log], time)
         else:
             decode_into_cache(log, wanted[log], places[log])
 
@@ -192,7 +192,7 @@ def decode_into_cache(log: Log, fields: Mapping[str, Sequence[str]], place: Path
         shutil.rmtree(begun, ignore_errors=True)
 
 
-def _by_process(
+def _decode_by_process(
     log: Log, fields: Mapping[str, Sequence[str]], place: Path, time: TimeAxis | None
 ) -> None:
     """Decode by a process that has this log alone in its memory, and ends with it."""
@@ -217,7 +217,7 @@ def _by_process(
 
 
 def _fields_of_log(log: Log, fields: Mapping[str, Sequence[str]]) -> dict[str, Sequence[str]]:
-    """What of these fields a log has, by topic: another table may have the other columns."""
+    """Which of these fields a log has, by topic; another table may have the others."""
     found: dict[str, Sequence[str]] = {}
     for topic, has in log.topics().select("topic", "fields").iter_rows():
         if topic in fields:
@@ -242,7 +242,7 @@ def _time_axis_values(time: TimeAxis | None) -> list[Any] | None:
     return None if time is None else [time.column, time.unit, asdict(time.table)]
 
 
-def _log_bytes(log: Log) -> int:
+def _count_log_bytes(log: Log) -> int:
     return sum(path.stat().st_size for path in log.files)
 
 

@@ -55,7 +55,7 @@ def logged_id(logs: Sequence[Log], known: str | None) -> str:
         if not both and first is not None:
             raise LogError(
                 f"{log.path}: its metadata say that it is of machine '{ids[0]}', and those of "
-                f"{first.path} of '{common[0]}'; replay the logs of each machine by themselves"
+                f"{first.path} of '{common[0]}'; replay the logs of each machine separately"
             )
         common, first = both, first or log
     return known or common[0] if common else ""

@@ -35,7 +35,7 @@ class MemoryLog(Log):
                 "topic": topic,
                 "type": _FORMAT,
                 "encoding": "columns",
-                **self._timing(frame["log_time_ns"].to_numpy()),
+                **self._summarise_log_times(frame["log_time_ns"].to_numpy()),
                 "fields": [name for name in frame.columns if name not in _STAMPS],
                 "problem": None,
                 "decoder": "columnar",
@@ -66,7 +66,7 @@ class MemoryLog(Log):
         return frame.select(*_STAMPS, *fields).sort("log_time_ns", maintain_order=True)
 
     def check(self) -> LogCheck:
-        """What is in memory needs no check."""
+        """Report a clean check: data in memory needs none."""
         return LogCheck(sum(frame.height for frame in self._frames.values()), 0, 0)
 
     def losses(self) -> tuple[Loss, ...]:

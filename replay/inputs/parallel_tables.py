@@ -44,7 +44,7 @@ class _NamedTable(Log):
         return {t: self._log.read(TABLE, names, start_ns, end_ns) for t, names in fields.items()}
 
     def notes(self) -> tuple[str, ...]:
-        """What was recognised of the table."""
+        """Notes on what was recognised in the table."""
         return self._log.notes()
 
     def units(self, topic: str) -> Mapping[str, str]:  # noqa: ARG002 it has one
@@ -52,11 +52,11 @@ class _NamedTable(Log):
         return self._log.units(TABLE)
 
     def losses(self) -> tuple[Loss, ...]:
-        """What could not be read."""
+        """Losses: data that could not be read."""
         return self._log.losses()
 
     def machine_ids(self) -> tuple[str, ...]:
-        """What the table says of whose it is."""
+        """Serial numbers of machines in the table."""
         return self._log.machine_ids()
 
     def check(self) -> LogCheck:

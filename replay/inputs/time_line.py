@@ -25,7 +25,7 @@ _Has = frozenset[tuple[str, str]]
 
 
 def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict[Log, int]:
-    """What is added to the times of each log, so that all are in one time line.
+    """Offset of each log that puts all into one time line.
 
     Logs that count from 0 and hold the same follow one another in the order given; those that hold
     nothing in common run side by side, and so does all that has a clock.
@@ -62,9 +62,9 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
             "logs that run side by side none in common; or give them a time since 1970"
         )
     found: dict[Log, int] = {}
-    at_ns, lattice = 0, _SampleLattice.of(next(iter(tables.values())))
+    at_ns, lattice = 0, _SampleLattice.from_table(next(iter(tables.values())))
     for log, table in tables.items():
-        found[log] = lattice.next_on(at_ns, table)
+        found[log] = lattice.next_offset_on_lattice(at_ns, table)
         slowest_s = _BETWEEN_PERIODS / float(table["rate_hz"].fill_null(1.0).to_numpy().min())
         at_ns = found[log] + int(table["end_ns"].to_numpy().max())
         at_ns += round(max(_BETWEEN_S, slowest_s) * 1e9)
@@ -83,13 +83,13 @@ class _SampleLattice(NamedTuple):
     period_ns: float
 
     @classmethod
-    def of(cls, table: pl.DataFrame) -> Self:
+    def from_table(cls, table: pl.DataFrame) -> Self:
         slowest = table.sort("rate_hz", "topic", nulls_last=True).row(0, named=True)
         # six digits, as of the grid's own rate
         rate_hz = float(f"{slowest['rate_hz'] or 1.0:.6g}")
         return cls(slowest["topic"], int(slowest["start_ns"]), 1e9 / rate_hz)
 
-    def next_on(self, at_ns: int, table: pl.DataFrame) -> int:
+    def next_offset_on_lattice(self, at_ns: int, table: pl.DataFrame) -> int:
         """The first offset from this one on that puts the log's first stamp on the lattice."""
         (start_ns,) = table.filter(pl.col("topic") == self.topic)["start_ns"]
         between_ns = int(start_ns) - self.start_ns
@@ -97,7 +97,7 @@ class _SampleLattice(NamedTuple):
         return round(periods * self.period_ns) - between_ns
 
 
-def begins_ns(
+def begin_of_each_log_ns(
     logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], t0_unix_ns: int
 ) -> dict[Log, int]:
     """When each log begins, in ns since the first aligned sample, ascending.
@@ -118,7 +118,7 @@ def begins_ns(
 
 
 def shift_times(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
-    """The same messages later by so much, by whichever stamp they have."""
+    """Shift messages in time, by whichever stamp they have."""
     if not by_ns:
         return frame
     header = pl.col("header_stamp_ns")
@@ -130,7 +130,7 @@ def shift_times(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
 
 
 def offset_note(offsets: Mapping[Log, int]) -> list[str]:
-    """What a reader must know of the order."""
+    """Note on the order of the logs."""
     if not any(offsets.values()):
         return []
     names = ", ".join(log.path.name for log in offsets)

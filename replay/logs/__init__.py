@@ -2,7 +2,7 @@
 
 from replay.logs.growing_logs import ACTIVE, GrowingLogFile, follow_log
 from replay.logs.log import TABLE, Log, LogCheck, TableHints, TimeAxis
-from replay.logs.log_formats import logs_among, logs_in, open_log
+from replay.logs.log_formats import expand_log_folders, group_objects_by_log, open_log
 
 __all__ = [
     "ACTIVE",
@@ -12,8 +12,8 @@ __all__ = [
     "LogCheck",
     "TableHints",
     "TimeAxis",
+    "expand_log_folders",
     "follow_log",
-    "logs_among",
-    "logs_in",
+    "group_objects_by_log",
     "open_log",
 ]

@@ -47,7 +47,7 @@ class ConvertedTopics:
         return pl.Schema(pl.read_parquet_schema(self._folder / self.topic.parts[0].file))
 
     @cached_property
-    def leaves(self) -> dict[str, LeafField]:
+    def leaf_fields_by_name(self) -> dict[str, LeafField]:
         """Every field, by its name."""
         return {
             field.name: LeafField(
@@ -60,15 +60,15 @@ class ConvertedTopics:
             for field in self.topic.fields
         }
 
-    def leaf(self, name: str) -> LeafField:
-        """What a column of a field holds, an element of a list among them.
+    def leaf_field_of_column(self, name: str) -> LeafField:
+        """Leaf field of a column, which may be an element of a list.
 
         Raises:
             ConvertedFieldError: there is no such field.
         """
-        if name in self.leaves:
-            return self.leaves[name]
-        picked = pl.DataFrame(schema=self.schema).select(self._column(name))
+        if name in self.leaf_fields_by_name:
+            return self.leaf_fields_by_name[name]
+        picked = pl.DataFrame(schema=self.schema).select(self._make_field_expression(name))
         return LeafField(name, picked.dtypes[0])
 
     def read(
@@ -79,11 +79,11 @@ class ConvertedTopics:
         Raises:
             ConvertedFieldError: no such field.
         """
-        columns = [self._column(name) for name in dict.fromkeys(fields)]
+        columns = [self._make_field_expression(name) for name in dict.fromkeys(fields)]
         empty = pl.DataFrame(schema=self.schema).select(*OWN_COLUMNS, *columns)
         is_first = True
         for part in self.topic.parts:
-            if not _may_hold(part, start_ns, end_ns):
+            if not _may_part_hold_span(part, start_ns, end_ns):
                 continue
             rows = pl.scan_parquet(self._folder / part.file)
             time = pl.col(LOG_TIME)
@@ -96,17 +96,20 @@ class ConvertedTopics:
         if is_first:
             yield empty
 
-    def _column(self, name: str) -> pl.Expr:
+    def _make_field_expression(self, name: str) -> pl.Expr:
         """A field as `Log.read` gives it."""
         if name in OWN_COLUMNS:
             raise ConvertedFieldError(
-                f"'{name}' is a column of every topic; a field of that name is not read"
+                f"'{name}' is a reserved column of every topic; a message field with this "
+                "name cannot be read"
             )
-        if name in self.leaves:
+        if name in self.leaf_fields_by_name:
             return pl.col(name)
         whole = _ELEMENT.sub("[]", name)
-        if whole not in self.leaves:
-            raise ConvertedFieldError(f"no field {name!r}; {nearest(name, self.leaves)}")
+        if whole not in self.leaf_fields_by_name:
+            raise ConvertedFieldError(
+                f"no field {name!r}; {nearest(name, self.leaf_fields_by_name)}"
+            )
         elements = _ELEMENT.findall(name)
         values, depth = pl.col(whole), 0
         for number, element in enumerate(elements):
@@ -118,17 +121,19 @@ class ConvertedTopics:
                     f"'{whole}', or the log itself"
                 )
             else:
-                values = values.list.get(self._index(name, elements, number), null_on_oob=True)
+                values = values.list.get(
+                    self._make_element_index(name, elements, number), null_on_oob=True
+                )
         if not depth:
             values = _widen(values, self.schema[whole])
         return values.alias(name)
 
-    def _index(self, name: str, elements: Sequence[str], number: int) -> pl.Expr:
+    def _make_element_index(self, name: str, elements: Sequence[str], number: int) -> pl.Expr:
         """Where an element lies in its list: as the name says, or where the list `name` has it."""
         element = elements[number]
         if element.isascii() and element.isdigit():
             index = int(element) if len(element) <= _MOST_DIGITS else 10**_MOST_DIGITS
-            length = self._length(name, number)
+            length = self._fixed_length(name, number)
             if length is not None and index >= length:
                 raise ConvertedFieldError(f"'{name}' is out of range; it has {length} elements")
             return pl.lit(index)
@@ -136,7 +141,7 @@ class ConvertedTopics:
         parent = before.rpartition(".")[0]
         names = f"{parent}.name[]".lstrip(".")
         whole = _ELEMENT.sub("[]", names)
-        if whole not in self.leaves or not isinstance(self.schema[whole], pl.List):
+        if whole not in self.leaf_fields_by_name or not isinstance(self.schema[whole], pl.List):
             raise ConvertedFieldError(
                 f"'{name}' picks by name, but there is no list '{names}'; use an index"
             )
@@ -146,13 +151,13 @@ class ConvertedTopics:
         first = there.list.eval(pl.element() == element).list
         return pl.when(first.any()).then(first.arg_max())
 
-    def _length(self, name: str, number: int) -> int | None:
-        lengths = self.leaves[_ELEMENT.sub("[]", name)].lengths
+    def _fixed_length(self, name: str, number: int) -> int | None:
+        lengths = self.leaf_fields_by_name[_ELEMENT.sub("[]", name)].lengths
         return lengths[number] if number < len(lengths) else None
 
 
 class ConvertedLog(Log):
-    """What `convert` wrote: topics, losses and notes are those of the log itself."""
+    """A log written by `convert`, with topics, losses and notes of the original."""
 
     def __init__(self, path: Path) -> None:
         """Read the description.
@@ -198,21 +203,21 @@ class ConvertedLog(Log):
         return {f.name: f.unit for f in found.topic.fields if f.unit} if found else {}
 
     def notes(self) -> tuple[str, ...]:
-        """What was recognised of how the log was written."""
+        """Notes on how the log was written."""
         return self._about.notes
 
     def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
         """What the columns of fields hold; see `Log.leaf_fields`."""
         self._check_open()
-        columns = self._usable(topic)
+        columns = self._require_topic(topic)
         if fields is None:
-            return tuple(columns.leaves.values())
+            return tuple(columns.leaf_fields_by_name.values())
         try:
-            return tuple(columns.leaf(name) for name in dict.fromkeys(fields))
+            return tuple(columns.leaf_field_of_column(name) for name in dict.fromkeys(fields))
         except ConvertedFieldError as error:
             raise LogError(f"{self.path}: topic '{topic}': {error}") from None
 
-    def _usable(self, topic: str) -> ConvertedTopics:
+    def _require_topic(self, topic: str) -> ConvertedTopics:
         found = self._columns.get(topic)
         if found is None:
             raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._columns)}")
@@ -232,7 +237,7 @@ class ConvertedLog(Log):
     def _scan(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[pl.DataFrame]:
-        columns = self._usable(topic)
+        columns = self._require_topic(topic)
         try:
             yield from columns.read(fields, start_ns, end_ns)
         except ConvertedFieldError as error:
@@ -244,7 +249,7 @@ class ConvertedLog(Log):
             ) from None
 
     def losses(self) -> tuple[Loss, ...]:
-        """Those of the log that was converted, and what a check found."""
+        """Losses of the log that was converted, and faults that a check found."""
         return (*self._about.losses, *self._losses)
 
     def check(self) -> LogCheck:
@@ -259,7 +264,7 @@ class ConvertedLog(Log):
             if not columns.topic.parts:
                 continue
             try:
-                for rows in self._scan(topic, list(columns.leaves), None, None):
+                for rows in self._scan(topic, list(columns.leaf_fields_by_name), None, None):
                     messages += rows.height
                     message_bytes += int(rows.estimated_size())
             except LogError as error:
@@ -295,7 +300,7 @@ def _widen(values: pl.Expr, dtype: pl.DataType) -> pl.Expr:
     return values.cast(pl.Int64) if inner.is_integer() and inner != pl.UInt64 else values
 
 
-def _may_hold(part: ConvertedPart, start_ns: int | None, end_ns: int | None) -> bool:
+def _may_part_hold_span(part: ConvertedPart, start_ns: int | None, end_ns: int | None) -> bool:
     if part.start_ns is None or part.end_ns is None:
         return False
     return not (

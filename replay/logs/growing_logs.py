@@ -45,21 +45,21 @@ class TailParts:
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         return [*self._losses, *(self._tail.losses if self._tail else ())]
 
     def poll(self) -> list[RawBatch]:
         """See `Tail.poll`."""
         # before the files are read: what is written afterwards belongs to the next call
         closed, files = self._is_closed(), self._files()
-        batches = self._poll_part() if self._tail else []
+        batches = self._poll_current_part() if self._tail else []
         while not batches:
             following = [path for path in files if not _is_taken(path, self.paths)]
             if not following:
                 self.is_finished = self._tail is not None and (closed or self._tail.is_finished)
                 break
             self._open(following[0])
-            batches = self._poll_part()
+            batches = self._poll_current_part()
         return batches
 
     def end(self) -> None:
@@ -80,7 +80,7 @@ class TailParts:
         self.paths.append(path)
         self._tail = self._open_tail(path)
 
-    def _poll_part(self) -> list[RawBatch]:
+    def _poll_current_part(self) -> list[RawBatch]:
         assert self._tail is not None
         batches = self._tail.poll()
         part = len(self.paths)
@@ -145,7 +145,7 @@ class GrowingLogFile(Protocol):
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What could not be read so far."""
+        """Losses so far: data that could not be read."""
         ...
 
     def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
@@ -177,7 +177,10 @@ def follow_log(
             raise LogError(f"{path}: no such file or directory; start the recorder first")
     suffixes = {format_suffix(path) for path in paths if not path.is_dir()}
     if any(path.is_dir() for path in paths) and len(paths) > 1:
-        raise LogError(f"{first}: a folder is followed by itself; name one folder, or its files")
+        raise LogError(
+            f"{first}: a folder cannot be followed together with other paths; give one folder, or "
+            "only files"
+        )
     if suffixes & set(_TABLES):
         if len(paths) > 1:
             raise LogError(f"{first}: one table is followed at a time; name one")
@@ -194,7 +197,9 @@ def follow_log(
     from replay.logs.rosbag2 import METADATA
 
     if first.is_dir():
-        parts = TailParts(lambda: _files_of(first), _open_tail, (first / METADATA).exists)
+        parts = TailParts(
+            lambda: _list_recorder_files(first), _open_tail, (first / METADATA).exists
+        )
     else:
         parts = TailParts(lambda: paths, _open_tail, lambda: False)
     return MessageTail(first, parts, fields)
@@ -210,7 +215,7 @@ def _open_tail(path: Path) -> Tail:
     return _TAILS[format_suffix(path)](path)
 
 
-def _files_of(folder: Path) -> list[Path]:
+def _list_recorder_files(folder: Path) -> list[Path]:
     """The files of a recorder that rotates, by the numbers in their names."""
     found = [path for path in folder.iterdir() if format_suffix(path) in _TAILS]
     return sorted(

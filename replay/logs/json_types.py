@@ -32,13 +32,15 @@ def json_type(name: str, schema: str) -> MessageType:
         BrokenBytesError: it is no JSON schema, describes no fields, or too many.
     """
     root = _parse_schema(schema or "{}")
-    record = _Schema(root).field(root, 0)
+    record = _Schema(root).type_of_value(root, 0)
     # an object without properties is a message of its time alone
     is_object = isinstance(root, dict) and root.get("type") == "object"
     is_empty = is_object and not root.get("properties")
     if not isinstance(record, RecordType) or not (record.fields or is_empty):
         raise BrokenBytesError("its JSON schema lists no properties")
-    return MessageType(RecordType(name, record.fields), ros1=False, decode=_decode, library=JSON)
+    return MessageType(
+        RecordType(name, record.fields), ros1=False, decode=_decode_json_message, library=JSON
+    )
 
 
 def _parse_schema(text: str | bytes) -> Any:
@@ -56,15 +58,15 @@ class _Schema:
         self._root = root
         self._left = _MOST_FIELDS
 
-    def field(self, schema: Any, depth: int) -> FieldType | None:
+    def type_of_value(self, schema: Any, depth: int) -> FieldType | None:
         """The type of a value; None for one that can be of several, which is left out."""
         schema = self._resolve_reference(schema)
         self._left -= 1
         if self._left < 0 or depth > _DEEPEST:
             raise BrokenBytesError(f"it has more than {_MOST_FIELDS} fields, or {_DEEPEST} levels")
-        kind = _kind(schema)
+        kind = _sole_type(schema)
         if kind == "array":
-            element = self.field(schema.get("items", {}), depth + 1)
+            element = self.type_of_value(schema.get("items", {}), depth + 1)
             if element is None or isinstance(element, ListOf):
                 return None
             return ListOf(element, None)
@@ -76,7 +78,8 @@ class _Schema:
         if set(properties) in _STAMPS:
             return Scalar("stamp")
         fields = (
-            (valid_text(name), self.field(inner, depth + 1)) for name, inner in properties.items()
+            (valid_text(name), self.type_of_value(inner, depth + 1))
+            for name, inner in properties.items()
         )
         return RecordType(
             str(schema.get("title", "object")),
@@ -93,12 +96,12 @@ class _Schema:
             schema = self._root
             for step in reference.removeprefix("#/").split("/"):
                 if not isinstance(schema, dict) or step not in schema:
-                    raise BrokenBytesError(f"it lacks what it refers to: {reference}")
+                    raise BrokenBytesError(f"it refers to a missing definition: {reference}")
                 schema = schema[step]
         raise BrokenBytesError("its references go in circles")
 
 
-def _kind(schema: dict[str, Any]) -> str | None:
+def _sole_type(schema: dict[str, Any]) -> str | None:
     """The one type that a schema allows beside null; None where there are several."""
     named = schema.get("type", "object" if "properties" in schema else [])
     allowed = named if isinstance(named, list) else [named]
@@ -118,14 +121,14 @@ def valid_text(value: Any) -> str:
     return text
 
 
-def _decode(data: bytes) -> Any:
+def _decode_json_message(data: bytes) -> Any:
     message = _parse_schema(data)
     if not isinstance(message, dict):
         raise BrokenBytesError("the message is not a JSON object")
     return message
 
 
-def _get(message: Any, name: str) -> Any:
+def _read_member(message: Any, name: str) -> Any:
     return message.get(name) if isinstance(message, dict) else None
 
 
@@ -135,7 +138,7 @@ def _require_list(values: Any) -> Sequence[Any]:
     return values
 
 
-def _convert(value: Any, kind: str) -> Any:
+def _make_converter(value: Any, kind: str) -> Any:
     if kind == "string":
         return valid_text(value)
     try:
@@ -149,7 +152,9 @@ def _stamp_ns(stamp: Any) -> int:
     if not isinstance(stamp, dict) or "sec" not in stamp:
         raise BrokenBytesError(f"{type(stamp).__name__} in the place of a time")
     nanoseconds = stamp.get("nsec", stamp.get("nanosec", 0))
-    return int64(_convert(stamp["sec"], "int64") * 10**9 + _convert(nanoseconds, "int64"))
+    return int64(
+        _make_converter(stamp["sec"], "int64") * 10**9 + _make_converter(nanoseconds, "int64")
+    )
 
 
-JSON: Final = Library("json", _get, _stamp_ns, _require_list, _convert)
+JSON: Final = Library("json", _read_member, _stamp_ns, _require_list, _make_converter)

@@ -29,7 +29,7 @@ TABLE: Final = "table"
 
 @dataclass(frozen=True, slots=True)
 class LogCheck:
-    """What was read to check a log."""
+    """Result of checking a log."""
 
     messages: int
     #: of the messages, unpacked
@@ -94,7 +94,7 @@ class Log(ABC):
 
     @abstractmethod
     def topics(self) -> pl.DataFrame:
-        """What is in the log, a row a topic, without decoding a message.
+        """List the topics of the log, a row each, without decoding a message.
 
         Columns: topic, type (in ROS 2 spelling, `sensor_msgs/msg/Imu`, also for ROS 1), encoding
         (String), messages (Int64), start_ns, end_ns (Int64 log times, null when empty), rate_hz
@@ -248,10 +248,10 @@ class Log(ABC):
 
     @abstractmethod
     def losses(self) -> tuple[Loss, ...]:
-        """What could not be read so far: damage, topics without a decoder."""
+        """Losses so far: damage, and topics without a decoder."""
 
     def notes(self) -> tuple[str, ...]:
-        """What was recognised of how the log is written, where nobody said it."""
+        """Notes on how the log is written, where the user did not state it."""
         return ()
 
     def expect(self, fields: Mapping[str, Sequence[str]]) -> None:  # noqa: B027 most have no use for it
@@ -281,7 +281,7 @@ class Log(ABC):
             raise LogError(f"{self.path}: the log was closed; open it again")
 
     @staticmethod
-    def _timing(log_times: NDArray[np.int64]) -> dict[str, Any]:
+    def _summarise_log_times(log_times: NDArray[np.int64]) -> dict[str, Any]:
         """The columns of `topics()` that follow from log times (n,) in ns and any order."""
         # recorders write them nearly in order, which timsort makes use of
         times = np.sort(log_times, kind="stable")

@@ -126,7 +126,7 @@ _METADATA: Final = "metadata.yaml"
 _DESCRIBED: Final = (_METADATA, DESCRIPTION)
 
 
-def logs_in(named: Sequence[Path]) -> list[Path]:
+def expand_log_folders(named: Sequence[Path]) -> list[Path]:
     """List each named log once; a folder is expanded to the logs in it.
 
     Args:
@@ -139,7 +139,7 @@ def logs_in(named: Sequence[Path]) -> list[Path]:
     return list({path.resolve(): path for path in found}.values())
 
 
-def logs_among(names: Sequence[str]) -> dict[str, list[str]]:
+def group_objects_by_log(names: Sequence[str]) -> dict[str, list[str]]:
     """The logs among objects of a storage that has no folders, each with its objects.
 
     Bags, and directories with metadata; where there is neither, tables.
@@ -168,16 +168,18 @@ def _is_folder(path: Path) -> bool:
 def log_of_folder(folder: Path) -> list[Path]:
     """Its bags and those of its folders; where there is none, its tables."""
     inside = _format_folder(folder)
-    bags = [log for each in inside for log in _bags(each)]
+    bags = [log for each in inside for log in _list_bags(each)]
     tables = [each for each in inside if each.suffix.lower() in _TABLES and each.is_file()]
     # a folder without a log is for its reader to say
     return bags or tables or [folder]
 
 
-def _bags(path: Path) -> list[Path]:
+def _list_bags(path: Path) -> list[Path]:
     """A bag itself, or those of a folder without metadata, as a power loss leaves it."""
     if _is_folder(path):
-        return [log for each in _format_folder(path) if not _is_folder(each) for log in _bags(each)]
+        return [
+            log for each in _format_folder(path) if not _is_folder(each) for log in _list_bags(each)
+        ]
     return [path] if path.is_dir() or path.suffix.lower() in _BAGS else []
 
 

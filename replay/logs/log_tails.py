@@ -1,4 +1,4 @@
-"""What grows of a log while it is recorded: the rows of a table, the fields of its messages."""
+"""New rows of a table or fields of messages while a log is recorded."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -10,7 +10,7 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError
-from replay.logs.decoding.decoder import Decoder, at_once
+from replay.logs.decoding.decoder import Decoder, submit_at_once
 from replay.logs.decoding.decoder_choice import make_decoder
 from replay.logs.log import TABLE, TimeAxis
 from replay.logs.message_definitions import DefinitionError, compile_type
@@ -53,12 +53,12 @@ class TableTail:
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What could not be read so far."""
+        """Losses so far: data that could not be read."""
         return [*self._losses]
 
     def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
-        """The rows that became whole since; when it is whole, also a last one without a newline."""
-        new = self._file.look() - self._at
+        """Rows completed since the last poll; at the file's end also a row without a newline."""
+        new = self._file.update_size() - self._at
         data = self._file.read(self._at, min(new, _POLL_BYTES))
         end = len(data) if is_whole and len(data) == new else data.rfind(b"\n") + 1
         self._at += end
@@ -126,7 +126,7 @@ class MessageTail:
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What could not be read so far."""
+        """Losses so far: data that could not be read."""
         return [*self._tail.losses, *self._losses]
 
     def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
@@ -138,10 +138,10 @@ class MessageTail:
         found: dict[str, list[pl.DataFrame]] = {}
         for batch in self._tail.poll():
             connection = self._tail.connections.get(batch.connection_id)
-            decoder = self._decoder(connection) if connection else None
+            decoder = self._decoder_of_connection(connection) if connection else None
             if connection is None or decoder is None:
                 continue
-            decoded = decoder.begin(batch, at_once)()
+            decoded = decoder.begin(batch, submit_at_once)()
             if decoded.undecodable:
                 what = f"messages cannot be decoded: {decoded.first_fault}"
                 self._losses.note(self._path, what, connection.topic)
@@ -154,7 +154,7 @@ class MessageTail:
         """Release the file."""
         self._tail.close()
 
-    def _decoder(self, connection: Connection) -> Decoder | None:
+    def _decoder_of_connection(self, connection: Connection) -> Decoder | None:
         """The decoder of a connection; None where nothing of it is asked for."""
         if connection.topic not in self._fields:
             return None

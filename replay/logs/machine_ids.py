@@ -28,7 +28,7 @@ _ROSBAG2: Final = "rosbag2"
 _SERIALIZED: Final = "serialized_metadata"
 
 
-def ids_among(texts: Mapping[str, str], record: str = "") -> Iterator[str]:
+def iter_serial_numbers(texts: Mapping[str, str], record: str = "") -> Iterator[str]:
     """Yield the serial numbers among named texts.
 
     Args:
@@ -47,7 +47,7 @@ def ids_in_preamble(lines: Iterable[str]) -> Iterator[str]:
     for line in lines:
         named = _NAMED_LINE.match(line)
         if named is not None:
-            yield from ids_among({named[1]: named[2].strip(' ,;\t"')})
+            yield from iter_serial_numbers({named[1]: named[2].strip(' ,;\t"')})
 
 
 def machine_ids(files: Iterable[Path]) -> tuple[str, ...]:
@@ -59,31 +59,31 @@ def machine_ids(files: Iterable[Path]) -> tuple[str, ...]:
     found: list[str] = []
     for path in files:
         if path.suffix == ".mcap":
-            found += _of_mcap(path)
+            found += _iter_ids_in_mcap(path)
         elif path.suffix == ".db3":
-            found += _of_db3(path)
+            found += _iter_ids_in_db3(path)
         elif path.name == "metadata.yaml":
             from replay.logs.rosbag2 import custom_data
 
-            found += ids_among(custom_data(path.read_bytes()))
+            found += iter_serial_numbers(custom_data(path.read_bytes()))
     return tuple(dict.fromkeys(found))
 
 
-def _of_mcap(path: Path) -> Iterator[str]:
+def _iter_ids_in_mcap(path: Path) -> Iterator[str]:
     from replay.logs.mcap import metadata_records
 
     for name, texts in metadata_records(path):
         if name == _ROSBAG2 and _SERIALIZED in texts:
             from replay.logs.rosbag2 import custom_data  # imports a reader of YAML
 
-            yield from ids_among(custom_data(texts[_SERIALIZED].encode()))
+            yield from iter_serial_numbers(custom_data(texts[_SERIALIZED].encode()))
         else:
-            yield from ids_among(texts, name)
+            yield from iter_serial_numbers(texts, name)
 
 
-def _of_db3(path: Path) -> Iterator[str]:
+def _iter_ids_in_db3(path: Path) -> Iterator[str]:
     from replay.logs.rosbag2 import custom_data
     from replay.logs.sqlite import metadata_texts
 
     for text in metadata_texts(path):
-        yield from ids_among(custom_data(text.encode()))
+        yield from iter_serial_numbers(custom_data(text.encode()))

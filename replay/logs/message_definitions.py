@@ -82,12 +82,12 @@ def compile_type(connection: Connection) -> MessageType:
     Raises:
         DefinitionError: its encoding has no decoder, or its definition cannot be used.
     """
-    return _compiled(replace(connection, id=0, topic=""))
+    return _compile_definition(replace(connection, id=0, topic=""))
 
 
 #: The logs of a fleet have the same types, and parsing takes milliseconds each.
 @lru_cache(maxsize=256)
-def _compiled(connection: Connection) -> MessageType:
+def _compile_definition(connection: Connection) -> MessageType:
     formats = _DECODABLE.get(connection.encoding)
     if formats is None or connection.definition_format not in formats:
         kind = shorten(connection.definition_format, 80) or "no"
@@ -96,7 +96,7 @@ def _compiled(connection: Connection) -> MessageType:
             "there is one for cdr (ros2msg, ros2idl), ros1 (ros1msg), json (jsonschema), protobuf"
         )
     if connection.encoding in ("json", "protobuf"):
-        return _self_described(connection)
+        return _compile_self_described(connection)
     if _SERVICE_RULE in connection.definition.split("\n"):
         raise DefinitionError(
             f"the log holds the definition of a service in place of {connection.type}'s own, "
@@ -104,9 +104,9 @@ def _compiled(connection: Connection) -> MessageType:
         )
     if _is_empty(connection):
         return MessageType(RecordType(connection.type, ()), ros1=False, decode=lambda _: None)
-    store = _typestore(connection)
+    store = _make_typestore(connection)
     record = _Records(store, ros1=connection.encoding == "ros1").record(connection.type)
-    return MessageType(record, connection.encoding == "ros1", _decoder(store, connection))
+    return MessageType(record, connection.encoding == "ros1", _make_decoder(store, connection))
 
 
 def _is_empty(connection: Connection) -> bool:
@@ -115,7 +115,7 @@ def _is_empty(connection: Connection) -> bool:
     return is_named and not connection.definition.strip()
 
 
-def _self_described(connection: Connection) -> MessageType:
+def _compile_self_described(connection: Connection) -> MessageType:
     try:
         if connection.encoding == "json":
             from replay.logs.json_types import json_type
@@ -132,7 +132,7 @@ def _self_described(connection: Connection) -> MessageType:
         ) from error
 
 
-def _typestore(connection: Connection) -> Typestore:
+def _make_typestore(connection: Connection) -> Typestore:
     text = connection.definition
     if not text.strip() and connection.definition_format in ("", "ros2msg"):
         return _typestore_with_type(connection.type)
@@ -165,7 +165,7 @@ def _typestore_with_type(name: str) -> Typestore:
         if name in store.fielddefs:
             return store
     if not name:
-        raise DefinitionError("the log does not say of what type its messages are")
+        raise DefinitionError("the log does not state the type of its messages")
     raise DefinitionError(
         f"the log carries no definition of {name}, and no ROS 2 release knows the type; "
         "record it with ROS 2 Iron or newer, which stores definitions"
@@ -194,10 +194,10 @@ class _Records:
             if self._left < 0:
                 raise DefinitionError(f"{within[0]} has more than {_MOST_FIELDS} fields")
             if field != _PLACEHOLDER:
-                fields.append((field, self._field(description, within, repeated)))
+                fields.append((field, self._make_field(description, within, repeated)))
         return RecordType(name, tuple(fields), value_names(self._store.fielddefs[name]))
 
-    def _field(self, description: Any, above: tuple[str, ...], repeated: int) -> FieldType:
+    def _make_field(self, description: Any, above: tuple[str, ...], repeated: int) -> FieldType:
         node, detail = description
         if node == Nodetype.NAME:
             # rosbags refuses other definitions of these
@@ -210,7 +210,7 @@ class _Records:
                 raise DefinitionError(f"{above[-1]} has a field of type {kind}, not supported")
             return self._byte if kind == "byte" else Scalar(kind)
         length = detail[1] if node == Nodetype.ARRAY else None
-        element = self._field(detail[0], above, repeated * (length or 1))
+        element = self._make_field(detail[0], above, repeated * (length or 1))
         assert not isinstance(element, ListOf), "ROS has no lists of lists"
         if length is not None:
             numbers = isinstance(element, Scalar) and element.kind != "string"
@@ -253,7 +253,7 @@ def value_names(definition: Any) -> tuple[tuple[str, ValueNames], ...]:
     return tuple((name, tuple(values.items())) for name, values in found.items())
 
 
-def _decoder(store: Typestore, connection: Connection) -> Callable[[bytes], Any]:
+def _make_decoder(store: Typestore, connection: Connection) -> Callable[[bytes], Any]:
     ros1 = connection.encoding == "ros1"
     deserialize = store.deserialize_ros1 if ros1 else store.deserialize_cdr
 

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
-from replay.logs.decoding.decoder import Tally, schema_of
+from replay.logs.decoding.decoder import Tally, frame_schema_of_fields
 from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
 from replay.logs.log import Log, LogCheck
 from replay.logs.machine_ids import machine_ids
 from replay.logs.message_definitions import DefinitionError, compile_type
 from replay.logs.messages.message_fields import OWN_COLUMNS, Field, FieldError, resolve
-from replay.logs.messages.message_types import LeafField, MessageType, leaf_fields, leaves
+from replay.logs.messages.message_types import LeafField, MessageType, iter_leaf_names, leaf_fields
 from replay.logs.messages.raw_batch import RawBatch
-from replay.logs.storage import Connection, Container, LossList, no_times
+from replay.logs.storage import Connection, Container, LossList, make_empty_times
 
 if TYPE_CHECKING:
     from replay.logs.decoding.batch_stream import Stream
@@ -53,11 +53,11 @@ class MessageLog(Log):
         return self._container.files
 
     def topics(self) -> pl.DataFrame:
-        """What is in the log; see `Log.topics`."""
+        """Topics of the log; see `Log.topics`."""
         return self._topic_table
 
     def machine_ids(self) -> tuple[str, ...]:
-        """Those of MCAP's metadata records, or of `custom_data`."""
+        """Serial numbers in MCAP's metadata records, or in `custom_data`."""
         return machine_ids(self.files)
 
     @cached_property
@@ -66,20 +66,22 @@ class MessageLog(Log):
         by_name: dict[str, list[Connection]] = {}
         for connection in self._container.connections:
             by_name.setdefault(connection.topic, []).append(connection)
-        return {name: _agree(tuple(by_name[name])) for name in sorted(by_name)}
+        return {name: _merge_connections(tuple(by_name[name])) for name in sorted(by_name)}
 
     @cached_property
     def _topic_table(self) -> pl.DataFrame:
-        rows = [{"topic": name, **self._summary(topic)} for name, topic in self._topics.items()]
+        rows = [
+            {"topic": name, **self._summarise_topic(topic)} for name, topic in self._topics.items()
+        ]
         return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
 
-    def _summary(self, topic: _Topic) -> dict[str, object]:
+    def _summarise_topic(self, topic: _Topic) -> dict[str, object]:
         log_times = [self._container.log_times(c.id) for c in topic.connections]
         return {
             "type": ", ".join(dict.fromkeys(c.type for c in topic.connections)),
             "encoding": ", ".join(dict.fromkeys(c.encoding for c in topic.connections)),
-            **self._timing(np.concatenate(log_times)),
-            "fields": list(leaves(topic.kind.record)) if topic.kind else [],
+            **self._summarise_log_times(np.concatenate(log_times)),
+            "fields": list(iter_leaf_names(topic.kind.record)) if topic.kind else [],
             "problem": topic.problem,
             "decoder": decoder_name(topic.kind) if topic.kind else None,
         }
@@ -87,20 +89,20 @@ class MessageLog(Log):
     def _read_many(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
-        readings = {topic: self._reading(topic, names) for topic, names in fields.items()}
+        readings = {topic: self._begin_reading(topic, names) for topic, names in fields.items()}
         streams = {
             c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
         }
         groups = self._container.groups(list(streams), start_ns, end_ns)
-        self._take_all((group.batches for group in groups), streams)
-        return {topic: self._finish(topic, reading) for topic, reading in readings.items()}
+        self._take_all_messages((group.batches for group in groups), streams)
+        return {topic: self._finish_reading(topic, reading) for topic, reading in readings.items()}
 
     def _scan(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[pl.DataFrame]:
         from replay.logs.decoding.batch_stream import drain_all
 
-        stream = self._reading(topic, fields)
+        stream = self._begin_reading(topic, fields)
         streams = {connection.id: stream for connection in self._topics[topic].connections}
         groups = self._container.groups(list(streams), start_ns, end_ns)
         try:
@@ -109,7 +111,7 @@ class MessageLog(Log):
         except GeneratorExit:  # the rest is not requested
             self._note_losses(topic, stream.tally)
             raise
-        self._judge(topic, stream.tally)
+        self._judge_tally(topic, stream.tally)
 
     def _scan_many(
         self,
@@ -120,14 +122,14 @@ class MessageLog(Log):
     ) -> Iterator[tuple[str, pl.DataFrame]]:
         from replay.logs.decoding.batch_stream import drain_all
 
-        readings = {topic: self._reading(topic, names) for topic, names in fields.items()}
+        readings = {topic: self._begin_reading(topic, names) for topic, names in fields.items()}
         topics = {stream: topic for topic, stream in readings.items()}
         streams = {c.id: s for t, s in readings.items() for c in self._topics[t].connections}
         groups = self._container.groups(list(streams), start_ns, end_ns)
         for stream, rows in drain_all(groups, streams):
             yield topics[stream], rows
         for topic, stream in readings.items():
-            fault = self._fault(topic, stream.tally)
+            fault = self._describe_unreadable(topic, stream.tally)
             if fault:
                 faults[topic] = fault
             else:
@@ -144,7 +146,7 @@ class MessageLog(Log):
     def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
         """What the columns of fields hold; see `Log.leaf_fields`."""
         self._check_open()
-        kind = self._usable(topic).kind
+        kind = self._require_decodable_topic(topic).kind
         assert kind is not None, "it is usable"
         leaves = {leaf.name: leaf for leaf in leaf_fields(kind.record)}
         if fields is None:
@@ -152,7 +154,7 @@ class MessageLog(Log):
         resolved = self._resolve(topic, fields, kind)
         return tuple(leaves.get(f.name, LeafField(f.name, f.dtype)) for f in resolved)
 
-    def _usable(self, topic: str) -> _Topic:
+    def _require_decodable_topic(self, topic: str) -> _Topic:
         """A topic that can be decoded."""
         found = self._topics.get(topic)
         if found is None:
@@ -161,23 +163,25 @@ class MessageLog(Log):
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
         return found
 
-    def _reading(self, topic: str, fields: Sequence[str]) -> "Stream":
+    def _begin_reading(self, topic: str, fields: Sequence[str]) -> "Stream":
         from replay.logs.decoding.batch_stream import Stream
 
-        kind = self._usable(topic).kind
+        kind = self._require_decodable_topic(topic).kind
         assert kind is not None, "it is usable"
         picked = self._resolve(topic, fields, kind)
-        return Stream(make_decoder(kind, picked), schema_of(picked))
+        return Stream(make_decoder(kind, picked), frame_schema_of_fields(picked))
 
-    def _take_all(self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "Stream"]) -> None:
+    def _take_all_messages(
+        self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "Stream"]
+    ) -> None:
         # numba is slow to import, and a log can be described without it
         from replay.logs.decoding.batch_stream import take_all
 
         take_all(groups, streams)
 
-    def _finish(self, topic: str, stream: "Stream") -> pl.DataFrame:
+    def _finish_reading(self, topic: str, stream: "Stream") -> pl.DataFrame:
         frame = stream.finish()
-        self._judge(topic, stream.tally)
+        self._judge_tally(topic, stream.tally)
         return frame
 
     def _resolve(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
@@ -186,13 +190,13 @@ class MessageLog(Log):
         except FieldError as error:
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 
-    def _judge(self, topic: str, tally: Tally) -> None:
-        fault = self._fault(topic, tally)
+    def _judge_tally(self, topic: str, tally: Tally) -> None:
+        fault = self._describe_unreadable(topic, tally)
         if fault:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {fault}")
         self._note_losses(topic, tally)
 
-    def _fault(self, topic: str, tally: Tally) -> str:
+    def _describe_unreadable(self, topic: str, tally: Tally) -> str:
         """Why nothing of a topic can be read; empty where something can."""
         kind = self._topics[topic].kind
         assert kind is not None, "it was read"
@@ -224,9 +228,9 @@ class MessageLog(Log):
         """Read and decode everything; see `Log.check`."""
         self._check_open()
         # without a field to gather, a message is still walked to its end
-        streams = {t: self._reading(t, ()) for t, topic in self._topics.items() if topic.kind}
+        streams = {t: self._begin_reading(t, ()) for t, topic in self._topics.items() if topic.kind}
         topics = {c.id: c.topic for c in self._container.connections}
-        times = {key: [no_times()] for key in topics}
+        times = {key: [make_empty_times()] for key in topics}
         message_bytes = 0
 
         def count_messages() -> Iterator[list[RawBatch]]:
@@ -238,7 +242,7 @@ class MessageLog(Log):
                 yield [batch for batch in group if topics[batch.connection_id] in streams]
 
         group_by_key = {key: streams[t] for key, t in topics.items() if t in streams}
-        self._take_all(count_messages(), group_by_key)
+        self._take_all_messages(count_messages(), group_by_key)
         for topic, stream in streams.items():
             stream.finish()
             self._note_losses(topic, stream.tally)
@@ -261,7 +265,7 @@ class MessageLog(Log):
                 )
 
     def losses(self) -> tuple[Loss, ...]:
-        """What could not be read so far."""
+        """Losses so far: data that could not be read."""
         # before the container's losses: counting messages may find some
         counts = {
             name: sum(self._container.message_count(c.id) for c in topic.connections)
@@ -275,7 +279,7 @@ class MessageLog(Log):
         return (*self._container.losses, *undecodable, *self._read_losses)
 
 
-def _agree(connections: tuple[Connection, ...]) -> _Topic:
+def _merge_connections(connections: tuple[Connection, ...]) -> _Topic:
     """Merge the connections of a topic, which is right only if their types are the same."""
     try:
         distinct = dict.fromkeys(replace(connection, id=0) for connection in connections)

@@ -37,13 +37,13 @@ def protobuf_type(name: str, descriptors: bytes) -> MessageType:
     try:
         files = FileDescriptorSet.FromString(descriptors)
     except DecodeError as error:
-        raise _unusable(error) from error
-    pool = _pool(files)
+        raise _unusable_error(error) from error
+    pool = _make_descriptor_pool(files)
     try:
         descriptor = pool.FindMessageTypeByName(name)
         read = GetMessageClass(descriptor).FromString
     except (KeyError, TypeError) as error:
-        raise _unusable(error) from error
+        raise _unusable_error(error) from error
 
     def decode(data: bytes) -> Any:
         try:
@@ -55,11 +55,11 @@ def protobuf_type(name: str, descriptors: bytes) -> MessageType:
     return MessageType(record, ros1=False, decode=decode, library=PROTOBUF)
 
 
-def _unusable(why: object) -> BrokenBytesError:
+def _unusable_error(why: object) -> BrokenBytesError:
     return BrokenBytesError(f"its protobuf descriptors cannot be used: {why}")
 
 
-def _pool(files: FileDescriptorSet) -> DescriptorPool:
+def _make_descriptor_pool(files: FileDescriptorSet) -> DescriptorPool:
     """A pool of files, each added after those that it depends on."""
     pool = DescriptorPool()
     waiting = list(files.file)
@@ -67,12 +67,12 @@ def _pool(files: FileDescriptorSet) -> DescriptorPool:
     while waiting:
         ready = [file for file in waiting if added.issuperset(file.dependency)]
         if not ready:
-            raise _unusable(f"{waiting[0].name} depends on files that are not there")
+            raise _unusable_error(f"{waiting[0].name} depends on files that are not there")
         for file in ready:
             try:
                 pool.Add(file)
             except TypeError as error:
-                raise _unusable(error) from error
+                raise _unusable_error(error) from error
             added.add(file.name)
         waiting = [file for file in waiting if file.name not in added]
     return pool
@@ -87,7 +87,7 @@ class _Types:
     def record(self, descriptor: Descriptor, above: tuple[str, ...]) -> RecordType:
         """A message type; fields that contain it again, and maps, are left out."""
         within = (*above, descriptor.full_name)
-        fields = ((field.name, self._field(field, within)) for field in descriptor.fields)
+        fields = ((field.name, self._make_field(field, within)) for field in descriptor.fields)
         names = (
             (field.name, tuple((value.number, value.name) for value in field.enum_type.values))
             for field in descriptor.fields
@@ -99,7 +99,7 @@ class _Types:
             tuple(names),
         )
 
-    def _field(self, field: FieldDescriptor, above: tuple[str, ...]) -> FieldType | None:
+    def _make_field(self, field: FieldDescriptor, above: tuple[str, ...]) -> FieldType | None:
         self._left -= 1
         if self._left < 0:
             raise BrokenBytesError(f"it has more than {_MOST_FIELDS} fields")
@@ -128,7 +128,7 @@ def _is_stamp(descriptor: Descriptor) -> bool:
     )
 
 
-def _get(message: Any, name: str) -> Any:
+def _read_member(message: Any, name: str) -> Any:
     field = message.DESCRIPTOR.fields_by_name[name]
     is_absent = field.has_presence and not message.HasField(name)
     if is_absent:
@@ -140,5 +140,5 @@ def _get(message: Any, name: str) -> Any:
 
 
 PROTOBUF: Final = Library(
-    "protobuf", _get, lambda stamp: int64(stamp.seconds * 10**9 + stamp.nanos)
+    "protobuf", _read_member, lambda stamp: int64(stamp.seconds * 10**9 + stamp.nanos)
 )

@@ -67,7 +67,7 @@ class RecordingLog(Log):
                 "topic": topic,
                 "type": _FORMAT,
                 "encoding": "columns",
-                **self._timing(times[topic]["log_time_ns"].to_numpy()),
+                **self._summarise_log_times(times[topic]["log_time_ns"].to_numpy()),
                 "fields": fields,
                 "problem": None,
                 "decoder": "columnar",
@@ -93,7 +93,9 @@ class RecordingLog(Log):
         with open_recording(self.path) as held:
             for topic, names in fields.items():
                 frame = held.read(self._stage[topic], [*_STAMPS, *names])
-                self._note_missing(topic, held.manifest.frame(self._stage[topic]), frame.height)
+                self._note_missing(
+                    topic, held.manifest.frame_by_name(self._stage[topic]), frame.height
+                )
                 time = pl.col("log_time_ns")
                 if start_ns is not None:
                     frame = frame.filter(time >= start_ns)
@@ -112,7 +114,7 @@ class RecordingLog(Log):
         return (self._machine_id,) if self._machine_id else ()
 
     def losses(self) -> tuple[Loss, ...]:
-        """Those of the log that was recorded, and rows that a recovered recording has lost."""
+        """Losses of the recorded log, and rows that a recovered recording has lost."""
         return (*self._losses, *self._missing.values())
 
     def _note_missing(self, topic: str, stored: StoredFrame | None, height: int) -> None:

@@ -11,7 +11,7 @@ import polars as pl
 from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
 from replay.logs.log import TABLE, Log, LogCheck, TimeAxis
-from replay.logs.machine_ids import ids_among, ids_in_preamble
+from replay.logs.machine_ids import ids_in_preamble, iter_serial_numbers
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.storage import LossList
 from replay.logs.tables import (
@@ -21,7 +21,7 @@ from replay.logs.tables import (
     TableHints,
     TableTimes,
     TimeError,
-    disagreement,
+    describe_disagreement,
     find_times,
 )
 
@@ -86,21 +86,21 @@ class TableLog(Log):
     def notes(self) -> tuple[str, ...]:
         """What was recognised of the table's dialect and time."""
         for topic in self._parts:
-            self._times(topic)
+            self._log_times_of_topic(topic)
         return tuple(f"{self.path.name}: {note}" for note in dict.fromkeys(self._notes))
 
     def machine_ids(self) -> tuple[str, ...]:
         """The serial numbers in the metadata of a Parquet or Arrow file, or above a text table."""
         columns = self._columns
         text = isinstance(columns, CsvColumns)
-        found = ids_in_preamble(columns.preamble) if text else ids_among(columns.metadata)
+        found = ids_in_preamble(columns.preamble) if text else iter_serial_numbers(columns.metadata)
         return tuple(dict.fromkeys(found))
 
     def units(self, topic: str) -> dict[str, str]:
         """The units that names, a row of units or metadata state, by field."""
         if topic not in self._parts:
             return {}
-        inside = set(self._fields(topic))
+        inside = set(self._fields_of_topic(topic))
         found = {c.name: c.unit for c in self._columns.columns if c.unit and c.name in inside}
         axis, _ = self._parts[topic]
         # "Time (s) - Speed (m/s)": the unit behind is its channel's
@@ -114,9 +114,9 @@ class TableLog(Log):
             return open_arrow(self.path)
         path = self.path
         if self._suffix == "xlsx":
-            from replay.logs.tables.excel import as_text
+            from replay.logs.tables.excel import write_sheet_as_csv
 
-            path = as_text(path, self._hints.sheet, copies)
+            path = write_sheet_as_csv(path, self._hints.sheet, copies)
         columns = CsvColumns(path, self._hints)
         copies.callback(columns.close)
         return columns
@@ -134,7 +134,7 @@ class TableLog(Log):
                 f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
             )
         try:
-            found = find_times(self._columns.columns, self._columns.head, given)
+            found = find_times(self._columns.columns, self._columns.first_text_cells, given)
         except DialectError as error:
             raise LogError(f"{self.path}: {error} {_WHERE}") from error
         if found is None:
@@ -149,11 +149,11 @@ class TableLog(Log):
 
     def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
         """Read these with the times, when all rows are looked at."""
-        inside = {name for topic in self._parts for name in self._fields(topic)}
+        inside = {name for topic in self._parts for name in self._fields_of_topic(topic)}
         asked = dict.fromkeys(name for names in fields.values() for name in names)
         self._expected = [name for name in asked if name in inside]
 
-    def _look(self, fields: Sequence[str] = ()) -> None:
+    def _look_at_all_rows(self, fields: Sequence[str] = ()) -> None:
         """Look at all rows of a text once, and read its times and some fields on the way."""
         if self._is_checked or not isinstance(self._columns, CsvColumns):
             return
@@ -161,20 +161,20 @@ class TableLog(Log):
         times = [column for axis, _ in self._parts.values() for column in axis.columns]
         once, self._expected = [*self._expected, *fields], []
         try:
-            self._columns.check(times, once, partial(self._losses.note, self.path))
+            self._columns.find_ragged_rows(times, once, partial(self._losses.note, self.path))
         except BrokenBytesError as error:
             raise LogError(f"{self.path}: not a {self._suffix} table: {error}") from error
 
-    def _times(self, topic: str) -> pl.Series:
+    def _log_times_of_topic(self, topic: str) -> pl.Series:
         """Log time of each row, null where it has none."""
         if topic not in self._stamps:
-            self._look()
+            self._look_at_all_rows()
             self._stamps[topic] = self._find_stamps(self._parts[topic][0])
         return self._stamps[topic]
 
     def _find_stamps(self, axis: TableTimes) -> pl.Series:
         try:
-            found = axis.stamps(self._cells(axis.columns), self._columns.rows)
+            found = axis.log_times_of_rows(self._cells_of_columns(axis.columns), self._columns.rows)
         except TimeError as error:
             remedy = "" if "[log]" in str(error) else ". Set [log] time and time_unit"
             raise LogError(
@@ -207,8 +207,10 @@ class TableLog(Log):
         is_told = self._is_time_given or axis.time is None or len(self._parts) > 1
         if is_told or not isinstance(columns, CsvColumns):
             return
-        first = partial(columns.head, count=_FIRST)
-        said = disagreement(columns.columns, first, axis.columns[-1], times.head(columns.first))
+        first = partial(columns.first_text_cells, count=_FIRST)
+        said = describe_disagreement(
+            columns.columns, first, axis.columns[-1], times.head(columns.first)
+        )
         if said:
             raise LogError(
                 f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said} {_WHERE}"
@@ -249,14 +251,14 @@ class TableLog(Log):
         late = int((there < there.cum_max()).sum())
         return late < _FEW_LATE * there.len() or backwards > _FALLS * late
 
-    def _cells(self, names: Sequence[str]) -> dict[str, pl.Series]:
+    def _cells_of_columns(self, names: Sequence[str]) -> dict[str, pl.Series]:
         try:
             return self._columns.read(names)
         except BrokenBytesError as error:
             columns = "', '".join(names)
             raise LogError(f"{self.path}: column '{columns}' cannot be read: {error}") from error
 
-    def _fields(self, topic: str) -> list[str]:
+    def _fields_of_topic(self, topic: str) -> list[str]:
         return [name for name in self._parts[topic][1] if name and name not in _STAMPS]
 
     def topics(self) -> pl.DataFrame:
@@ -266,8 +268,10 @@ class TableLog(Log):
                 "topic": topic,
                 "type": TABLE,
                 "encoding": self._suffix,
-                **self._timing(self._times(topic).drop_nulls().to_numpy()),
-                "fields": self._fields(topic),
+                **self._summarise_log_times(
+                    self._log_times_of_topic(topic).drop_nulls().to_numpy()
+                ),
+                "fields": self._fields_of_topic(topic),
                 "problem": None,
                 "decoder": "columnar",
             }
@@ -287,15 +291,15 @@ class TableLog(Log):
             many = ", ".join(f"'{each}'" for each in self._parts)
             has = f"the one topic '{TABLE}'" if len(self._parts) == 1 else f"the topics {many}"
             raise LogError(f"{self.path}: no topic '{topic}'; a table has {has}")
-        choices = self._fields(topic)
+        choices = self._fields_of_topic(topic)
         inside = frozenset(choices)
         for field in fields:
             if field not in inside:
                 raise LogError(f"{self.path}: no column '{field}'; {nearest(field, choices)}")
-        self._look(fields)
-        cells = self._cells(list(dict.fromkeys(fields)))
-        columns = [self._values(cells.pop(field)) for field in dict.fromkeys(fields)]
-        times = self._times(topic)
+        self._look_at_all_rows(fields)
+        cells = self._cells_of_columns(list(dict.fromkeys(fields)))
+        columns = [self._values_of_cells(cells.pop(field)) for field in dict.fromkeys(fields)]
+        times = self._log_times_of_topic(topic)
         no_stamps = pl.repeat(None, times.len(), dtype=pl.Int64, eager=True)
         frame = pl.DataFrame([times, no_stamps.alias("header_stamp_ns"), *columns])
         if start_ns is None and end_ns is None and times.null_count() == 0 and times.is_sorted():
@@ -307,7 +311,7 @@ class TableLog(Log):
             inside &= pl.col("log_time_ns") <= end_ns
         return frame.filter(inside).sort("log_time_ns", maintain_order=True)
 
-    def _values(self, values: pl.Series) -> pl.Series:
+    def _values_of_cells(self, values: pl.Series) -> pl.Series:
         if isinstance(self._columns, CsvColumns):
             return self._guess_type(values) if values.dtype == pl.String else values
         if values.dtype.is_float() or values.dtype.is_decimal():
@@ -339,7 +343,7 @@ class TableLog(Log):
             self._losses.note(
                 self.path,
                 f"{faults.len()} cells of column '{text.name}' are no numbers, "
-                f"the first is '{_short(faults[0])}'",
+                f"the first is '{_shorten(faults[0])}'",
                 TABLE,
             )
         return numbers
@@ -347,23 +351,25 @@ class TableLog(Log):
     def check(self) -> LogCheck:
         """Read every column; see `Log.check`."""
         self._check_open()
-        self._look()
-        fields = {field for topic in self._parts for field in self._fields(topic)}
+        self._look_at_all_rows()
+        fields = {field for topic in self._parts for field in self._fields_of_topic(topic)}
         message_bytes = 0
         for name in self._columns.names:
             try:
-                column = self._cells([name])[name]
-                column = self._values(column) if name in fields else column
+                column = self._cells_of_columns([name])[name]
+                column = self._values_of_cells(column) if name in fields else column
             except LogError as error:
                 self._losses.note(self.path, str(error).removeprefix(f"{self.path}: "), TABLE)
             else:
                 message_bytes += int(column.estimated_size())
-        return LogCheck(sum(self._times(t).count() for t in self._parts), message_bytes, crcs=0)
+        return LogCheck(
+            sum(self._log_times_of_topic(t).count() for t in self._parts), message_bytes, crcs=0
+        )
 
     def losses(self) -> tuple[Loss, ...]:
-        """What could not be read so far."""
+        """Losses so far: data that could not be read."""
         return tuple(self._losses)
 
 
-def _short(text: str) -> str:
+def _shorten(text: str) -> str:
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"

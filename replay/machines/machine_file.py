@@ -4,9 +4,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from analysis.model.machine import LogSection, Machine
-from analysis.model.physical_units import to_si
+from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.settings import Settings
-from analysis.stages.signals.derive import arithmetic, unit_of
+from analysis.stages.signals.derive import arithmetic_in_si, unit_of_name
 from estimators.errors import MachineError
 from replay.logs import TableHints, TimeAxis
 from replay.machines.toml_file import read_toml, set_value, validate
@@ -42,9 +42,9 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     for name, channel in machine.channels.items():
         try:
             if channel.expression is not None:
-                arithmetic(name, machine)
+                arithmetic_in_si(name, machine)
             elif channel.unit is not None:
-                to_si(channel.unit, unit_of(name))
+                gain_and_offset_to_si(channel.unit, unit_of_name(name))
         except MachineError as error:
             said = str(error)
             where = "" if said.startswith("channels.") else f"channels.{name}: "
@@ -72,7 +72,7 @@ def time_axis(machine: Machine) -> TimeAxis | None:
 
 
 def table_axis(section: LogSection) -> TimeAxis | None:
-    """The same of the keys of `[log]`; None where none is given."""
+    """Time column and dialect of a table by the keys of `[log]`; None if none is given."""
     given = section.model_dump()
     time, unit = given.pop("time", None), given.pop("time_unit", None)
     if time is None and unit is None and not given:

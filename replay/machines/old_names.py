@@ -75,7 +75,7 @@ def rename_old_keys(content: dict[str, Any]) -> dict[str, str]:
     taken: list[tuple[str, str, Any]] = []
     for old, new in OLD_NAMES.items():
         *sections, name = old.split(".")
-        table = _table(content, sections)
+        table = _find_table(content, sections)
         # a key that became a section is old where it is a value
         if table is not None and not isinstance(table.get(name, {}), dict):
             taken.append((old, new, table.pop(name)))
@@ -160,7 +160,7 @@ def migrate_file(path: Path) -> dict[str, str]:
     return renamed
 
 
-def _table(content: dict[str, Any], sections: list[str]) -> dict[str, Any] | None:
+def _find_table(content: dict[str, Any], sections: list[str]) -> dict[str, Any] | None:
     here: Any = content
     for section in sections:
         here = here.get(section) if isinstance(here, dict) else None

@@ -199,7 +199,7 @@ def second_copy_path(path: Path) -> Path | None:
 
 
 def read_kept_end(second: Path | None) -> ListEnd | None:
-    """What is kept there; None where nothing is.
+    """Read the kept end; None if there is none.
 
     Raises:
         EvidenceError: it is damaged.

@@ -42,7 +42,7 @@ _US: Final = 1000
 
 @dataclass(frozen=True, slots=True)
 class NotarisedFolder:
-    """What a pass came to.
+    """Result of a pass over a folder.
 
     Attributes:
         path: the list.
@@ -59,7 +59,7 @@ class NotarisedFolder:
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values."""
+        """The fields as plain values."""
         return {
             "list": str(self.path),
             "added": [each.model_dump(mode="json") for each in self.added],
@@ -126,7 +126,7 @@ def notarise_folder(
         known = {e.log: e for line in held.lines if isinstance(e := line.content, NotaryEntry)}
         added: list[NotaryEntry] = []
         waiting: list[str] = []
-        for log in sorted(found_logs(folder, path), key=lambda log: (log.written_s, log.name)):
+        for log in sorted(find_logs(folder, path), key=lambda log: (log.written_s, log.name)):
             before = known.get(log.name)
             if before is not None and _is_same(before, log):
                 continue
@@ -153,13 +153,13 @@ def begin_list(held: OpenList, key: SigningKey, machine_id: str) -> list[str]:
             machine_id=machine_id,
             public_key=key.public.text,
             nonce=secrets.token_hex(32),
-            begun=_now(),
+            begun=_format_now(),
         )
         held.append(signed_line(head, key))
         return [] if machine_id else ["the list names no machine: --machine-id does"]
     head = held.lines[0].content
     assert isinstance(head, NotaryHead)
-    if head.public_key != key.public.text or not held.lines[-1].by(key.public):
+    if head.public_key != key.public.text or not held.lines[-1].is_signed_by(key.public):
         raise EvidenceError(
             f"{held.path}: is signed with another key than {key.public.key_id[:12]}…; "
             "a list has one key: start another list with --list"
@@ -172,7 +172,7 @@ def begin_list(held: OpenList, key: SigningKey, machine_id: str) -> list[str]:
     return []
 
 
-def found_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
+def find_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
     """Yield the logs of a folder and of those in it; no link is followed.
 
     Args:
@@ -235,7 +235,7 @@ def make_entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> Not
         ),
         begins=begins,
         ends=ends,
-        listed=_now(),
+        listed=_format_now(),
         machine_id=machine,
         replaces=None if before is None else before.counter,
     )
@@ -255,15 +255,15 @@ def _describe_log(path: Path) -> tuple[str, str, str]:
     first, last = topics["start_ns"].min(), topics["end_ns"].max()
     if not isinstance(first, int) or not isinstance(last, int) or first < FIRST_DATE_NS:
         return "", "", machine[:_LONGEST_ID]
-    return _stamp(first), _stamp(last), machine[:_LONGEST_ID]
+    return _format_stamp(first), _format_stamp(last), machine[:_LONGEST_ID]
 
 
-def _stamp(unix_ns: int) -> str:
+def _format_stamp(unix_ns: int) -> str:
     return f"{dt.datetime.fromtimestamp(unix_ns // 10**9, dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
-def _now() -> str:
-    return _stamp(time.time_ns())
+def _format_now() -> str:
+    return _format_stamp(time.time_ns())
 
 
 def _clock_notes(held: OpenList, entry: NotaryEntry) -> Iterator[str]:

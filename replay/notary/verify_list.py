@@ -31,7 +31,7 @@ UNSEEN = (
 
 @dataclass(frozen=True, slots=True)
 class VerifiedList:
-    """What a verification of a list came to.
+    """Result of verifying a list.
 
     Attributes:
         path: the list.
@@ -59,7 +59,7 @@ class VerifiedList:
         return verdict_text(self.path, self.findings, holds)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values."""
+        """The fields as plain values."""
         return {
             "list": str(self.path),
             "outcome": 0 if self.outcome is None else int(self.outcome),

@@ -11,8 +11,8 @@ from analysis.paper.simulated_sources import (
     Extracts,
     Repetition,
     Study,
-    repetitions,
-    with_paper_noise,
+    machine_with_paper_noise,
+    plan_repetitions,
 )
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from recordings.paper.paper_items import Item, ItemResult, find
@@ -37,15 +37,17 @@ class Reproduction:
         self._items = tuple(items)
         self._digests = Extracts()
         study = Study(
-            scenario=Scenario().seeded(seed),
-            machine=with_paper_noise(load_machine("cat262c.toml")),
+            scenario=Scenario().with_seed(seed),
+            machine=machine_with_paper_noise(load_machine("cat262c.toml")),
             windows=windows,
             campaigns=campaigns,
             replay=replay_simulated,
         )
         needs = [extract for item in self._items for extract in item.needs]
         #: A simulation each: their number is the length of the progress.
-        self.repetitions: tuple[Repetition, ...] = tuple(repetitions(needs, study, self._digests))
+        self.repetitions: tuple[Repetition, ...] = tuple(
+            plan_repetitions(needs, study, self._digests)
+        )
 
     def find(self, on_stage: Callable[[str], None]) -> list[ItemResult]:
         """Take all repetitions, then make the items.

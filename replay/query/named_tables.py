@@ -72,7 +72,7 @@ class NamedTables:
 def named_tables(
     sources: Sequence[str], time: TimeAxis | None = None, columns: Sequence[str] = ()
 ) -> NamedTables:
-    """What is named, as tables; nothing but indices is read.
+    """Open the named files as tables; only indices are read.
 
     Args:
         sources: logs, folders and patterns of logs, recordings, reviews and ledgers, and the
@@ -147,7 +147,7 @@ class _TopicOptions:
     t0_unix_ns: int | None
     columns: tuple[str, ...]
 
-    def fields(self, log: Log, topic: str) -> list[str] | None:
+    def choose_fields(self, log: Log, topic: str) -> list[str] | None:
         """All fields and the elements that are named; None for all fields alone."""
         whole = [leaf.name for leaf in log.leaf_fields(topic)]
         picked: list[str] = []
@@ -174,7 +174,7 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
         source = topic_source(
             chosen,
             topic,
-            fields=options.fields(first, topic),
+            fields=options.choose_fields(first, topic),
             time=options.time,
             losses=found.losses,
         )

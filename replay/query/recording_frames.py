@@ -36,7 +36,7 @@ class RecordingFrame:
 
     @property
     def time_column(self) -> str | None:
-        """What places its rows in time, if anything."""
+        """Column that places its rows in time, if any."""
         if self.stored.name.startswith(_RAW):
             return "log_time_ns"
         declared = FRAMES.get(self.stored.name.partition("/")[0])

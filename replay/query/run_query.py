@@ -39,7 +39,7 @@ class Query:
         Raises:
             PayscopeError: a log cannot be read, or rows cannot be computed.
         """
-        with self._faults():
+        with self._raise_query_errors():
             rows = self.rows.collect(engine="streaming")
         if apart_s is None:
             return rows
@@ -64,7 +64,7 @@ class Query:
                 f"{path}: CSV has no lists, and {', '.join(listed)} are; leave them out, or write "
                 ".parquet or .arrow"
             )
-        with atomic_file(path, force=force) as partial, self._faults():
+        with atomic_file(path, force=force) as partial, self._raise_query_errors():
             match file_format:
                 case "csv":
                     self.rows.sink_csv(partial)
@@ -79,8 +79,8 @@ class Query:
         return opening_command(first, self.named.recordings, self.named.fleet)
 
     @contextmanager
-    def _faults(self) -> Generator[None]:
-        """What goes wrong while rows are computed, as ours: polars gives the text of an error."""
+    def _raise_query_errors(self) -> Generator[None]:
+        """Raise faults of computing rows as payscope errors."""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", LossWarning)  # the command says losses itself
@@ -90,7 +90,7 @@ class Query:
             raise (failures[0] if failures else query_fault(error, self.named.tables)) from None
 
 
-def query(sources: Sequence[str], sql: str, time: TimeAxis | None = None) -> Query:
+def query_tables(sources: Sequence[str], sql: str, time: TimeAxis | None = None) -> Query:
     """Prepare a query; nothing but indices is read.
 
     Args:

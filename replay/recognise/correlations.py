@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.model.physical_units import to_si
+from analysis.model.physical_units import gain_and_offset_to_si
 from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import TABLE, Log
@@ -89,7 +89,7 @@ def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[
     """
     axes = [column for column in accelerometer_axes(columns) if column.unit is None]
     for column in axes if len(axes) == len(_AXES) else ():
-        middle = abs(_median_reading(log, column))
+        middle = abs(_median_of_column(log, column))
         for unit, (low, high) in (("m/s**2", _GRAVITY_M_S2), ("standard_gravity", _GRAVITY_G)):
             if low <= middle <= high:
                 reason = f"gravity is on '{column.field}' ({middle:.2f}): in {unit}"
@@ -105,9 +105,11 @@ def lacks_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
     total = 0.0
     for column in axes:
         assert column.unit is not None
-        if not column.fits("acc_x_m_s2"):
+        if not column.has_dimension_of_channel("acc_x_m_s2"):
             return set()
-        total += (_median_reading(log, column) * to_si(column.unit, "m/s²")[0]) ** 2
+        total += (
+            _median_of_column(log, column) * gain_and_offset_to_si(column.unit, "m/s²")[0]
+        ) ** 2
     return {column.field for column in axes} if total < (_GRAVITY_M_S2[0] / 2) ** 2 else set()
 
 
@@ -119,11 +121,11 @@ def are_same_readings(log: Log, one: LogColumn, other: LogColumn) -> bool:
         return False
     if min(t.size, at.size) < _FEWEST or one.unit is None or other.unit is None:
         return False
-    y = y * to_si(other.unit, one.unit)[0]
+    y = y * gain_and_offset_to_si(other.unit, one.unit)[0]
     return float(np.std(x - np.interp(t, at, y))) < _SAME * float(np.std(x))
 
 
-def _median_reading(log: Log, column: LogColumn) -> float:
+def _median_of_column(log: Log, column: LogColumn) -> float:
     try:
         _, x = read_series(log, column.topic, column.field)
     except (LogError, pl.exceptions.PolarsError):
@@ -139,7 +141,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
         (
             ChannelProposal("position_x_m", c.topic, c.field, c.unit, "")
             for c in columns
-            if c.said.quantity == "position" and c.is_in("m")
+            if c.said.quantity == "position" and c.has_dimension_of_unit("m")
         ),
         None,
     )
@@ -155,9 +157,9 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
             if goes is not None:
                 reason += f"; goes with the change of {speed.field}, {goes:.2f}"
                 if goes < -_CLEAR:
-                    found.ask("sign", _SIGN.format(f"'{each.field}'", goes))
+                    found.ask_question("sign", _SIGN.format(f"'{each.field}'", goes))
                 if is_force and abs(goes) < _NOTHING:
-                    found.ask("column", _APART.format(each.field, speed.field, goes))
+                    found.ask_question("column", _APART.format(each.field, speed.field, goes))
             if is_acceleration:
                 ask_about_units(log, each, speed, found)
             if is_force:
@@ -166,7 +168,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
             ask_about_units(log, each, place, found)
             goes = slope_correlation(log, each, place)
             if goes is not None and goes < -_CLEAR:
-                found.ask("sign", _AGAINST_PLACE.format(each.field, place.field, goes))
+                found.ask_question("sign", _AGAINST_PLACE.format(each.field, place.field, goes))
             if goes is not None and abs(goes) > _CLEAR:
                 reason += f"; goes with the change of {place.field}, {goes:.2f}"
         channels.append(replace(each, reason=reason))
@@ -188,7 +190,7 @@ def ask_about_mirrored_side(
         (t, x), (at, y) = series_of_proposal(log, left), series_of_proposal(log, right)
         goes = _correlate(x, np.interp(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
         if goes is not None and goes < -_CLEAR:
-            found.ask("sign", _MIRRORED.format(left.field, right.field, goes))
+            found.ask_question("sign", _MIRRORED.format(left.field, right.field, goes))
 
 
 def ask_about_units(
@@ -200,14 +202,17 @@ def ask_about_units(
     (t, x), (at, y) = series_of_proposal(log, rate), series_of_proposal(log, other)
     if min(t.size, at.size) < _FEWEST:
         return
-    gains = [to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0 for each in (rate, other)]
-    x, change = x * gains[0], _slope(t, at, y * gains[1]) / _SPAN_S
+    gains = [
+        gain_and_offset_to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0
+        for each in (rate, other)
+    ]
+    x, change = x * gains[0], _slope_at_times(t, at, y * gains[1]) / _SPAN_S
     goes = _correlate(x, change)
     if goes is None or goes < _ALIKE:
         return
     times = float(change.std() / x.std())
     if not _UNITS_HOLD[0] < times < _UNITS_HOLD[1]:
-        found.ask("unit", _UNITS_APART.format(rate.field, other.field, times))
+        found.ask_question("unit", _UNITS_APART.format(rate.field, other.field, times))
 
 
 #: Units of channels of which one is the change of another.
@@ -228,7 +233,7 @@ def ask_about_wrapped_sign(log: Log, each: ChannelProposal, found: Recognition) 
     for bits in _BITS:
         half = 2 ** (bits - 1)
         if half < jump and half < largest < 2 * half:
-            found.ask("sign", _WRAPPED.format(each.field, bits, half - 1, 2 * half))
+            found.ask_question("sign", _WRAPPED.format(each.field, bits, half - 1, 2 * half))
 
 
 def _ask_without_sign(
@@ -238,10 +243,10 @@ def _ask_without_sign(
     (t, x), (at, y) = series_of_proposal(log, each), series_of_proposal(log, speed)
     if min(t.size, at.size) < _FEWEST or x.min() < -_NOISE * x.max():
         return
-    slope = _slope(t, at, y)
+    slope = _slope_at_times(t, at, y)
     starts, stops = x[slope > slope.max() / 2], x[slope < slope.min() / 2]
     if slope.min() < 0 < slope.max() and stops.mean() > _BRAKING * starts.mean() > 0:
-        found.ask("sign", _WITHOUT_SIGN.format(each.field))
+        found.ask_question("sign", _WITHOUT_SIGN.format(each.field))
 
 
 def series_of_proposal(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]:
@@ -254,7 +259,7 @@ def series_of_proposal(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]
         return np.empty(0), np.empty(0)
 
 
-def _slope(t: Floats, at: Floats, y: Floats) -> Floats:
+def _slope_at_times(t: Floats, at: Floats, y: Floats) -> Floats:
     """How much `y`, of the times `at`, changes about each of the times `t`."""
     half = _SPAN_S / 2
     return np.interp(t + half, at, y) - np.interp(t - half, at, y)
@@ -263,7 +268,7 @@ def _slope(t: Floats, at: Floats, y: Floats) -> Floats:
 def slope_correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> float | None:
     """Correlation of a column with the slope of another; None where there is none."""
     (t, x), (at, y) = series_of_proposal(log, one), series_of_proposal(log, other)
-    return _correlate(x, _slope(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
+    return _correlate(x, _slope_at_times(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
 
 
 def _correlate(x: Floats, y: Floats) -> float | None:

@@ -37,7 +37,9 @@ def recognise_unnamed_sides(columns: Sequence[LogColumn], found: Recognition) ->
     torques = [
         c
         for c in columns
-        if c.quantity == "torque" and c.fits("torque_left_N_m") and c.said.part != "motor"
+        if c.quantity == "torque"
+        and c.has_dimension_of_channel("torque_left_N_m")
+        and c.said.part != "motor"
     ]
     wheels = [c for c in torques if c.said.side is None and c.said.axis in (None, "x", "y", "z")]
     if len(wheels) != 2 or len(torques) != 2:
@@ -50,8 +52,8 @@ def recognise_unnamed_sides(columns: Sequence[LogColumn], found: Recognition) ->
             column.unit,
             f"{column.field}: one of two torques; its name has no side",
         )
-    found.ask("radius", _RADIUS)
-    found.ask("side", f"which is the left one, {names}")
+    found.ask_question("radius", _RADIUS)
+    found.ask_question("side", f"which is the left one, {names}")
     return True
 
 
@@ -70,7 +72,7 @@ def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> b
             # what flows into a drive is power over voltage, not torque
             and not (quantity == "current" and c.said.is_of_supply)
             # a current is in amperes where nothing is stated, as motor controllers write it
-            and (c.is_in(unit) or (unit, c.unit) == ("A", None))
+            and (c.has_dimension_of_unit(unit) or (unit, c.unit) == ("A", None))
         ]
         fitting.sort(key=lambda c: c.said.part != "motor")
         if not fitting:
@@ -80,20 +82,20 @@ def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> b
             reason = f"{column.field}: at the wheels of both sides; needs their radius"
             found.sketch_source(column, "wheel_torque_N_m", column.unit, reason)
             found.propose_as_comment("force_x_N", "wheel_torque_N_m / wheel_radius_m", reason)
-            found.ask("radius", _RADIUS)
+            found.ask_question("radius", _RADIUS)
             return True
         motors = [c for c in fitting if c.said.part == column.said.part]
         if len(motors) > 1:
             names = ", ".join(f"'{each.field}'" for each in motors)
-            found.ask("column", f"which of {names} drive: those that do are added")
+            found.ask_question("column", f"which of {names} drive: those that do are added")
         reason = f"{column.field}: at the motor; needs the gear"
         found.sketch_source(column, name, column.unit, reason)
         found.propose_as_comment("force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason)
-        found.ask("gear", _GEAR.format("force_x_N"))
+        found.ask_question("gear", _GEAR.format("force_x_N"))
         if factor:
             word, _, of = factor.removeprefix(" * ").partition(" ")
-            found.ask("gear", f"the motor's {word} in {of.strip('[]')}, in the same line")
-        found.ask("radius", _RADIUS)
+            found.ask_question("gear", f"the motor's {word} in {of.strip('[]')}, in the same line")
+        found.ask_question("radius", _RADIUS)
         return True
     return False
 
@@ -113,11 +115,11 @@ def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> boo
         f"{torque} * DISPLACEMENT [m^3/turn] * GEAR / wheel_radius_m",
         "the drive's pressure times its displacement",
     )
-    found.ask("gear", _GEAR.format("force_x_N"))
-    found.ask("gear", "the motor's DISPLACEMENT in m³ a revolution, in the same line")
-    found.ask("radius", _RADIUS)
+    found.ask_question("gear", _GEAR.format("force_x_N"))
+    found.ask_question("gear", "the motor's DISPLACEMENT in m³ a revolution, in the same line")
+    found.ask_question("radius", _RADIUS)
     if len(names) > 1:
-        found.ask(
+        found.ask_question(
             "side", f"which pressure drives forwards, '{drive[0].field}' or '{drive[1].field}'"
         )
     return True
@@ -125,15 +127,21 @@ def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> boo
 
 def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """A force from the drive's power, or from the battery's current and voltage, over the speed."""
-    current = next((c for c in columns if c.said.is_of_supply and c.is_in("A")), None)
-    voltage = next((c for c in columns if c.is_in("V")), None)
-    powers = [c for c in columns if c.quantity == "power" and (c.unit is None or c.is_in("W"))]
+    current = next(
+        (c for c in columns if c.said.is_of_supply and c.has_dimension_of_unit("A")), None
+    )
+    voltage = next((c for c in columns if c.has_dimension_of_unit("V")), None)
+    powers = [
+        c
+        for c in columns
+        if c.quantity == "power" and (c.unit is None or c.has_dimension_of_unit("W"))
+    ]
     power = min(powers, key=lambda c: c.unit is None, default=None)
     if power is not None and not (power.unit is None and current and voltage):
         reason = f"{power.field}: a power; over the speed it is a force; needs the efficiency"
         found.sketch_source(power, "power_W", power.unit or "?", reason)
         if power.unit is None:
-            found.ask("unit", f"the unit of '{power.field}', in channels.power_W.unit")
+            found.ask_question("unit", f"the unit of '{power.field}', in channels.power_W.unit")
         watts = "power_W"
     else:
         if current is None or voltage is None:
@@ -146,7 +154,9 @@ def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
     found.propose_as_comment(
         "force_x_N", f"where({moving}, {watts} * EFFICIENCY / speed_x_m_s)", reason
     )
-    found.ask("gear", "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive")
+    found.ask_question(
+        "gear", "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive"
+    )
     return True
 
 
@@ -173,7 +183,7 @@ def recognise_wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> 
         reason = f"{column.field}: turns of a wheel; needs its radius"
         found.sketch_source(column, source, column.unit, reason)
         found.propose_as_comment(channel, f"{source} * wheel_radius_m", reason)
-    found.ask("radius", _RADIUS)
+    found.ask_question("radius", _RADIUS)
     return True
 
 
@@ -188,10 +198,12 @@ def _recognise_motor_speed(columns: Sequence[LogColumn], found: Recognition) -> 
     unit = None if turns.unit in (None, "rpm") else turns.unit
     found.sketch_source(turns, "motor_rpm", unit, reason)
     found.propose_as_comment("speed_x_m_s", f"motor_rpm{pairs} / GEAR * wheel_radius_m", reason)
-    found.ask("gear", _GEAR.format("speed_x_m_s"))
+    found.ask_question("gear", _GEAR.format("speed_x_m_s"))
     if pairs:
-        found.ask("gear", "the motor's POLE_PAIRS, in the same line")
+        found.ask_question("gear", "the motor's POLE_PAIRS, in the same line")
     elif turns.field.lower() == "rpm":
-        found.ask("gear", f"whether '{turns.field}' counts electrical turns (VESC): / POLE_PAIRS")
-    found.ask("radius", _RADIUS)
+        found.ask_question(
+            "gear", f"whether '{turns.field}' counts electrical turns (VESC): / POLE_PAIRS"
+        )
+    found.ask_question("radius", _RADIUS)
     return True

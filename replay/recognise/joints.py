@@ -28,7 +28,9 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
         found: what is added to.
     """
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
-    names = list(dict.fromkeys(str(n) for n in first_values(log, topic, places, start_ns) if n))
+    names = list(
+        dict.fromkeys(str(n) for n in read_first_message(log, topic, places, start_ns) if n)
+    )
     wheels, turns = _find_wheels(names)
     if wheels:
         for side, joints in wheels.items():
@@ -42,7 +44,9 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
 def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
     """The readings of each joint that the first message has, as fields: `effort[left]`."""
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
-    names = list(dict.fromkeys(str(n) for n in first_values(log, topic, places, start_ns) if n))
+    names = list(
+        dict.fromkeys(str(n) for n in read_first_message(log, topic, places, start_ns) if n)
+    )
     arrays = ("position", "velocity", "effort")
     return [
         each for array in arrays for each in fields_with_values(log, topic, array, names, start_ns)
@@ -88,8 +92,10 @@ def _fill_channels_of_side(
     parts = fill_parts(found, topic, velocities, source)
     mean = parts[0] if len(parts) == 1 else f"mean({', '.join(parts)})"
     _propose_formula(found, speed, f"{mean} * wheel_radius_m", "a wheel's turns; needs its radius")
-    found.ask("radius", "machine.wheel_radius_m, which turns wheels' torques and turns into drive")
-    found.ask(
+    found.ask_question(
+        "radius", "machine.wheel_radius_m, which turns wheels' torques and turns into drive"
+    )
+    found.ask_question(
         "unit",
         f"whether velocity[…] of the wheels is in rad/s, as drafted; where it is in m/s, "
         f"channels.speed_*_m_s.derive without * wheel_radius_m ({topic})",
@@ -120,11 +126,13 @@ def fields_with_values(
 ) -> list[str]:
     """The fields of an array that the first message fills."""
     fields = [f"{array}[{joint}]" for joint in joints]
-    values = first_values(log, topic, fields, start_ns)
+    values = read_first_message(log, topic, fields, start_ns)
     return [field for field, value in zip(fields, values, strict=False) if value is not None]
 
 
-def first_values(log: Log, topic: str, fields: Sequence[str], start_ns: int) -> tuple[Any, ...]:
+def read_first_message(
+    log: Log, topic: str, fields: Sequence[str], start_ns: int
+) -> tuple[Any, ...]:
     """Fields of a topic's first message, in this order; none where there are none to read."""
     if not fields:
         return ()

@@ -1,7 +1,7 @@
 """What each field of a log looks like: unit, rate, range, and its course in a line."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -23,6 +23,10 @@ _AT_ONCE: Final = 8_000_000
 _FEWEST_AT_ONCE: Final = 16
 #: Names of stamps, which are no readings.
 _NO_READINGS: Final = ("header.stamp", "header.seq", "header.frame_id")
+_EFFORT_UNIT: Final = (
+    "is effort a torque in N·m, or a motor current in A? where it is a current, scale = the torque "
+    "at the wheel per ampere"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +56,7 @@ class FieldProfile:
     course: str
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values, without the drawing."""
+        """The fields as plain JSON values, without the drawing."""
         return {
             "topic": self.topic,
             "field": self.field,
@@ -146,11 +150,11 @@ def profile_field(
         low,
         float(np.median(known)),
         high,
-        sparkline(x, low, high),
+        make_sparkline(x, low, high),
     )
 
 
-def sparkline(x: Floats, low: float, high: float) -> str:
+def make_sparkline(x: Floats, low: float, high: float) -> str:
     """The mean of each sixteenth of the log as a bar between the least and the largest value."""
     drawn = ""
     for part in np.array_split(x, min(_CELLS, x.size)):
@@ -162,3 +166,24 @@ def sparkline(x: Floats, low: float, high: float) -> str:
         share = (float(known.mean()) - low) / width if width > 0 and math.isfinite(width) else 0.0
         drawn += _BARS[min(int(share * len(_BARS)), len(_BARS) - 1)]
     return drawn
+
+
+def ask_about_efforts(
+    used: Collection[tuple[str, str]], profiles: Sequence[FieldProfile]
+) -> list[str]:
+    """Ask for the unit of joint efforts that are taken for torques; name those without a sign.
+
+    Args:
+        used: topic and field of each channel.
+        profiles: of the fields of the log.
+    """
+    efforts = {each for each in used if each[1].startswith("effort[")}
+    if not efforts:
+        return []
+    unsigned = [
+        f"{each.field} lies between {each.low:.4g} and {each.high:.4g}, never below zero: a torque "
+        "that brakes would be negative"
+        for each in profiles
+        if (each.topic, each.field) in efforts and each.low is not None and each.low >= 0.0
+    ]
+    return ["; ".join([_EFFORT_UNIT, *unsigned])]

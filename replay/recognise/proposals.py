@@ -1,11 +1,11 @@
-"""What is proposed for a draft: channels with their reasons, and questions in the order of need."""
+"""Proposals for a draft: channels with reasons, and questions in order of need."""
 
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Final
 
-from analysis.model.physical_units import to_si
-from analysis.stages.signals.derive import unit_of
+from analysis.model.physical_units import gain_and_offset_to_si
+from analysis.stages.signals.derive import unit_of_name
 from estimators.errors import MachineError
 from replay.recognise.words import ColumnMeaning
 
@@ -26,11 +26,11 @@ class LogColumn:
     said: ColumnMeaning
     quantity: str | None
 
-    def fits(self, channel: str) -> bool:
+    def has_dimension_of_channel(self, channel: str) -> bool:
         """Whether the unit is of a channel's dimension; no unit does not fit."""
-        return self.is_in(unit_of(channel))
+        return self.has_dimension_of_unit(unit_of_name(channel))
 
-    def is_in(self, unit: str) -> bool:
+    def has_dimension_of_unit(self, unit: str) -> bool:
         """Whether the unit is of the dimension of another; percent are no angle."""
         is_alike = self.unit == unit or "percent" not in (self.unit, unit)
         return self.unit is not None and is_alike and has_dimension_of(self.unit, unit)
@@ -40,7 +40,7 @@ class LogColumn:
 def has_dimension_of(unit: str, other: str) -> bool:
     """Whether a unit is of the dimension of another."""
     try:
-        to_si(unit, other)
+        gain_and_offset_to_si(unit, other)
     except MachineError:
         return False
     return True
@@ -92,15 +92,17 @@ class Recognition:
         """The channels that are filled or sketched."""
         return {each.column for each in self.channels}
 
-    def ask(self, kind: str, question: str) -> None:
+    def ask_question(self, kind: str, question: str) -> None:
         """Ask for one of `ORDER`."""
         self.asked.append((kind, question))
 
-    def fill(self, column: LogColumn, channel: str, reason: str, unit: str | None = None) -> None:
+    def fill_channel(
+        self, column: LogColumn, channel: str, reason: str, unit: str | None = None
+    ) -> None:
         """Fill a channel; the first column that does so stands."""
         if channel in self.taken_columns:
             return
-        stated = _not_si(unit or column.unit, channel)
+        stated = _unit_unless_si(unit or column.unit, channel)
         self.channels.append(ChannelProposal(channel, column.topic, column.field, stated, reason))
 
     def propose_as_comment(self, channel: str, derive: str, reason: str) -> None:
@@ -115,8 +117,8 @@ class Recognition:
         )
 
 
-def _not_si(unit: str | None, channel: str) -> str | None:
+def _unit_unless_si(unit: str | None, channel: str) -> str | None:
     """The unit that a channel has to name: none for SI."""
     if unit is None:
         return None
-    return None if to_si(unit, unit_of(channel)) == (1.0, 0.0) else unit
+    return None if gain_and_offset_to_si(unit, unit_of_name(channel)) == (1.0, 0.0) else unit

@@ -11,9 +11,9 @@ from dataclasses import replace
 from functools import cache
 from typing import Final
 
-from analysis.model.physical_units import registry, unit_behind
+from analysis.model.physical_units import split_unit_from_name, unit_registry
 from analysis.model.schema import CHANNEL_COLUMNS
-from analysis.stages.signals.derive import unit_of
+from analysis.stages.signals.derive import unit_of_name
 from replay.logs import TABLE, Log
 from replay.recognise.correlations import (
     add_correlations,
@@ -53,7 +53,7 @@ def recognise_channels(log: Log) -> Recognition:
     found = Recognition()
     for column in columns:
         if column.field in _KNOWN:
-            found.fill(column, column.field, "its name", unit_of(column.field))
+            found.fill_channel(column, column.field, "its name", unit_of_name(column.field))
     by_gravity = units_by_gravity(log, columns)
     kinematic = lacks_gravity(log, columns)
     claims: defaultdict[str, list[Claim]] = defaultdict(list)
@@ -97,12 +97,12 @@ def settle_claims(log: Log, channel: str, claims: Sequence[Claim], found: Recogn
     adds_up = channel.startswith(("force", "torque"))
     others = [other for other, *_ in claims[1:]]
     if all(not adds_up and are_same_readings(log, column, other) for other in others):
-        found.fill(column, channel, reason, unit)
+        found.fill_channel(column, channel, reason, unit)
         return
     names = ", ".join(f"'{each.field}'" for each, *_ in claims)
     found.sketch_source(column, channel, unit, f"one of {names}")
     together = "; where they act together, their sum" if adds_up else ""
-    found.ask("column", f"which of {names} is channels.{channel}{together}")
+    found.ask_question("column", f"which of {names} is channels.{channel}{together}")
 
 
 def _ask_more_torques(columns: Sequence[LogColumn], found: Recognition) -> None:
@@ -112,12 +112,14 @@ def _ask_more_torques(columns: Sequence[LogColumn], found: Recognition) -> None:
     more = [
         f"'{each.field}'"
         for each in columns
-        if each.quantity == "torque" and each.is_in("N*m")
+        if each.quantity == "torque" and each.has_dimension_of_unit("N*m")
         if each.said.side is None and each.said.part != "motor" and each.said.axis is None
     ]
     if more:
         names = ", ".join(more)
-        found.ask("column", f"whether {names} moves the machine as well: torques of wheels add up")
+        found.ask_question(
+            "column", f"whether {names} moves the machine as well: torques of wheels add up"
+        )
 
 
 def _list_columns(log: Log) -> list[LogColumn]:
@@ -139,7 +141,9 @@ def _list_columns(log: Log) -> list[LogColumn]:
                 continue
             # "Motor Amps": the unit is the only word that names the quantity
             said = said if said.quantity or unit is None else read_column_name(name)
-            found.append(LogColumn(topic, name, unit, said, quantity_of_name(said.quantity, unit)))
+            found.append(
+                LogColumn(topic, name, unit, said, find_quantity_of_name(said.quantity, unit))
+            )
     return found
 
 
@@ -148,22 +152,22 @@ def _name_without_unit(name: str) -> str:
     cut = name
     for opening in "[(":
         cut = cut.partition(opening)[0] or cut
-    return unit_behind(cut)[0]
+    return split_unit_from_name(cut)[0]
 
 
-def quantity_of_name(said: str | None, unit: str | None) -> str | None:
+def find_quantity_of_name(said: str | None, unit: str | None) -> str | None:
     """The quantity of a name, as far as its unit allows it."""
     if unit is None or unit in _TURNS or said is None:
         return said
-    return _quantity_in(unit) or said
+    return _find_quantity_of_unit(unit) or said
 
 
 @cache
-def _quantity_in(unit: str) -> str | None:
+def _find_quantity_of_unit(unit: str) -> str | None:
     """The quantity that a unit alone tells."""
-    dimension = registry().parse_units(unit).dimensionality
+    dimension = unit_registry().parse_units(unit).dimensionality
     for each, quantity in _QUANTITY_OF.items():
-        if registry().parse_units(each).dimensionality == dimension:
+        if unit_registry().parse_units(each).dimensionality == dimension:
             return quantity
     return None
 
@@ -173,22 +177,28 @@ def _recognise_speed(column: LogColumn) -> str | None:
     if column.said.axis in ("y", "z"):
         return None
     name = f"speed_{column.said.side}_m_s" if column.said.side else "speed_x_m_s"
-    return name if column.fits(name) else None
+    return name if column.has_dimension_of_channel(name) else None
 
 
 def _recognise_force(column: LogColumn) -> str | None:
     off_axis = column.said.axis in ("y", "z") or column.said.side or column.said.is_linkage
-    return "force_x_N" if not off_axis and column.fits("force_x_N") else None
+    return "force_x_N" if not off_axis and column.has_dimension_of_channel("force_x_N") else None
 
 
 def _recognise_torque(column: LogColumn) -> str | None:
     side = column.said.side
     name = f"torque_{side}_N_m"
-    return name if side and column.said.part != "motor" and column.fits(name) else None
+    return (
+        name
+        if side and column.said.part != "motor" and column.has_dimension_of_channel(name)
+        else None
+    )
 
 
 def _recognise_acceleration(column: LogColumn) -> str | None:
-    return _recognise_specific_force(column) if column.fits("acc_x_m_s2") else None
+    return (
+        _recognise_specific_force(column) if column.has_dimension_of_channel("acc_x_m_s2") else None
+    )
 
 
 def _recognise_specific_force(column: LogColumn) -> str | None:
@@ -197,18 +207,18 @@ def _recognise_specific_force(column: LogColumn) -> str | None:
 
 def _recognise_position(column: LogColumn) -> str | None:
     along = column.said.axis in (None, "x")
-    return "position_x_m" if along and column.fits("position_x_m") else None
+    return "position_x_m" if along and column.has_dimension_of_channel("position_x_m") else None
 
 
 def _recognise_yaw_rate(column: LogColumn) -> str | None:
-    return "yaw_rate_rad_s" if column.fits("yaw_rate_rad_s") else None
+    return "yaw_rate_rad_s" if column.has_dimension_of_channel("yaw_rate_rad_s") else None
 
 
 def _recognise_angle(name: str, column: LogColumn) -> str | None:
     return name if column.unit in ("deg", "rad") else None
 
 
-def _degrees(column: LogColumn) -> bool:
+def _is_in_degrees(column: LogColumn) -> bool:
     return column.unit in (None, "deg")
 
 
@@ -221,24 +231,24 @@ _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
     "yaw rate": _recognise_yaw_rate,
     "boom": lambda column: _recognise_angle("boom_rad", column),
     "bucket": lambda column: _recognise_angle("bucket_rad", column),
-    "latitude": lambda column: "latitude_deg" if _degrees(column) else None,
-    "longitude": lambda column: "longitude_deg" if _degrees(column) else None,
+    "latitude": lambda column: "latitude_deg" if _is_in_degrees(column) else None,
+    "longitude": lambda column: "longitude_deg" if _is_in_degrees(column) else None,
 }
 
 
 def recognise_by_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Columns whose names say nothing, the only ones in a unit of force or of speed."""
     own = [each for each in columns if each.unit and not each.said.is_elsewhere]
-    units = Counter(quantity_of_name("", column.unit) for column in own)
+    units = Counter(find_quantity_of_name("", column.unit) for column in own)
     for column in own:
         said = column.said
         if said.quantity is not None or column.unit in _TURNS or said.is_no_reading:
             continue
-        quantity = quantity_of_name("", column.unit)
+        quantity = find_quantity_of_name("", column.unit)
         channel = {"force": "force_x_N", "speed": "speed_x_m_s"}.get(quantity or "")
         is_wheel_load = quantity == "force" and said.part == "wheel"
         if channel and units[quantity] == 1 and said.axis in (None, "x") and not is_wheel_load:
-            found.fill(column, channel, f"in {column.unit}, the only {quantity}")
+            found.fill_channel(column, channel, f"in {column.unit}, the only {quantity}")
 
 
 #: Channels of quantities that one column holds for the whole machine.
@@ -261,5 +271,7 @@ def recognise_without_unit(columns: Sequence[LogColumn], found: Recognition) -> 
             whole = said.side is None and part is None and said.axis in (None, "x")
             if column.quantity == quantity and column.unit is None and whole:
                 found.sketch_source(column, channel, "?", f"{column.field}: its unit is not stated")
-                found.ask("unit", f"the unit of '{column.field}', in channels.{channel}.unit")
+                found.ask_question(
+                    "unit", f"the unit of '{column.field}', in channels.{channel}.unit"
+                )
                 break

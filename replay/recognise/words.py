@@ -65,12 +65,14 @@ _ELSEWHERE: Final = re.compile(
 _LONG: Final = 4
 
 
-def _parts(words: tuple[str, ...]) -> re.Pattern[str] | None:
+def _compile_words(words: tuple[str, ...]) -> re.Pattern[str] | None:
     long = [word for word in words if len(word) > _LONG]
     return re.compile("|".join(long)) if long else None
 
 
-_KNOWN: Final = tuple((name, frozenset(words), _parts(words)) for name, words in _QUANTITIES)
+_KNOWN: Final = tuple(
+    (name, frozenset(words), _compile_words(words)) for name, words in _QUANTITIES
+)
 
 
 #: A letter before a capital: the type of a variable (rSpeed is a REAL) more often than a side.
@@ -93,7 +95,7 @@ def has_side(name: str, names: Collection[str]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ColumnMeaning:
-    """What a column's name says; None where it does not."""
+    """Meaning of a column's name; None where it states none."""
 
     quantity: str | None
     side: str | None

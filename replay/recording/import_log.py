@@ -56,7 +56,7 @@ def topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
     for row in log.topics().sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
             continue
-        fields = list(_fields(log, row))
+        fields = list(_iter_field_paths(log, row))
         if not fields:
             continue
         try:
@@ -67,7 +67,7 @@ def topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
         yield row["topic"], placed[row["topic"]]
 
 
-def _fields(log: Log, row: dict[str, object]) -> Iterator[str]:
+def _iter_field_paths(log: Log, row: dict[str, object]) -> Iterator[str]:
     """Leaves, and of lists their elements: by name where the message has names."""
     fields, topic = row["fields"], str(row["topic"])
     assert isinstance(fields, list)
@@ -98,7 +98,7 @@ def _element_paths(
 
 
 def _describe_log(log: Log, machine_file: Path | None, fault: str | None) -> str:
-    """What the log holds, and what would weigh it, in Markdown."""
+    """Describe the log, and how to weigh it, in Markdown."""
     parts = [f"# {one_line(log.path.name)}", f"{log.format}, read by payscope."]
     if fault is not None:
         parts.append(f"**{machine_file} does not fit, so nothing was replayed:** {fault}")

@@ -1,4 +1,4 @@
-"""The command `show`: a stage of a recording, between two seconds of the run."""
+"""The command `show`: a frame of a recording, between two seconds of the run."""
 
 import math
 from dataclasses import dataclass, replace
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RecordedStage:
-    """A stage of a recording.
+    """A frame of a recording.
 
     Attributes:
         recording: the recording.
-        name: of the stage.
+        name: of the frame.
         rows: as they are stored.
         t0_unix_ns: the unix time of the run's start.
         timezone: that a person reads times in.
@@ -37,36 +37,36 @@ class RecordedStage:
 
     @classmethod
     def read(cls, recording: Path, name: str) -> Self:
-        """Read a stage.
+        """Read a frame.
 
         Raises:
-            RecordingError: no recording, or it has no such stage.
+            RecordingError: no recording, or it has no such frame.
         """
         held = stage_columns(recording)
         if name not in held:
-            raise RecordingError(f"{recording}: no stage '{name}'; {nearest(name, held)}")
+            raise RecordingError(f"{recording}: no frame '{name}'; {nearest(name, held)}")
         about = read_provenance(recording)
         zone = str(about.machine.get("machine", {}).get("timezone", "UTC"))
         return cls(recording, name, read_frame(recording, name), about.t0_unix_ns, zone)
 
     @property
     def time_column(self) -> str | None:
-        """What places its rows in time, if anything."""
+        """Column that places its rows in time, if any."""
         if self.name.startswith("raw/"):
             return "log_time_ns"
         declared: Frame = FRAMES[self.name.partition("/")[0]]
         return declared.time_column
 
-    def with_calibration(self, asked: "CalibrationRequest") -> Self:
+    def calibrate_loads(self, asked: "CalibrationRequest") -> Self:
         """The loads with their calibrated masses.
 
         Raises:
-            RecordingError: another stage.
+            RecordingError: another frame.
             EvidenceError: the evidence is refused.
         """
         if self.name != "loads":
             raise RecordingError(
-                f"{self.recording}: a calibration is of stage 'loads', not of '{self.name}'"
+                f"{self.recording}: a calibration applies to frame 'loads', not to '{self.name}'"
             )
         from analysis.calibration.use.later_log import FRAMES as NEEDED
         from replay.calibration.apply_evidence import calibrated_frame
@@ -75,16 +75,16 @@ class RecordedStage:
         frames = {name: read_frame(self.recording, name) for name in NEEDED if name in there}
         return replace(self, rows=calibrated_frame(frames, about, asked, self.recording))
 
-    def rows_between(self, start_s: float | None, end_s: float | None) -> Self:
+    def select_rows_between(self, start_s: float | None, end_s: float | None) -> Self:
         """The rows from one second of the run to another, both included.
 
         Raises:
-            RecordingError: the stage has no time, or that is no stretch.
+            RecordingError: the frame has no time, or that is no stretch.
         """
         if start_s is None and end_s is None:
             return self
         check_stretch(self.recording, start_s, end_s)
-        column = self._time_to_cut_by()
+        column = self._require_time_column()
         seconds = self._since_start_ns(column) / 1e9
         rows = self.rows
         if start_s is not None:
@@ -93,15 +93,15 @@ class RecordedStage:
             rows = rows.filter(seconds <= end_s)
         return replace(self, rows=rows)
 
-    def rows_at(self, second: float) -> Self:
+    def select_rows_at(self, second: float) -> Self:
         """The rows that held at a second of the run: those whose span has it in it, or the last.
 
         Raises:
-            RecordingError: the stage has no time, or that is no second.
+            RecordingError: the frame has no time, or that is no second.
         """
         if not math.isfinite(second):
             raise RecordingError(f"--at {second}: is not a time; name seconds since the start")
-        column = self._time_to_cut_by()
+        column = self._require_time_column()
         begin = self._since_start_ns(column) / 1e9
         if "end_t_ns" in self.rows.columns:
             # without a begin or an end it is of the whole log
@@ -114,7 +114,7 @@ class RecordedStage:
             return replace(self, rows=held.group_by("axis", maintain_order=True).tail(1))
         return replace(self, rows=held.tail(1))
 
-    def readable(self) -> pl.DataFrame:
+    def make_readable(self) -> pl.DataFrame:
         """The rows with times as a person reads them: seconds, and local where they are dates."""
         column = self.time_column
         if column is None:
@@ -128,10 +128,10 @@ class RecordedStage:
         local = utc.dt.convert_time_zone(self.timezone).dt.strftime("%F %T%.3f")
         return self.rows.select(local.alias(f"local ({self.timezone})"), seconds, rest)
 
-    def _time_to_cut_by(self) -> str:
+    def _require_time_column(self) -> str:
         column = self.time_column
         if column is None:
-            raise RecordingError(f"{self.recording}: stage '{self.name}' has no time to cut by")
+            raise RecordingError(f"{self.recording}: frame '{self.name}' has no time to cut by")
         return column
 
     def _since_start_ns(self, column: str) -> pl.Expr:

@@ -44,7 +44,7 @@ def parse_moment(recording: Path, text: str) -> float:
     return (since_epoch_us * 1000 - read_provenance(recording).t0_unix_ns) / 1e9
 
 
-def view(
+def view_recording(
     recording: Path,
     from_s: float | None = None,
     to_s: float | None = None,
@@ -70,7 +70,7 @@ def view(
         PayscopeError: no such recording, nothing in that stretch, no viewer, no such tab.
     """
     if tab is not None and screenshot is None:
-        raise OutputError(f"--tab {tab}: is of pictures; add --screenshot FOLDER")
+        raise OutputError(f"--tab {tab}: selects pictures; add --screenshot FOLDER")
     if at_s is not None and not abs(at_s) <= LATEST_S:
         raise RecordingError(f"--at {at_s}: is not a time; name seconds since the start")
     if screenshot is not None and screenshot.exists() and not screenshot.is_dir():
@@ -89,7 +89,7 @@ def view(
         return [Path(shutil.move(each.png, screenshot / each.png.name)) for each in drawn]
 
 
-def plot(
+def plot_recording(
     recording: Path,
     output: Path,
     figure: str = "page",

@@ -26,16 +26,22 @@ from recordings.review.reviewer_verdicts import (
     read_verdict_text,
     verdict_toml,
 )
-from recordings.review.shift_ledger import PARQUET, cycles_of
+from recordings.review.shift_ledger import PARQUET, cycles_of_ledger
 from replay.review.review_folder import lock_folder
-from replay.review.write_review import OUTPUTS, ShiftCount, ShiftReview, track_of, write_review
+from replay.review.write_review import (
+    OUTPUTS,
+    ShiftCount,
+    ShiftReview,
+    track_of_shift,
+    write_review,
+)
 
 _MODEL_KEYS: Final = {"id", "author", "time"}
 
 
 @dataclass(frozen=True)
 class GivenVerdicts:
-    """What a reviewer says on the command line.
+    """Verdict of a reviewer given on the command line.
 
     Attributes:
         reject: cycles that are not to count; see `find_cycle` for how they are named.
@@ -85,20 +91,25 @@ class GivenVerdicts:
         if self.named_cycles and not self.author.strip():
             raise ReviewError("a verdict on a cycle has an author: add --author NAME")
         if self.note and not self.named_cycles:
-            raise ReviewError("a note is of a cycle: add --reject, --accept or --cycle WHEN")
+            raise ReviewError("a note needs a cycle: add --reject, --accept or --cycle WHEN")
         if (self.begin or self.end) and (self.named_cycles or not self._labels):
             raise ReviewError(
-                "--from and --to are of labels of the shift: add --product, --operator, --truck, "
+                "--from and --to limit labels of the shift: add --product, --operator, --truck, "
                 "--customer or --stockpile, and no cycle"
             )
-        trial = {"id": "", "author": self.author or "-", "time": _now(), "note": self.note}
+        trial = {
+            "id": "",
+            "author": self.author or "-",
+            "time": _current_second(),
+            "note": self.note,
+        }
         try:
             CycleVerdict.model_validate(trial | self._labels)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             raise ReviewError(f"--{first['loc'][0]}: {first['msg']}") from None
 
-    def added_to(
+    def list_changes_to(
         self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
         """The verdicts that these add to those of before; one that changes nothing is none.
@@ -115,8 +126,8 @@ class GivenVerdicts:
     def _said_by_person(
         self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
-        """Of these, what no log says; arguments as of `added_to`."""
-        now = _now()
+        """Verdicts given by a person, not by a log; arguments as of `list_changes_to`."""
+        now = _current_second()
         signed = {"author": self.author.strip() or None, "time": now}
         if self.begin or self.end:
             span = {
@@ -127,7 +138,9 @@ class GivenVerdicts:
             if len(span) == 2 and span["begin"] >= span["end"]:
                 raise ReviewError(f"--to {self.end} is not after --from {self.begin}")
             said = ShiftVerdict.model_validate(self._labels | span | signed)
-            if not any(said.applies_at(ends_ns / NS_PER_S) for ends_ns in rows["end_unix_ns"]):
+            if not any(
+                said.applies_to_dump_at(ends_ns / NS_PER_S) for ends_ns in rows["end_unix_ns"]
+            ):
                 raise ReviewError(
                     f"no load is dumped from {self.begin or 'the beginning'} to "
                     f"{self.end or 'the end'} of the shift"
@@ -156,7 +169,7 @@ class GivenVerdicts:
         return list(found.values())
 
 
-def _now() -> dt.datetime:
+def _current_second() -> dt.datetime:
     return dt.datetime.now(dt.UTC).replace(microsecond=0)
 
 
@@ -184,22 +197,22 @@ def recount_review(folder: Path, given: GivenVerdicts) -> ShiftReview:
             if file_sha256(recording) != state.recording_sha256:
                 raise RecordingError(f"{recording} is not the one that was written")
             summary = read_frame(recording, "shift")
-            track = track_of(read_frame(recording, "aligned"))
+            track = track_of_shift(read_frame(recording, "aligned"))
             rows = pl.read_parquet(folder / PARQUET)
-            cycles = cycles_of(rows, state.t0_unix_ns)
+            cycles = cycles_of_ledger(rows, state.t0_unix_ns)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:
             raise ReviewError(
-                f"{folder}: cannot be counted anew ({error}); review its logs once more"
+                f"{folder}: cannot be counted again ({error}); review its logs once more"
             ) from None
         before = read_verdict_text(folder)
-        added = given.added_to(parse_verdicts(before, folder), rows, state, folder)
+        added = given.list_changes_to(parse_verdicts(before, folder), rows, state, folder)
         # what a person wrote stays as it is
         text = "\n".join(filter(None, (before and f"{before.rstrip()}\n", verdict_toml(added))))
-        shift = ShiftCount.of(cycles, summary, state.t0_unix_ns, text, folder)
-        page = shift.page(state, [], track)
+        shift = ShiftCount.from_cycles(cycles, summary, state.t0_unix_ns, text, folder)
+        page = shift.make_page(state, [], track)
         names = [*OUTPUTS, *([VERDICTS] if added else [])]
         with atomic_files([folder / name for name in names], force=True) as stage:
             write_review(page, stage)
             if added:
                 (stage / VERDICTS).write_text(text, encoding="utf-8")
-    return ShiftReview.of(folder, page, replayed=False)
+    return ShiftReview.from_replay(folder, page, replayed=False)

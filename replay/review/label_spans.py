@@ -14,7 +14,7 @@ from analysis.model.physical_units import NS_PER_S
 from estimators.errors import LogError, ReviewError, nearest
 from recordings.review.reviewer_verdicts import LABELS, ShiftVerdict
 from replay.inputs.channel_inputs import merge_topics
-from replay.logs import logs_in, open_log
+from replay.logs import expand_log_folders, open_log
 from replay.machines.machine_file import time_axis
 
 _CHANNEL: Final = re.compile(r"(?P<label>\w+)=(?P<topic>.+):(?P<field>[^:]+)")
@@ -48,7 +48,7 @@ def parse_label_channel(text: str) -> LabelChannel:
 def read_label_spans(
     paths: Sequence[Path], channels: Sequence[LabelChannel], machine: Machine
 ) -> list[ShiftVerdict]:
-    """What the logs say of the loads, from each message to the next that says otherwise.
+    """Labels of loads in the logs, each valid until the next different message.
 
     Args:
         paths: the logs, as of a review; only such as have a date, or one time line.
@@ -61,7 +61,8 @@ def read_label_spans(
     found: list[ShiftVerdict] = []
     with ExitStack() as stack:
         logs = [
-            stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs_in(paths)
+            stack.enter_context(open_log(path, time=time_axis(machine)))
+            for path in expand_log_folders(paths)
         ]
         for channel in channels:
             holders = [log for log in logs if channel.topic in log.topic_names()]
@@ -78,7 +79,7 @@ def read_label_spans(
 
 def verdicts_of_spans(channel: LabelChannel, frame: pl.DataFrame) -> Iterable[ShiftVerdict]:
     """A verdict for each stretch in which the text is the same."""
-    texts = [_text(each) for each in frame[channel.field]]
+    texts = [_format_label(each) for each in frame[channel.field]]
     times = frame["log_time_ns"].to_list()
     changes = [k for k, text in enumerate(texts) if k == 0 or text != texts[k - 1]]
     for place, after in zip(changes, [*changes[1:], None], strict=True):
@@ -86,14 +87,14 @@ def verdicts_of_spans(channel: LabelChannel, frame: pl.DataFrame) -> Iterable[Sh
             yield ShiftVerdict.model_validate(
                 {
                     channel.label: texts[place],
-                    "begin": _instant(times[place]),
-                    "end": None if after is None else _instant(times[after]),
+                    "begin": _round_to_second(times[place]),
+                    "end": None if after is None else _round_to_second(times[after]),
                     "author": BY_LOGS,
                 }
             )
 
 
-def _text(value: object) -> str:
+def _format_label(value: object) -> str:
     """A message's text; whole numbers as such."""
     if value is None:
         return ""
@@ -102,6 +103,6 @@ def _text(value: object) -> str:
     return str(value).strip()
 
 
-def _instant(unix_ns: int) -> dt.datetime:
+def _round_to_second(unix_ns: int) -> dt.datetime:
     """To the second, as verdicts are written."""
     return dt.datetime.fromtimestamp(int(unix_ns // NS_PER_S), dt.UTC)

@@ -14,9 +14,9 @@ from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
-from analysis.cycles.cycle_energy import ShiftEnergy, shift_energy
-from analysis.cycles.cycles_without_mass import holes
-from analysis.cycles.empty_machine import find_mixed_machine
+from analysis.cycles.cycle_energy import ShiftEnergy, compute_shift_energy
+from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
+from analysis.cycles.empty_machine import find_empty_mass_jump
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Provenance, Run
@@ -29,9 +29,9 @@ from recordings.review.review_state import (
     FORMAT,
     RECORDING,
     ReviewState,
-    changed_values,
+    changed_settings_of_review,
     read_state,
-    state_of,
+    take_review_state,
 )
 from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
 from recordings.review.torn_logs import TornLog
@@ -48,12 +48,18 @@ from replay.inputs.channel_inputs import (
 )
 from replay.inputs.decode_cache import FOLDER as DECODED
 from replay.inputs.decode_cache import decode_logs
-from replay.inputs.time_line import begins_ns
-from replay.logs import Log, logs_in, open_log
+from replay.inputs.time_line import begin_of_each_log_ns
+from replay.logs import Log, expand_log_folders, open_log
 from replay.machines.machine_file import load_machine, time_axis
 from replay.pipeline import run
 from replay.review.review_folder import lock_folder
-from replay.review.write_review import OUTPUTS, ShiftCount, ShiftReview, track_of, write_review
+from replay.review.write_review import (
+    OUTPUTS,
+    ShiftCount,
+    ShiftReview,
+    track_of_shift,
+    write_review,
+)
 
 #: Rows of the grid that the recording of a shift keeps one of, and the frames that it thins so.
 _THINNED: Final = 10
@@ -69,7 +75,7 @@ _TORN: Final = ("breaks off", "bytes at the end are lost", "row is torn", "last 
 
 @dataclass(frozen=True)
 class ReviewOptions:
-    """What a review is told besides logs and machine.
+    """Options of a review.
 
     Attributes:
         overrides: `key=value`, of the machine file.
@@ -86,7 +92,7 @@ class ReviewOptions:
     decimal_comma: bool = False
 
 
-def review(
+def review_shift(
     logs: Sequence[Path],
     machine_file: Path,
     folder: Path,
@@ -113,7 +119,7 @@ def review(
     if options.calibration is not None:
         by = load_calibration(options.calibration)
         machine = by.require_machine(by.weighing_machine(machine), machine_file)
-    logs = logs_in(logs)
+    logs = expand_log_folders(logs)
     with lock_folder(folder), ExitStack() as stack:
         verdicts = read_verdict_text(folder)
         parse_verdicts(verdicts, folder)  # what is wrong in it is said before the logs are read
@@ -125,17 +131,17 @@ def review(
             logged = by.check_logs(opened)
         map_in_threads(lambda log: log.digests, opened)
         plain = _resolved_inputs(machine, options, by)
-        key = digest_of_replay(opened, machine, full=options.full)
+        key = digest_replay_inputs(opened, machine, full=options.full)
         before = read_state(folder)
         kept = read_earlier_replay(folder, before, key)
-        made = kept or _replay_shift(opened, machine, folder, (logs, machine_file), on_stage)
+        made = kept or _replay_opened_shift(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, against = made.cycles, ""
         if by is not None:
             told = frames_for_calibration(made, folder)
             against = contradicted_priors(told["nuisances"])
-            unlike = Unlike.of(told)
+            unlike = Unlike.from_frames(told)
             cycles = cycles if against else calibrate_cycles(cycles, by.calibration, unlike)
-        shift = ShiftCount.of(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
+        shift = ShiftCount.from_cycles(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
         on_stage("write")
         targets = [folder / name for name in (RECORDING, *OUTPUTS)]
         if kept is not None:
@@ -144,23 +150,23 @@ def review(
             if made.run is not None:
                 write_recording(frames_to_keep(made.run, full=options.full), stage / RECORDING)
                 digest = file_sha256(stage / RECORDING)
-                torn = torn_logs(opened, channel_fields(machine), made.run.provenance)
+                torn = find_torn_logs(opened, channel_fields(machine), made.run.provenance)
                 energy = _shift_energy(made.run, machine)
-                state = state_of(made.run, key, digest, plain, made.mixed, torn, energy)
+                state = take_review_state(made.run, key, digest, plain, made.mixed, torn, energy)
             else:
                 assert before is not None
                 state = before
             says = "" if by is None else by.describe(logged)
             state = state.model_copy(update={"resolved": plain, "calibration": (says, against)})
             changes = None if before is None else _changes_since(before, state)
-            page = shift.page(state, changes, made.track)
+            page = shift.make_page(state, changes, made.track)
             write_review(page, stage)
-    return ShiftReview.of(folder, page, replayed=kept is None)
+    return ShiftReview.from_replay(folder, page, replayed=kept is None)
 
 
 @dataclass(frozen=True)
 class ReplayedShift:
-    """What a replay gave, or what was kept of it."""
+    """A replay of a shift, or the part that was kept."""
 
     cycles: pl.DataFrame
     shift: pl.DataFrame
@@ -170,7 +176,7 @@ class ReplayedShift:
     mixed: str = ""
 
 
-def _replay_shift(
+def _replay_opened_shift(
     opened: list[Log],
     machine: Machine,
     folder: Path,
@@ -192,28 +198,28 @@ def _replay_shift(
         frames["cycles"],
         frames["shift"],
         made.provenance.t0_unix_ns,
-        track_of(frames["aligned"]),
+        track_of_shift(frames["aligned"]),
         made,
-        mixed_machines_text(made, opened, machine),
+        warn_of_mixed_machines(made, opened, machine),
     )
 
 
-def mixed_machines_text(made: Run, opened: list[Log], machine: Machine) -> str:
+def warn_of_mixed_machines(made: Run, opened: list[Log], machine: Machine) -> str:
     """That these may be logs of two machines; empty where nothing says so."""
-    begins = begins_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
-    found = find_mixed_machine(made.frames["manoeuvres"], list(begins.values()))
-    return "" if found is None else found.text(list(begins)[found.log].path.name)
+    begins = begin_of_each_log_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
+    found = find_empty_mass_jump(made.frames["manoeuvres"], list(begins.values()))
+    return "" if found is None else found.warning_text(list(begins)[found.log].path.name)
 
 
 def _shift_energy(made: Run, machine: Machine) -> ShiftEnergy:
     """The energy of the shift, by the settings that it was replayed with."""
     frames, settings = made.frames, made.provenance.settings
-    gaps = holes(frames["excitation"], frames["aligned"])
-    return shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
+    gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
+    return compute_shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
 
 
 def read_earlier_replay(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift | None:
-    """What an earlier review of the same logs and settings found; None where there is none."""
+    """Read the replay of an earlier review of the same logs and settings; None if there is none."""
     recording = folder / RECORDING
     if before is None or before.key != key or not recording.is_file():
         return None
@@ -221,7 +227,7 @@ def read_earlier_replay(folder: Path, before: ReviewState | None, key: str) -> R
         return None
     try:
         cycles, shift = (read_frame(recording, name) for name in ("cycles", "shift"))
-        track = track_of(read_frame(recording, "aligned"))
+        track = track_of_shift(read_frame(recording, "aligned"))
     except RecordingError:
         return None
     return ReplayedShift(cycles, shift, before.t0_unix_ns, track)
@@ -256,14 +262,14 @@ def sort_by_first_message(logs: list[Log]) -> list[Log]:
 
 
 def frames_for_calibration(made: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
-    """What calibrating needs of the replay, or of its recording."""
+    """Frames that calibrating needs, of the replay or its recording."""
     if made.run is not None:
         return made.run.frames
     there = stage_columns(folder / RECORDING)
     return {name: read_frame(folder / RECORDING, name) for name in NEEDED if name in there}
 
 
-def digest_of_replay(logs: list[Log], machine: Machine, *, full: bool) -> str:
+def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> str:
     """A digest of all that a replay and its recording depend on."""
     whole = {
         "format": FORMAT,
@@ -294,20 +300,20 @@ def _changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, s
     was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (before, state))
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
-    return [*logs, *changed_values(before, state.resolved)]
+    return [*logs, *changed_settings_of_review(before, state.resolved)]
 
 
-def torn_logs(
+def find_torn_logs(
     logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], about: Provenance
 ) -> tuple[TornLog, ...]:
-    """Those that break off, in time.
+    """Logs that break off, in order of time.
 
     Args:
         logs: of the shift.
         wanted: the fields that the channels name, by topic.
         about: the replay: its losses, and where its times begin.
     """
-    begins = begins_ns(logs, wanted, about.t0_unix_ns)
+    begins = begin_of_each_log_ns(logs, wanted, about.t0_unix_ns)
     ordered = list(begins)
     found: list[TornLog] = []
     for number, log in enumerate(ordered, 1):

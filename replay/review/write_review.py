@@ -8,19 +8,19 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck, check_target
-from analysis.cycles.shift_totals import LabelTotal, label_totals, recount_shift
+from analysis.cycles.shift_totals import LabelTotal, recount_shift, sum_by_label
 from recordings.review.energy_columns import energy_dict
 from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, review_html
 from recordings.review.review_state import STATE, ReviewState
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, match_verdicts, parse_verdicts
-from recordings.review.shift_facts import no_tonnes_reason
+from recordings.review.shift_facts import reason_for_no_tonnes
 from recordings.review.shift_ledger import (
     CSV,
     PARQUET,
-    cycle_ids,
-    ledger,
-    with_motion,
+    add_motion_columns,
+    make_cycle_ids,
+    make_ledger,
     write_ledger,
 )
 
@@ -55,10 +55,10 @@ class ShiftReview:
     @property
     def no_tonnes(self) -> str:
         """Why no cycle counts; empty where one does."""
-        return no_tonnes_reason(self.state, self.ledger)
+        return reason_for_no_tonnes(self.state, self.ledger)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The fields as plain JSON values."""
         return {
             "folder": str(self.folder),
             "shift": self.shift,
@@ -73,8 +73,8 @@ class ShiftReview:
         }
 
     @classmethod
-    def of(cls, folder: Path, page: ReviewPage, *, replayed: bool) -> "ShiftReview":
-        """What a page shows."""
+    def from_replay(cls, folder: Path, page: ReviewPage, *, replayed: bool) -> "ShiftReview":
+        """Contents of a page."""
         shown = (page.state, page.calibration, page.target)
         return cls(folder, page.ledger, dict(page.shift), *shown, replayed)
 
@@ -98,7 +98,7 @@ class ShiftCount:
     totals: Mapping[str, list[LabelTotal]]
 
     @classmethod
-    def of(
+    def from_cycles(
         cls,
         cycles: pl.DataFrame,
         summary: pl.DataFrame,
@@ -119,10 +119,10 @@ class ShiftCount:
             ReviewError: the file says something else, or a verdict is about no cycle.
         """
         verdicts = parse_verdicts(text, folder)
-        by_row = match_verdicts(verdicts, cycle_ids(cycles, t0_unix_ns), folder)
+        by_row = match_verdicts(verdicts, make_cycle_ids(cycles, t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
-        rows = ledger(cycles, t0_unix_ns, by_row, verdicts.labels_at)
-        totals = {name: label_totals(cycles, rows[name].to_list(), rejected) for name in LABELS}
+        rows = make_ledger(cycles, t0_unix_ns, by_row, verdicts.labels_of_dump_at)
+        totals = {name: sum_by_label(cycles, rows[name].to_list(), rejected) for name in LABELS}
         return cls(
             rows,
             recount_shift(summary, cycles, rejected).row(0, named=True),
@@ -131,7 +131,7 @@ class ShiftCount:
             {name: sums for name, sums in totals.items() if sums},
         )
 
-    def page(
+    def make_page(
         self,
         state: ReviewState,
         changes: list[tuple[str, str, str]] | None,
@@ -142,7 +142,7 @@ class ShiftCount:
         counted = self.rows.filter("counted")
         return ReviewPage(
             state,
-            with_motion(self.rows, state),
+            add_motion_columns(self.rows, state),
             self.shift,
             None if target_kg is None else check_target(counted, target_kg),
             changes,
@@ -165,7 +165,7 @@ def write_review(page: ReviewPage, folder: Path) -> None:
     (folder / STATE).write_text(page.state.model_dump_json(indent=1) + "\n", encoding="utf-8")
 
 
-def track_of(aligned: pl.DataFrame) -> pl.DataFrame | None:
+def track_of_shift(aligned: pl.DataFrame) -> pl.DataFrame | None:
     """Some positions of the frame `aligned`, None where it has none."""
     names = ("latitude_deg", "longitude_deg")
     if not set(names) <= set(aligned.columns):

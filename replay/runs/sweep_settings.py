@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.campaign_readings import run_estimates
-from analysis.calibration.campaign.method_errors import run_errors
+from analysis.calibration.campaign.campaign_readings import average_readings_by_run
+from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
 from analysis.model.answer import Answer, answer
 from analysis.model.machine import LogSection, Machine
 from analysis.model.run_record import Run
@@ -48,7 +48,7 @@ class Row:
     errors: dict[str, dict[str, float | None]]
 
 
-def sweep(
+def sweep_settings(
     logs: Sequence[Path],
     machine_file: Path,
     overrides: Sequence[str],
@@ -98,9 +98,9 @@ def sweep(
                 ]
             if by is not None:
                 by.check_logs(opened[machine.log])
-            replayed = _replay(opened[machine.log], machine, logs, machine_file, each)
+            replayed = _replay_combination(opened[machine.log], machine, logs, machine_file, each)
             if by is not None:
-                replayed = by.calibrate_run(replayed, by.differences(machine))
+                replayed = by.calibrate_run(replayed, by.differences_of_machine(machine))
             told = answer(replayed)
             errors: dict[str, dict[str, float | None]] = {}
             if reference_kg is not None:
@@ -116,7 +116,7 @@ def sweep(
     return rows
 
 
-def _replay(
+def _replay_combination(
     logs: Sequence[CachedLog],
     machine: Machine,
     paths: Sequence[Path],
@@ -134,8 +134,8 @@ def _true_errors(
     replayed: Run, truth: pl.DataFrame, *, weighs: bool
 ) -> dict[str, dict[str, float | None]]:
     """Root mean square errors of the runs' masses, by name and method."""
-    estimates = run_estimates(replayed, truth)
-    errors = run_errors(estimates).with_columns(
+    estimates = average_readings_by_run(replayed, truth)
+    errors = calibrated_errors_of_runs(estimates).with_columns(
         raw_kg=pl.col("mass_kg") - pl.col("reference_kg"),
     )
     names = {"rmse_kg": "raw_kg"}

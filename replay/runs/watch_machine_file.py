@@ -10,7 +10,7 @@ from analysis.compare.run_comparison import ValueChange, changed_settings
 from analysis.model.answer import Answer
 from analysis.model.machine import Machine
 from estimators.errors import PayscopeError
-from recordings.rrd.viewer import recordings_shown, replace_recording, start_viewer
+from recordings.rrd.viewer import list_shown_recordings, replace_recording, start_viewer
 from recordings.rrd.writer import LiveView
 from replay.machines.machine_file import load_machine, machine_path
 from replay.runs.run_logs import RecordTo
@@ -25,7 +25,7 @@ _GONE_LOOKS: Final = 10
 _Signature = tuple[int, int, int] | None
 
 
-def watch(
+def watch_machine_file(
     machine_file: Path,
     output: RecordTo,
     overrides: list[str],
@@ -60,7 +60,7 @@ def watch(
             changed = [] if last is None else changed_settings(last, machine)
             if last is not None and not changed and not failed:
                 continue  # a comment, or the file was touched
-            before = recordings_shown(view.address) if view else ()
+            before = list_shown_recordings(view.address) if view else ()
             answer = replay(replace(output, viewer=view))
             if view:
                 replace_recording(view.address, before)

@@ -86,4 +86,4 @@ def _read_trials(path: Path) -> pl.DataFrame:
     except OSError as error:
         raise LogError(f"{path}: cannot be read ({error.strerror})") from None
     except (ValueError, KeyError, TypeError, pl.exceptions.PolarsError):
-        raise LogError(f"{path}: is not what 'payscope simulate' writes; simulate anew") from None
+        raise LogError(f"{path}: was not written by 'payscope simulate'; simulate again") from None

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.simulation import Scenario
-from analysis.simulation.trials.trial_limits import check_limits, check_shift
+from analysis.simulation.trials.trial_limits import check_limits, check_shift_limits
 from estimators.errors import ScenarioError
 from recordings.report.atomic_output import atomic_file
 from replay.machines.toml_file import read_toml, set_value, toml_value, validate
@@ -33,7 +33,7 @@ def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Sce
         if scenario.shift is None:
             check_limits(scenario, scenario.campaign.loads_kg)
         else:
-            check_shift(scenario, scenario.shift)
+            check_shift_limits(scenario, scenario.shift)
     except ScenarioError as fault:
         raise ScenarioError(f"{source}: {fault}") from None
     return scenario

@@ -94,7 +94,7 @@ def tear_log(log: Path, share: float) -> None:
         file.truncate(size - round(size * share))
 
 
-def simulate(scenario: Scenario, output: Path, *, force: bool = False) -> list[Path]:
+def simulate_scenario(scenario: Scenario, output: Path, *, force: bool = False) -> list[Path]:
     """Write the scenario's logs, and beside each its truth (`LOG.truth.json`).
 
     Args:
@@ -123,10 +123,12 @@ def simulate(scenario: Scenario, output: Path, *, force: bool = False) -> list[P
     shift = ShiftSimulation(scenario, scenario.shift)
     beside = shift_truth_path(output)
     write_logs(
-        shift.logs(),
+        shift.simulate_logs(),
         targets,
         force=force,
-        beside={beside: lambda path: write_shift_truth(shift.truth(), scenario, targets, path)},
+        beside={
+            beside: lambda path: write_shift_truth(shift.collect_truth(), scenario, targets, path)
+        },
     )
     return targets
 
@@ -150,7 +152,7 @@ def log_paths(scenario: Scenario, output: Path) -> list[Path]:
     if len(loads) == 1:
         return [output]
     return [
-        output.with_name(f"{output.stem}_{_load_name(load)}kg{output.suffix}") for load in loads
+        output.with_name(f"{output.stem}_{_name_load(load)}kg{output.suffix}") for load in loads
     ]
 
 
@@ -164,6 +166,6 @@ def _number_outputs(output: Path, count: int) -> list[Path]:
     ]
 
 
-def _load_name(load_kg: float) -> str:
+def _name_load(load_kg: float) -> str:
     # a point would start a suffix
     return f"{load_kg:03.0f}" if load_kg.is_integer() else str(load_kg).replace(".", "_")

@@ -14,9 +14,9 @@ from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.interpreted import compile_at_once
 from replay.follow.follow_logs import Following, follow_logs
 from replay.machines.machine_file import load_machine
-from replay.review.review_shift import ReviewOptions, review
+from replay.review.review_shift import ReviewOptions, review_shift
 from replay.runs.run_logs import replay_logs
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 
 _CONTAINERS: Final = (".bag", ".mcap", ".db3")
 #: What `on_stage` is told, in order.
@@ -66,20 +66,20 @@ def compile_loops(on_stage: Callable[[str], None] = lambda _: None) -> None:
         folder = Path(made)
         on_stage("simulate")
         straight = Scenario.model_validate(_STRAIGHT)
-        turning = simulate(Scenario.model_validate(_TURNING), folder / "turning.mcap")
+        turning = simulate_scenario(Scenario.model_validate(_TURNING), folder / "turning.mcap")
         hauling = Scenario().model_copy(update={"shift": _SHIFT})
-        shift = simulate(hauling, folder / "shift.mcap")
+        shift = simulate_scenario(hauling, folder / "shift.mcap")
         for suffix in _CONTAINERS:
             on_stage(suffix[1:])
-            logs = simulate(straight, folder / f"straight{suffix}")
+            logs = simulate_scenario(straight, folder / f"straight{suffix}")
             replay_logs(logs, _MACHINE, overrides=[_ALL_METHODS])
         on_stage("turns")
         replay_logs(turning, _MACHINE)
         on_stage("follow")
-        follow_logs(turning, load_machine(_MACHINE), _drop_rows, idle_s=0.0)
+        follow_logs(turning, load_machine(_MACHINE), _discard_rows, idle_s=0.0)
         on_stage("review")
-        review(shift, _MACHINE, folder / "page", ReviewOptions())
+        review_shift(shift, _MACHINE, folder / "page", ReviewOptions())
 
 
-def _drop_rows(following: Following, rows: list[FollowedRow]) -> None:
+def _discard_rows(following: Following, rows: list[FollowedRow]) -> None:
     del following, rows

@@ -7,10 +7,10 @@ import polars as pl
 import pytest
 
 from analysis.model.machine import Machine
-from analysis.stages.motion.forces import forces
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured
+from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis.settings_by_name import staged
 
@@ -135,9 +135,9 @@ def make_excitation(drive, machine=None):
     """The drive through every stage up to `forces`."""
     machine = machine or make_machine()
     placed, _, _ = assign_timestamps(make_raw(drive))
-    channels, _ = derive(read_measured(placed, machine)[0], machine)
+    channels, _ = derive(read_measured_channels(placed, machine)[0], machine)
     aligned, _ = align(channels, machine)
-    return forces(smooth(aligned, machine.settings.smooth), machine)
+    return compute_excitation(smooth(aligned, machine.settings.smooth), machine)
 
 
 @pytest.fixture(scope="session")

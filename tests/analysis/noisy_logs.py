@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from analysis.stages.motion.forces import forces
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals import filters
 from tests.analysis.conftest import make_machine
@@ -85,7 +85,7 @@ def noisy_log(kind, seed, starts=6):
     names = ("acc_x_m_s2" if "derived" in kind else "specific_force_x_m_s2", "speed_x_m_s")
     columns = dict(zip((*names, "force_x_N"), seen.T, strict=True))
     aligned = pl.DataFrame({"t_ns": t, **columns, "gap": np.zeros(t.size, np.bool_)})
-    excitation = forces(smooth(aligned, machine.settings.smooth), machine)
+    excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
     if "never stands" in kind:
         stands = pl.col("phase") == "standstill"
         excitation = excitation.with_columns(
@@ -99,5 +99,5 @@ def _derived(t, columns):
     """The speed (column 1) and force after the low-pass, and the derivative of the speed."""
     _, speed = filters.low_pass(t, columns[:, 1], 20.0, 1e9, causal=False)
     _, force = filters.low_pass(t, columns[:, 2], 20.0, 1e9, causal=False)
-    _, acceleration = filters.derivative(t, speed, 1e9, causal=False)
+    _, acceleration = filters.differentiate(t, speed, 1e9, causal=False)
     return np.column_stack([acceleration, speed, force])

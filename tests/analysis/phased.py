@@ -8,13 +8,13 @@ import polars as pl
 from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.verdict import Verdict
 from analysis.simulation import Scenario, solve_motion
-from analysis.stages.estimation.masses import masses, withhold
+from analysis.stages.estimation.masses import summarise_masses, withhold_masses
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import gate
-from analysis.stages.motion.forces import forces
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured
+from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 
 STARTS = 9
@@ -44,7 +44,7 @@ def sampled(topic, rate_hz, phase_s=0.0, seed=1, noise=1.0, delay_s=0.0, jitter_
     t_s = np.arange(phase_s, STARTS * trial_s, 1.0 / rate_hz)
     generator = np.random.default_rng([seed, sorted(FIELDS).index(topic)])
     t_s = t_s + generator.uniform(-jitter_s, jitter_s, t_s.size)
-    motion = _motion().sample(np.maximum(t_s - delay_s, 0.0) % trial_s)
+    motion = _motion().sample_channels(np.maximum(t_s - delay_s, 0.0) % trial_s)
     x = getattr(motion, FIELDS[topic]) + noise * NOISE[topic] * generator.normal(size=t_s.size)
     return T0_NS + np.round(t_s * 1e9).astype(np.int64), x
 
@@ -62,9 +62,9 @@ def raw(seed=1, noise=1.0, **topics):
 
 def excitation(log, machine):
     """The log through every stage up to `forces`."""
-    channels, _ = derive(read_measured(assign_timestamps(log)[0], machine)[0], machine)
+    channels, _ = derive(read_measured_channels(assign_timestamps(log)[0], machine)[0], machine)
     aligned, _ = align(channels, machine)
-    return forces(smooth(aligned, machine.settings.smooth), machine)
+    return compute_excitation(smooth(aligned, machine.settings.smooth), machine)
 
 
 def pooled(log, machine, method="pooled"):
@@ -72,8 +72,8 @@ def pooled(log, machine, method="pooled"):
     excited = excitation(log, machine)
     settings = machine.settings
     gated = gate(excited, settings)
-    table = masses(excited, gated, trace(excited, gated, settings), machine)
+    table = summarise_masses(excited, gated, trace(excited, gated, settings), machine)
     opinion = Verdict.of(judge_checks(CheckInputs(excited, gated, machine)))
-    table = withhold(table, opinion, ())
+    table = withhold_masses(table, opinion, ())
     row = table.row(by_predicate=pl.col("method") == method, named=True)
     return row["mass_kg"], row["mass_std_kg"]

@@ -11,16 +11,16 @@ from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import fit_planar
-from analysis.stages.estimation.masses import masses, withhold
+from analysis.stages.estimation.masses import summarise_masses, withhold_masses
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import gate
-from analysis.stages.gating.segments import segments
-from analysis.stages.motion.forces import forces
+from analysis.stages.gating.segments import pool_by_manoeuvre
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured
-from analysis.stages.signals.mounting import rotation
+from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.signals.mounting import rotation_to_machine_axes
 from estimators.planar import planar_rows as model
 from tests.analysis.settings_by_name import staged
 
@@ -131,7 +131,7 @@ def sensors(drive, seed=1, noise=1.0, parameters=LOADER, origin_x_m=0.0, imu=Non
     exact = model.regressor(seen[0], seen[1], v, omega, alpha) @ parameters
     turn = np.stack([zero, zero, omega])
     if imu is not None:
-        seen, turn = rotation(imu).T @ seen, rotation(imu).T @ turn
+        seen, turn = rotation_to_machine_axes(imu).T @ seen, rotation_to_machine_axes(imu).T @ turn
     said = dict(zip(NOISE, [exact[:, 0], exact[:, 1], v, *seen, *turn], strict=True))
     generator = np.random.default_rng(seed)
     return pl.DataFrame(
@@ -161,9 +161,9 @@ def excitation(said, loader=None):
 
 
 def _to_excitation(said, loader):
-    channels, _ = derive(read_measured({"table": said}, loader)[0], loader)
+    channels, _ = derive(read_measured_channels({"table": said}, loader)[0], loader)
     aligned, _ = align(channels, loader)
-    return aligned, forces(smooth(aligned, loader.settings.smooth), loader)
+    return aligned, compute_excitation(smooth(aligned, loader.settings.smooth), loader)
 
 
 def replayed(said, loader=None):
@@ -182,9 +182,11 @@ def replayed(said, loader=None):
         "noise": noise,
         "gate": gated,
         **{f"estimates/{method}": each for method, each in estimates.items()},
-        "segments": segments(excitation, gated, settings, noise),
+        "segments": pool_by_manoeuvre(excitation, gated, settings, noise),
         "verdict": judged,
-        "masses": withhold(masses(excitation, gated, estimates, loader, noise), opinion, ()),
+        "masses": withhold_masses(
+            summarise_masses(excitation, gated, estimates, loader, noise), opinion, ()
+        ),
         **dict(
             zip(
                 ("planar", "planar_budget"),

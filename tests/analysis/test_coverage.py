@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 from analysis.model.axes import straight_regressor
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.stages.gating.gate import gate
-from analysis.stages.gating.segments import pooled_samples, segments
-from analysis.stages.motion.forces import forces
+from analysis.stages.gating.segments import pool_by_manoeuvre, pooled_samples
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import align
 
@@ -58,7 +58,7 @@ def excitation_of_starts(seed, starts, machine):
         ),
         "specific_force_x_m_s2": imu.select(stamp, "specific_force_x_m_s2"),
     }
-    return forces(smooth(align(channels, machine)[0], machine.settings.smooth), machine)
+    return compute_excitation(smooth(align(channels, machine)[0], machine.settings.smooth), machine)
 
 
 def textbook_deviations(A, f, ids):
@@ -78,7 +78,9 @@ def found(seeds, starts, plain):
     for seed in seeds:
         excitation = excitation_of_starts(seed, starts, plain)
         gated = gate(excitation, plain.settings)
-        table = segments(excitation, gated, plain.settings).filter(pl.col("mass_kg").is_not_null())
+        table = pool_by_manoeuvre(excitation, gated, plain.settings).filter(
+            pl.col("mass_kg").is_not_null()
+        )
         ids = pooled_samples(excitation, gated, plain.settings)
         textbook = textbook_deviations(*straight_regressor(excitation, plain.settings), ids)
         rows.append(np.column_stack([table["mass_kg"], table["mass_std_kg"], textbook]))

@@ -4,14 +4,14 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.stages.estimation.masses import masses
+from analysis.stages.estimation.masses import summarise_masses
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import gate
-from analysis.stages.motion.forces import forces
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured
+from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis.conftest import T0_NS, make_machine, topic
 from tests.analysis.noisy_logs import KINEMATIC
@@ -57,13 +57,13 @@ def weighed(starts, force_of_speed, speed_noise_m_s, known=True, seed=1, index=N
     machine = make_machine(settings, body={"empty_mass_kg": CAR_KG}, **KINEMATIC)
     t = T0_NS + np.arange(v.size) * 10_000_000
     placed, _, _ = assign_timestamps({"/can": topic(t, force=f, speed=v)})
-    channels, _ = derive(read_measured(placed, machine)[0], machine)
+    channels, _ = derive(read_measured_channels(placed, machine)[0], machine)
     aligned, _ = align(channels, machine)
-    excitation = forces(smooth(aligned, machine.settings.smooth), machine)
+    excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
     noise = channel_noise(aligned, excitation, machine) if known else None
     gated = gate(excitation, machine.settings, noise)
     estimates = trace(excitation, gated, machine.settings, noise)
-    table = masses(excitation, gated, estimates, machine, noise)
+    table = summarise_masses(excitation, gated, estimates, machine, noise)
     rows = {row["method"]: row for row in table.iter_rows(named=True)}
     return rows, estimates["ls"]["mass_kg"].drop_nulls().to_numpy(), gated
 
@@ -126,9 +126,9 @@ def test_clean_starts_keep_their_windows(throttle_N):
         placed, _, _ = assign_timestamps(
             {"/can": topic(t, force=f, speed=v), "/imu": topic(t, x=a)}
         )
-        channels, _ = derive(read_measured(placed, machine)[0], machine)
+        channels, _ = derive(read_measured_channels(placed, machine)[0], machine)
         aligned, _ = align(channels, machine)
-        excitation = forces(smooth(aligned, machine.settings.smooth), machine)
+        excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
         before = gate(excitation, machine.settings)["accepted_x"].to_numpy()
         noise = channel_noise(aligned, excitation, machine)
         gated = gate(excitation, machine.settings, noise)

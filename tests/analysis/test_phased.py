@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from analysis.stages.signals.align import alignment_notes
-from analysis.stages.signals.derive import derive, read_measured
+from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis import phased
 from tests.analysis.conftest import make_machine
@@ -22,7 +22,7 @@ def in_phase_kg(method):
 
 def said(log, machine):
     return alignment_notes(
-        derive(read_measured(assign_timestamps(log)[0], machine)[0], machine)[0], machine
+        derive(read_measured_channels(assign_timestamps(log)[0], machine)[0], machine)[0], machine
     )
 
 

@@ -44,7 +44,7 @@ def house(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 def folder(source: Path) -> Path:
     """The folder as a new process would find it."""
-    compile_cache._read_module.cache_clear()
+    compile_cache._read_source_and_imports.cache_clear()
     return compile_cache.make_cache_folder(source)
 
 

@@ -112,14 +112,14 @@ def value_differences(replayed: Run, kept: Mapping[str, Any]) -> Iterator[str]:
     """Yield kept values that differ by more than another processor may make them."""
     now = json.loads(json.dumps(reference(replayed)["values"]))
     if list(now) != list(kept["values"]):
-        yield f"frames: {', '.join(now)}, were {', '.join(kept['values'])}"
+        yield f"frames: {', '.join(now)}; golden file has {', '.join(kept['values'])}"
         return
     for name, before in kept["values"].items():
         after = now[name]
         if list(before) != list(after):
-            yield f"{name}: columns {', '.join(after)}, were {', '.join(before)}"
+            yield f"{name}: columns {', '.join(after)}; golden file has {', '.join(before)}"
         elif before["rows"] != after["rows"]:
-            yield f"{name}: {after['rows']} rows kept, were {before['rows']}"
+            yield f"{name}: {after['rows']} rows, golden file has {before['rows']}"
         else:
             near = _near(before, kept["threshold_nat"]) if name == "gate" else set()
             yield from _column_differences(name, before, after, near)
@@ -144,7 +144,7 @@ def _column_differences(
         decided = column.startswith(("accepted", "reason"))
         for row, (old, new) in enumerate(zip(values, after[column], strict=True)):
             if not (_alike(old, new) or (decided and row in near)):
-                yield f"{name}: {column} in row {row} is {new}, was {old}"
+                yield f"{name}: {column} in row {row} is {new}, golden file has {old}"
                 break
 
 
@@ -166,11 +166,11 @@ def make_logs() -> None:
     """Make the logs anew: two by the simulator, and a table of position and force."""
     from replay.simulation.log_truth import truth_path
     from replay.simulation.scenario_file import load_scenario
-    from replay.simulation.simulate_logs import simulate
+    from replay.simulation.simulate_logs import simulate_scenario
 
     for name in ("straight", "planar"):
         scenario = load_scenario(FOLDER / f"{name}.scenario.toml")
-        for written in simulate(scenario, FOLDER / f"{name}.mcap", force=True):
+        for written in simulate_scenario(scenario, FOLDER / f"{name}.mcap", force=True):
             truth_path(written).unlink()
     sledge().write_csv(FOLDER / "table.csv")
 

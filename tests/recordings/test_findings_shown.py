@@ -8,10 +8,10 @@ from analysis import Run
 from analysis.explain import explain
 from recordings import write_recording
 from recordings.explain.explanation_picture import draw_explanation, plot_explanation
-from recordings.explain.explanation_text import finding_lines, gate_lines, verdict_sentence
+from recordings.explain.explanation_text import describe_findings, describe_gate, verdict_sentence
 from recordings.report.finding_text import findings_text
 from recordings.rrd.display_frames import display_frames
-from recordings.rrd.recording_texts import answer_text
+from recordings.rrd.recording_texts import format_answer
 from recordings.rrd.stored_names import STATE
 from recordings.rrd.writer import make_scene
 
@@ -41,7 +41,7 @@ def test_every_finding_is_told_with_evidence_kilograms_and_what_it_cannot_be_tol
         "## 2. frozen (speed_x_m_s, 7.0 to 9.0 s)",
     ):
         assert part in text
-    assert "- **1** delay (force_x_N): it is 42 ± 3 ms late" in answer_text(drives(30.0))
+    assert "- **1** delay (force_x_N): it is 42 ± 3 ms late" in format_answer(drives(30.0))
 
 
 def test_silence_is_an_answer_and_a_run_that_was_not_looked_at_says_nothing(drives) -> None:
@@ -103,7 +103,7 @@ def test_the_verdict_is_one_sentence_with_the_likeliest_cause(drives) -> None:
 def test_at_a_moment_the_gate_is_told_with_the_number_that_decided(drives) -> None:
     explained = explain(drives(60.0), at_s=14.0)
     assert "at 14 s the window is accepted (index" in verdict_sentence(explained)
-    lines = list(gate_lines(explained))
+    lines = list(describe_gate(explained))
     assert any("accepted (index" in line and "≥ 0.7 nat" in line for line in lines)
     # what is 5 s away is told as well, a finding elsewhere is not
     assert [each.cause for each in explained.findings or ()] == ["delay", "frozen"]
@@ -113,7 +113,7 @@ def test_at_a_moment_the_gate_is_told_with_the_number_that_decided(drives) -> No
 
 def test_the_lines_name_causes_and_proposals(drives) -> None:
     explained = explain(drives(60.0))
-    lines = list(finding_lines(explained))
+    lines = list(describe_findings(explained))
     assert lines[0].startswith("1. delay (force_x_N): ")
     assert "   set channels.force_x_N.delay_s = 0.042" in lines
 

@@ -2,9 +2,9 @@
 
 from typing import get_args
 
-from analysis.calibration.use.learnt_priors import LearntPriors, TermOfLog, learnt_terms
+from analysis.calibration.use.learnt_priors import LearntPriors, TermOfLog, learn_terms_of_logs
 from analysis.model.prior_settings import LearnableTerm
-from recordings.calibration.learnt_terms_text import TERMS, learnt_rows
+from recordings.calibration.learnt_terms_text import TERMS, make_learnt_term_rows
 
 
 def test_every_term_that_can_be_learnt_has_a_meaning_and_a_unit() -> None:
@@ -23,7 +23,7 @@ def test_a_row_has_what_its_prior_has() -> None:
         )
         for k in range(3)
     )
-    (row,) = learnt_rows(LearntPriors(terms=learnt_terms(said), logs=said))
+    (row,) = make_learnt_term_rows(LearntPriors(terms=learn_terms_of_logs(said), logs=said))
     assert row == {
         "term": "delay of the force",
         "unit": "s",
@@ -32,4 +32,4 @@ def test_a_row_has_what_its_prior_has() -> None:
         "width": "0.0002",
         "logs": 3,
     }
-    assert learnt_rows(None) == []
+    assert make_learnt_term_rows(None) == []

@@ -140,8 +140,8 @@ def test_a_block_that_lost_a_column_is_no_row():
     import pyarrow as pa
 
     frame = pl.DataFrame({"a": pl.int_range(BLOCK_ROWS + 5, eager=True), "b": "b"})
-    stored = StoredFrame.of("stage", frame)
-    first, second = stored.batches(frame)
+    stored = StoredFrame.from_frame("stage", frame)
+    first, second = stored.to_batches(frame)
     torn = pa.record_batch({name: second.column(name) for name in ("row", "payscope:a")})
     assert stored.from_batches([torn, first], stored.columns).equals(frame.head(BLOCK_ROWS))
 
@@ -184,7 +184,7 @@ def test_one_frame_or_some_of_its_columns_are_read_alone_in_the_order_asked_for(
 
 def test_an_unknown_stage_or_column_is_answered_with_the_nearest_one(drives, tmp_path: Path):
     path = write_recording(drives(30.0), tmp_path / "shift.rrd")
-    with pytest.raises(RecordingError, match=r"no stage 'gat'; did you mean 'gate'\?"):
+    with pytest.raises(RecordingError, match=r"no frame 'gat'; did you mean 'gate'\?"):
         read_frame(path, "gat")
     with pytest.raises(RecordingError, match=r"'gate' has no 'mi'; .*mi_x_nat"):
         read_frame(path, "gate", ["mi"])

@@ -184,7 +184,7 @@ ATTACKS: tuple[Attack, ...] = (
     Attack("chain", "a fork, by the signer", forked, 3, "a fork"),
     Attack("chain", "what follows the other end of a fork", on_a_fork, 3, "is other evidence"),
     Attack("chain", "a sister's evidence before", sister_spliced, 3,
-           "the evidence before is of another machine"),
+           "the previous evidence belongs to another machine"),
     Attack("chain", "the evidence before made anew", forged_before, 3, "chain.previous"),
     Attack("chain", "one of the chain made anew", forged_between, 3, _NOT_GIVEN),
     Attack("chain", "one before it left out", skipped, 3, "chain.previous"),

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from replay.calibration.calibrate_campaign import calibrate
+from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.replay.attacker import key_files
 from tests.replay.sledge_campaign import campaign_folder
@@ -27,7 +27,7 @@ class Made:
         before: Path | None = None
         of_each = (self.campaign, self.campaign, alike)
         for made, of in zip((self.first, self.bundle, self.third), of_each, strict=True):
-            calibrate(of, made, key_file=self.private, previous=before)
+            calibrate_from_campaign(of, made, key_file=self.private, previous=before)
             before = made
 
     def verify(self, bundle: Path, **more: Any) -> Verification:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.simulation import Scenario
-from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate
+from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate_scenario
 
 SCENARIO = Scenario.model_validate(
     {
@@ -45,7 +45,7 @@ _SHIPPED = Path(__file__).resolve().parents[2] / "replay/machines/cat262c.toml"
 
 def shift_folder(folder: Path) -> tuple[list[Path], Path, dict[str, Any]]:
     """The logs, the machine file and what is true."""
-    simulate(SCENARIO, folder / "shift.mcap")
+    simulate_scenario(SCENARIO, folder / "shift.mcap")
     machine = folder / "yard.toml"
     shipped = _SHIPPED.read_text(encoding="utf-8")
     machine.write_text(

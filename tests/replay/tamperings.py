@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import polars as pl
 
-from analysis.calibration.use.learnt_priors import learnt_terms
+from analysis.calibration.use.learnt_priors import learn_terms_of_logs
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, RECORDING, REPORT, SUMS
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.derived_values import estimator_of
+from recordings.calibration.derived_values import estimator_with_digest
 from recordings.calibration.evidence_document import parse_document
 from recordings.signatures.canonical_json import canonical_bytes
 from tests.replay.attacker import Bundle, Tamper
@@ -108,12 +108,12 @@ def relearnt(bundle: Bundle) -> None:
             each["posterior"] *= 1.1
     document = parse_document(canonical_bytes(bundle.evidence), EVIDENCE)
     assert document.learnt is not None
-    terms = learnt_terms(document.learnt.logs)
+    terms = learn_terms_of_logs(document.learnt.logs)
     bundle.evidence["learnt"]["terms"] = {
         name: term.model_dump(mode="json") for name, term in terms.items()
     }
     document = parse_document(canonical_bytes(bundle.evidence), EVIDENCE)
-    estimator = estimator_of(document.campaign, document.weighing)
+    estimator = estimator_with_digest(document.campaign, document.weighing)
     bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
 
@@ -202,7 +202,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "the machine's id": Tampering(
         in_evidence("campaign", "machine", "id", to="sledge-8"),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "the machine file is of machine 'sledge-7', and the campaign of 'sledge-8'"),
+        "the machine file belongs to machine 'sledge-7', and the campaign of 'sledge-8'"),
     "a part": Tampering(
         in_evidence("campaign", "machine", "parts", "runners", to="R-2"),
         TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
@@ -244,7 +244,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "the day of a run": Tampering(
         in_evidence("campaign", "runs", 0, "day", to="2026-05-03"),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "run 'run-0', reading 1: is of another load, day or log than its run"),
+        "run 'run-0', reading 1: belongs to another load, day or log than its run"),
     "a load on board": Tampering(
         in_evidence("campaign", "runs", 1, "loads", to=["block-2"]),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
@@ -259,7 +259,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "a dropped run": Tampering(without_run, TAMPERED, INCOMPLETE, "tables",
         "readings.parquet: run 'run-1': is missing"),
     "a run dropped everywhere": Tampering(without_run_anywhere, TAMPERED, IRREPRODUCIBLE, "tables",
-        "evidence.json: learnt: is of other logs than the campaign's"),
+        "evidence.json: learnt: belongs to other logs than the campaign's"),
     "swapped logs": Tampering(swapped_logs, TAMPERED, None, "logs",
         "statement.dsse.json: is not signed by the key"),
     "a log's digest": Tampering(
@@ -288,7 +288,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "what another log said": Tampering(
         in_evidence("learnt", "logs", 0, "log", to="load-9.csv"),
         TAMPERED, IRREPRODUCIBLE, "learnt priors",
-        "evidence.json: learnt: is of other logs than the campaign's"),
+        "evidence.json: learnt: belongs to other logs than the campaign's"),
     "nothing learnt": Tampering(
         in_evidence("learnt", to=None), TAMPERED, IRREPRODUCIBLE, "learnt priors",
         "evidence.json: estimator: is not that of the settings"),
@@ -311,7 +311,7 @@ TAMPERINGS: dict[str, Tampering] = {
         "evidence.json: calibration.alpha_1: does not follow from the readings"),
     "a reading of another log": Tampering(
         reading(0, log="load-9.csv"), TAMPERED, IRREPRODUCIBLE, "tables",
-        "run 'run-0', reading 1: is of another load, day or log than its run"),
+        "run 'run-0', reading 1: belongs to another load, day or log than its run"),
     "the points": Tampering(moved_point, TAMPERED, IRREPRODUCIBLE, "tables",
         "points.parquet: does not follow from the readings"),
     "the line before": Tampering(

@@ -14,7 +14,7 @@ from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.timestamp import timestamp_request
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import public_key
-from replay.calibration.calibrate_campaign import calibrate
+from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.made_evidence import Made, items
@@ -29,7 +29,7 @@ IRREPRODUCIBLE = BundleOutcome.IRREPRODUCIBLE
 def test_a_run_of_another_day_than_its_log_is_refused(tmp_path: Path) -> None:
     campaign = campaign_folder(tmp_path / "c", loads=(0,), begin_unix_s=BEGIN_UNIX_S + 86400.0)
     with pytest.raises(CampaignError) as refused:
-        calibrate(campaign, tmp_path / "evidence")
+        calibrate_from_campaign(campaign, tmp_path / "evidence")
     assert "run 'run-0' of 2026-05-01: its log load-0.csv was recorded on 2026-05-02" in str(
         refused.value
     )
@@ -39,7 +39,7 @@ def test_a_run_of_another_day_than_its_log_is_refused(tmp_path: Path) -> None:
 
 def test_the_day_is_that_of_the_machines_time_zone(tmp_path: Path) -> None:
     campaign = campaign_folder(tmp_path / "c", loads=(0,), begin_unix_s=BEGIN_UNIX_S)
-    made = calibrate(campaign, tmp_path / "evidence")
+    made = calibrate_from_campaign(campaign, tmp_path / "evidence")
     assert made.document.logs[0].begins == "2026-04-30 23:30:00 UTC"
     assert not any("not provable" in each for each in verify_bundle(made.folder).unseen)
 

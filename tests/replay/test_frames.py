@@ -11,7 +11,7 @@ from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
 from replay.demo.run_demo import replay_campaign
 from replay.simulation.scenario_file import load_scenario
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 
 PLANAR = Path(__file__).parents[2] / "examples" / "planar.toml"
 METHODS = ("ls", "rls", "fgls", "tls", "huber", "rtls")
@@ -21,7 +21,7 @@ METHODS = ("ls", "rls", "fgls", "tls", "huber", "rtls")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Straight drives, spins, arcs and both at once, by every method and gate."""
     scenario = load_scenario(PLANAR)
-    (path,) = simulate(scenario, tmp_path_factory.mktemp("planar") / "planar.mcap")
+    (path,) = simulate_scenario(scenario, tmp_path_factory.mktemp("planar") / "planar.mcap")
     machine = load_machine(
         "cat262c.toml",
         [
@@ -38,7 +38,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """The smallest campaign that is calibrated."""
     campaign = ["campaign.loads_kg=[0,250]", "campaign.runs=2"]
     scenario = load_scenario(PLANAR.with_name("campaign.toml"), campaign)
-    logs = simulate(scenario, tmp_path_factory.mktemp("campaign") / "campaign.bag")
+    logs = simulate_scenario(scenario, tmp_path_factory.mktemp("campaign") / "campaign.bag")
     return replay_campaign(logs, load_machine("cat262c.toml"))
 
 

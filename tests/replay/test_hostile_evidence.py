@@ -19,7 +19,7 @@ from recordings.calibration.bundle_folder import (
 )
 from recordings.calibration.bundle_tables import UntrustedTable, read_tables
 from recordings.calibration.check_outcomes import BundleOutcome
-from replay.calibration.calibrate_campaign import calibrate
+from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.replay.attack_list import JSON_FORMS, OUTSIDE
 from tests.replay.attacker import Bundle, tampered
@@ -30,7 +30,7 @@ from tests.replay.sledge_campaign import campaign_folder
 @pytest.fixture(scope="module")
 def genuine(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("hostile")
-    calibrate(campaign_folder(folder / "campaign"), folder / "evidence")
+    calibrate_from_campaign(campaign_folder(folder / "campaign"), folder / "evidence")
     return folder / "evidence"
 
 

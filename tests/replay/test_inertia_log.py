@@ -8,7 +8,7 @@ import pytest
 
 from replay import load_machine, open_log, run
 from replay.simulation.scenario_file import load_scenario
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 
 SCENARIO = Path(__file__).parents[2] / "examples" / "inertia.toml"
 DERIVED = "channels.yaw_acc_rad_s2.derive=d/dt yaw_rate_rad_s"
@@ -23,7 +23,7 @@ def replays(tmp_path_factory):
     found = []
     for seed in SEEDS:
         scenario = load_scenario(SCENARIO, [f"sensors.seed={seed}"])
-        (path,) = simulate(scenario, folder / f"{seed}.mcap")
+        (path,) = simulate_scenario(scenario, folder / f"{seed}.mcap")
         truth = json.loads(path.with_name(f"{path.name}.truth.json").read_text(encoding="utf-8"))
         with open_log(path) as log:
             found.append((truth["runs"][0], run(log, machine).frames))

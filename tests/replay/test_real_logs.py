@@ -9,7 +9,7 @@ import pytest
 from analysis.model.answer import answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
-from analysis.stages.estimation.masses import masses
+from analysis.stages.estimation.masses import summarise_masses
 from replay import load_machine, open_log, run
 from replay.machines.machine_file import time_axis
 
@@ -40,7 +40,7 @@ def pooled(replayed: Run) -> dict[str, float]:
     """What the method gives, whether or not the answer contradicts it."""
     frames, about = replayed.frames, replayed.provenance
     machine = Machine.model_validate({**about.machine, "settings": about.settings})
-    table = masses(
+    table = summarise_masses(
         frames["excitation"],
         frames["gate"],
         {"pooled": frames["estimates/pooled"]},

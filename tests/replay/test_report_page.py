@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from recordings.calibration.bundle_folder import REPORT
-from replay.calibration.calibrate_campaign import calibrate
+from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from tests.replay.sledge_campaign import campaign_folder
 
 PHONE, DESK = 380, 1280
@@ -16,7 +16,7 @@ PHONE, DESK = 380, 1280
 def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("report")
     campaign = campaign_folder(folder / "campaign", extra='excluded = "wheel slip"\n')
-    calibrate(campaign, folder / "evidence")
+    calibrate_from_campaign(campaign, folder / "evidence")
     return folder / "evidence" / REPORT
 
 

@@ -18,10 +18,10 @@ from estimators.errors import LogError, ReviewError
 from recordings.review.review_page import UsedCalibration
 from recordings.review.review_state import RECORDING, FailedCheck
 from replay.calibration.apply_evidence import CalibrationRequest
-from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.commands.review import print_review
-from replay.logs import logs_in
-from replay.review.review_shift import ReviewOptions, review
+from replay.logs import expand_log_folders
+from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
 from tests.replay.attacker import key_files
 from tests.replay.sledge import Payscope, one_line
@@ -48,12 +48,12 @@ def machine(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def reviewed(folder: Path, machine: Path) -> ShiftReview:
-    return review([folder / "shift"], machine, folder / "reviewed", ReviewOptions())
+    return review_shift([folder / "shift"], machine, folder / "reviewed", ReviewOptions())
 
 
 @pytest.fixture(scope="module")
 def evidence(folder: Path) -> CalibrationOutcome:
-    return calibrate(folder / "campaign.toml", folder / "evidence")
+    return calibrate_from_campaign(folder / "campaign.toml", folder / "evidence")
 
 
 def test_a_folder_stands_for_the_bags_in_it_and_those_of_its_folders(tmp_path: Path) -> None:
@@ -66,23 +66,23 @@ def test_a_folder_stands_for_the_bags_in_it_and_those_of_its_folders(tmp_path: P
     others = ["a.bag.truth.json", "notes.csv", ".hidden.bag", "torn/ledger.csv"]
     for name in (*names, *others):
         (tmp_path / name).touch()
-    found = [each.relative_to(tmp_path).as_posix() for each in logs_in([tmp_path])]
+    found = [each.relative_to(tmp_path).as_posix() for each in expand_log_folders([tmp_path])]
     assert found == ["a.bag", "b.mcap", "bag_2", "day_2/bag_3", "torn/torn_0.db3"]
-    assert logs_in([tmp_path / "a.bag", tmp_path]) == logs_in([tmp_path])
+    assert expand_log_folders([tmp_path / "a.bag", tmp_path]) == expand_log_folders([tmp_path])
 
 
 def test_a_folder_of_tables_alone_is_a_shift_too(folder: Path) -> None:
-    assert logs_in([folder / "shift"]) == [folder / "shift/whole.csv"]
+    assert expand_log_folders([folder / "shift"]) == [folder / "shift/whole.csv"]
 
 
 def test_a_review_that_is_refused_leaves_nothing_behind(machine: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(LogError, match="empty: no bag in this directory"):
-        review([tmp_path / "empty"], machine, tmp_path / "new", ReviewOptions())
+        review_shift([tmp_path / "empty"], machine, tmp_path / "new", ReviewOptions())
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine/notes.txt").touch()
     with pytest.raises(ReviewError, match=r"mine: holds other files \(notes.txt\) and no review"):
-        review([tmp_path / "empty"], machine, tmp_path / "mine", ReviewOptions())
+        review_shift([tmp_path / "empty"], machine, tmp_path / "mine", ReviewOptions())
     left = {each.relative_to(tmp_path).as_posix() for each in tmp_path.rglob("*")}
     assert left == {"empty", "mine", "mine/notes.txt"}
 
@@ -94,7 +94,7 @@ def test_logs_that_overlap_by_seconds_in_any_order_give_the_ledger_of_the_whole(
     assert sum(pl.read_csv(part).height for part in parts) > sledge_shift(SHORT).height
     # one is named twice, by its name and by its folder
     named = [parts[3], parts[1], tmp_path / "shift"]
-    again = review(named, machine, tmp_path / "review", ReviewOptions())
+    again = review_shift(named, machine, tmp_path / "review", ReviewOptions())
     assert again.ledger.equals(reviewed.ledger)
     assert again.ledger["payload_kg"].to_list() == pytest.approx(SHORT, abs=1.0)
 
@@ -106,7 +106,7 @@ def test_ten_cuts_anywhere_give_the_ledger_of_the_whole(
     cuts = [0, *sorted(random.Random(14).sample(range(1, whole.height), 10)), whole.height]
     for number, (begin, end) in enumerate(pairwise(cuts)):
         whole[begin:end].write_csv(tmp_path / f"part_{number:02}.csv")
-    again = review([tmp_path], machine, tmp_path / "review", ReviewOptions())
+    again = review_shift([tmp_path], machine, tmp_path / "review", ReviewOptions())
     assert again.ledger.equals(reviewed.ledger)
 
 
@@ -144,7 +144,7 @@ def test_a_load_outside_of_what_was_calibrated_has_no_payload_and_says_so(
 ) -> None:
     sledge_shift((55.0, 95.0, 50.0)).write_csv(tmp_path / "heavy.csv")
     asked = ReviewOptions(calibration=CalibrationRequest(evidence.folder))
-    made = review([tmp_path / "heavy.csv"], machine, tmp_path / "review", asked)
+    made = review_shift([tmp_path / "heavy.csv"], machine, tmp_path / "review", asked)
     assert made.ledger["payload_kg"].is_null().to_list() == [False, True, False]
     assert "outside of the calibrated range" in made.ledger["withheld_for"][1]
     assert made.ledger["counted"].to_list() == [True, False, True]

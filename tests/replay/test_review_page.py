@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from replay.review.review_shift import ReviewOptions, review
+from replay.review.review_shift import ReviewOptions, review_shift
 from tests.replay.shift_review import HOSTILE, shift_folder
 
 PHONE, DESK = 380, 1280
@@ -16,7 +16,7 @@ SCREENS = [(PHONE, "light"), (PHONE, "dark"), (DESK, "light"), (DESK, "dark")]
 def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
     logs, machine, _ = shift_folder(folder)
-    made = review(logs, machine, folder / "review", ReviewOptions(target_kg=700.0))
+    made = review_shift(logs, machine, folder / "review", ReviewOptions(target_kg=700.0))
     return made.folder / "review.html"
 
 

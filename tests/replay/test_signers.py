@@ -262,7 +262,7 @@ def test_a_key_that_anyone_can_sign_for_is_refused(
 ) -> None:
     raw = (SMALL_ORDER[name] | sign).to_bytes(32, "little")
     with pytest.raises(EvidenceError, match="weak key"):
-        PublicKey.of_text(PublicKey(raw).text)
+        PublicKey.from_text(PublicKey(raw).text)
     one_line(payscope("keys", "add", PublicKey(raw).text, "--owner", "x"), "weak key")
     header = bytes.fromhex("302a300506032b6570032100")
     pem = tmp_path / "key.pub.pem"

@@ -13,7 +13,7 @@ from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
 from replay.simulation.log_truth import has_truth
 from replay.simulation.scenario_file import load_scenario, scenario_text
-from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate
+from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate_scenario
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, one_line
 
@@ -53,7 +53,7 @@ def test_the_logs_of_a_shift_are_read_as_one_time_line_and_the_torn_one_says_so(
     tmp_path: Path, suffix: str
 ) -> None:
     output = named(tmp_path, suffix)
-    paths = simulate(SHIFT, output)
+    paths = simulate_scenario(SHIFT, output)
     assert [path.stem for path in paths] == ["shift_1", "shift_2"]
     truth = truth_of(output)
     assert [each["log"] for each in truth["logs"]] == [path.name for path in paths]
@@ -80,7 +80,7 @@ def test_messages_hold_what_the_machine_has_besides(tmp_path: Path) -> None:
     whole = SHIFT.model_copy(
         update={"shift": SHIFT.shift.model_copy(update={"logs": 1, "damaged_logs": 0})}  # pyright: ignore
     )
-    (path,) = simulate(whole, tmp_path / "shift.mcap")
+    (path,) = simulate_scenario(whole, tmp_path / "shift.mcap")
     found: dict[str, list[Any]] = {}
     with AnyReader([path]) as reader:
         for connection, _, data in reader.messages():
@@ -101,7 +101,7 @@ def test_the_truth_beside_a_log_has_its_manoeuvres_and_that_of_the_shift_its_cyc
     tmp_path: Path,
 ) -> None:
     output = tmp_path / "shift.csv"
-    paths = simulate(SHIFT, output)
+    paths = simulate_scenario(SHIFT, output)
     truth = truth_of(output)
     cycles = pl.DataFrame(truth["cycles"])
     assert cycles.height >= 1
@@ -127,7 +127,7 @@ def test_a_shift_in_one_log_has_its_name(tmp_path: Path) -> None:
 def test_the_same_shift_is_written_with_the_same_bytes(tmp_path: Path) -> None:
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
-        simulate(SHIFT, tmp_path / folder / "shift.bag")
+        simulate_scenario(SHIFT, tmp_path / folder / "shift.bag")
     files = [{p.name: p.read_bytes() for p in (tmp_path / f).iterdir()} for f in ("a", "b")]
     assert files[0] == files[1]
 
@@ -140,7 +140,7 @@ def test_a_scenario_file_of_a_shift_reads_back(tmp_path: Path) -> None:
 
 
 def test_a_shift_is_replayed(tmp_path: Path) -> None:
-    paths = simulate(SHIFT, tmp_path / "shift.bag")
+    paths = simulate_scenario(SHIFT, tmp_path / "shift.bag")
     with ExitStack() as stack:
         logs = [stack.enter_context(open_log(path)) for path in paths]
         made = run(logs, load_machine("cat262c.toml"))

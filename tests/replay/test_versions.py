@@ -12,7 +12,7 @@ from estimators.errors import EvidenceError
 from recordings.calibration import evidence_document
 from recordings.calibration.bundle_folder import EVIDENCE, REPORT
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.derived_values import estimator_of
+from recordings.calibration.derived_values import estimator_with_digest
 from recordings.calibration.evidence_document import parse_document
 from recordings.calibration.released_defaults import (
     changed_defaults,
@@ -151,7 +151,9 @@ def lacking(*place: str) -> Callable[[Bundle], None]:
             inside = inside[name]
         del inside[place[-1]]
         document = parse_document(canonical_bytes(bundle.evidence), EVIDENCE)
-        estimator = estimator_of(document.campaign, document.weighing, document.settings_at_default)
+        estimator = estimator_with_digest(
+            document.campaign, document.weighing, document.settings_at_default
+        )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
     return tamper
@@ -172,7 +174,7 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
     assert any("priors.sag_weight_share = 0.05" in note for note in verify_bundle(folder).notes)
     # and who weighs with today's is told
     machine = load_machine(made.campaign.with_name("sledge.toml"))
-    assert "settings.priors.sag_weight_share = 0.05 there" in held.differences(
+    assert "settings.priors.sag_weight_share = 0.05 there" in held.differences_of_machine(
         held.weighing_machine(machine)
     )
 

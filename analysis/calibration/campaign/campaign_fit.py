@@ -12,8 +12,13 @@ from analysis.calibration.campaign.campaign_plan import JOINT_ESTIMATORS, Calibr
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point, StatedPart
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.line.unlike_driving import RunResponse
-from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_against
-from analysis.calibration.use.error_limits import DecisionRule, ErrorLimits, error_limits, limit_kg
+from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_drift_against
+from analysis.calibration.use.error_limits import (
+    DecisionRule,
+    ErrorLimits,
+    error_limit_kg,
+    error_limits,
+)
 from analysis.model.machine import Body
 from estimators.errors import CampaignError, DataError
 
@@ -45,7 +50,7 @@ POINTS: Final = _POINT_TYPES
 
 @dataclass(frozen=True, slots=True)
 class CampaignFit:
-    """What a campaign comes to.
+    """Result of fitting a campaign.
 
     Attributes:
         calibration: the line; None where the readings determine none.
@@ -83,17 +88,17 @@ def fit_campaign(
         responses: of runs to the errors of learnt means.
     """
     known, covariance_kg2 = load_references(campaign, body)
-    rule = decision_rule(campaign, known)
+    rule = make_decision_rule(campaign, known)
     try:
         fitted = fit_calibration(readings, known, covariance_kg2, options, responses)
     except DataError as fault:
         no_fit = str(fault).removeprefix("calibration: ")
-        return CampaignFit(None, no_fit, unfitted_points(readings, known), None)
+        return CampaignFit(None, no_fit, points_outside_fit(readings, known), None)
     limits = None if rule is None else error_limits(fitted, rule)
     return CampaignFit(fitted, "", fitted.points, limits)
 
 
-def decision_rule(campaign: CalibrationCampaign, known: pl.DataFrame) -> DecisionRule | None:
+def make_decision_rule(campaign: CalibrationCampaign, known: pl.DataFrame) -> DecisionRule | None:
     """The decision rule that a campaign file asks for.
 
     Args:
@@ -108,11 +113,13 @@ def decision_rule(campaign: CalibrationCampaign, known: pl.DataFrame) -> Decisio
         return None
     rule = DecisionRule(**asked.model_dump())
     for reference_kg in known["reference_kg"]:
-        limit_kg(rule, reference_kg - rule.tare_kg)
+        error_limit_kg(rule, reference_kg - rule.tare_kg)
     return rule
 
 
-def fit_options(campaign: CalibrationCampaign, stated: Iterable[StatedPart]) -> CalibrationOptions:
+def make_calibration_options(
+    campaign: CalibrationCampaign, stated: Iterable[StatedPart]
+) -> CalibrationOptions:
     """The options of the fit that a campaign file asks for.
 
     Args:
@@ -133,7 +140,7 @@ def fit_options(campaign: CalibrationCampaign, stated: Iterable[StatedPart]) -> 
     )
 
 
-def stated_scale(
+def stated_force_scale_parts(
     campaign: CalibrationCampaign, budgets: Iterable[pl.DataFrame]
 ) -> tuple[StatedPart, ...]:
     """The factors of the force that no log tells, from the budgets of the replays.
@@ -159,7 +166,7 @@ def stated_scale(
     )
 
 
-def unfitted_points(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Point, ...]:
+def points_outside_fit(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Point, ...]:
     """Means of runs, without a line.
 
     Args:
@@ -262,8 +269,8 @@ def check_known_mass(
         The calibration with the points of this campaign, and the outcome.
     """
     known, covariance_kg2 = load_references(campaign, body)
-    (point, *_) = unfitted_points(readings, known)
-    drift = check_against(
+    (point, *_) = points_outside_fit(readings, known)
+    drift = check_drift_against(
         calibration,
         point.reference_kg,
         float(covariance_kg2[0, 0]) ** 0.5,

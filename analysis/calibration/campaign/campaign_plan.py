@@ -61,13 +61,13 @@ class CampaignRun(BaseModel):
         """The name of what is on board."""
         return "+".join(sorted(self.loads)) or EMPTY
 
-    def covers(self, start_s: float, end_s: float) -> bool:
+    def covers_middle_of(self, start_s: float, end_s: float) -> bool:
         """Whether the middle of a stretch of its log lies in the run."""
         middle = (start_s + end_s) / 2.0
         return (self.from_s or 0.0) <= middle < (np.inf if self.to_s is None else self.to_s)
 
     @model_validator(mode="after")
-    def _check_order(self) -> Self:
+    def _check_order_of_times(self) -> Self:
         if self.to_s is not None and self.to_s <= (self.from_s or 0.0):
             raise ValueError(f"run '{self.id}': to_s is not after from_s")
         if len(set(self.loads)) < len(self.loads):
@@ -159,7 +159,7 @@ class NotaryStretch(BaseModel):
         return {each.number: each.reason for each in self.left_out}
 
     @model_validator(mode="after")
-    def _in_stretch(self) -> Self:
+    def _check_stretch(self) -> Self:
         if self.last < self.first:
             raise ValueError(f"notary: last is {self.last}, before first, {self.first}")
         numbers = [each.number for each in self.left_out]
@@ -193,7 +193,7 @@ class CalibrationCampaign(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _named_by_number(cls, content: object) -> object:
+    def _check_load_numbers(cls, content: object) -> object:
         if not isinstance(content, dict) or not isinstance(content.get("runs"), list):
             return content
         runs = [
@@ -203,7 +203,7 @@ class CalibrationCampaign(BaseModel):
         return {**content, "runs": runs}
 
     @model_validator(mode="after")
-    def _fits_together(self) -> Self:
+    def _check_consistency(self) -> Self:
         for what, ids in (
             ("mass", [each.id for each in self.masses]),
             ("run", [each.id for each in self.runs]),
@@ -261,18 +261,18 @@ class CalibrationCampaign(BaseModel):
         for table, model, names in asked:
             found += [f"{table}.{name}" for name in names if not getattr(model, name)]
         for name in _CONDITION_KEYS:
-            if any(self.conditions_of(run)[name] in ("", None) for run in self.runs):
+            if any(self.conditions_of_run(run)[name] in ("", None) for run in self.runs):
                 found.append(f"conditions.{name}")
         return tuple(found)
 
-    def conditions_of(self, run: CampaignRun) -> dict[str, Any]:
+    def conditions_of_run(self, run: CampaignRun) -> dict[str, Any]:
         """The conditions of a run: its own where it has any, else those of all runs."""
         own, common = run.conditions.model_dump(), self.conditions.model_dump()
         return {n: common[n] if own[n] in ("", None) else own[n] for n in own}
 
     @property
     def untraceable_references(self) -> tuple[str, ...]:
-        """What of the references is not traceable, a sentence each."""
+        """References that are not traceable, a sentence each."""
         found: list[str] = []
         for mass in self.masses:
             if mass.u_kg == 0.0:

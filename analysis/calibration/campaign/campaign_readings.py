@@ -1,4 +1,4 @@
-"""What each manoeuvre of a replay says, and each method, for the runs of a campaign in its log."""
+"""Readings of the runs of a campaign: by each manoeuvre of a replay, and by each method."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -37,7 +37,9 @@ _IS_ZERO: Final = "without load: the zero that payloads are counted from"
 _NO_ZERO: Final = "no run of this log without load, so there is no payload as a difference"
 
 
-def readings(replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator) -> pl.DataFrame:
+def read_campaign_runs(
+    replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator
+) -> pl.DataFrame:
     """Read the runs of one log.
 
     Args:
@@ -53,7 +55,7 @@ def readings(replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator) -
     said = joint_fit_readings(replayed) if joint else method_readings(replayed, estimator)
     rows: list[dict[str, Any]] = []
     for run in runs:
-        inside = [each for each in said if run.covers(each["start_s"], each["end_s"])]
+        inside = [each for each in said if run.covers_middle_of(each["start_s"], each["end_s"])]
         about = {
             "run_id": run.id,
             "load_id": run.load_id,
@@ -72,7 +74,7 @@ def readings(replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator) -
     return differences_from_empty(found) if estimator == "joint_payload" else found
 
 
-def run_responses(
+def responses_of_runs_to_learnt_means(
     replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator
 ) -> tuple[RunResponse, ...]:
     """What errors of learnt means move the runs of one log by; nothing where none were learnt.
@@ -82,7 +84,7 @@ def run_responses(
         runs: the campaign's runs in it, in order.
         estimator: which mass.
     """
-    shared = Unlike.of(replayed.frames)
+    shared = Unlike.from_frames(replayed.frames)
     if shared is None or estimator not in JOINT_ESTIMATORS:
         return ()
     said = replayed.frames["manoeuvres"].to_dicts()
@@ -92,7 +94,9 @@ def run_responses(
         if not run.excluded
         and (
             inside := [
-                e for e in said if run.covers(e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S)
+                e
+                for e in said
+                if run.covers_middle_of(e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S)
             ]
         )
     }
@@ -107,7 +111,7 @@ def run_responses(
 
 
 def joint_fit_readings(replayed: Run) -> list[dict[str, Any]]:
-    """What the joint fit says, manoeuvre by manoeuvre."""
+    """Readings of the joint fit, one per manoeuvre."""
     loads = {row["load_id"]: row for row in replayed.frames["loads"].to_dicts()}
     own = replayed.frames["budget"].filter(pl.col("cause").is_in(causes_not_in_common(replayed)))
     own_kg = dict(own.group_by("load_id").agg((pl.col("u_kg") ** 2).sum().sqrt()).iter_rows())
@@ -116,12 +120,14 @@ def joint_fit_readings(replayed: Run) -> list[dict[str, Any]]:
         load = loads[row["load_id"]]
         withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
         common_kg = subtract_part_u(load["u_common_kg"], own_kg.get(row["load_id"]))
-        found.append(_reading_row(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld))
+        found.append(
+            _make_reading_row(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld)
+        )
     return found
 
 
 def causes_not_in_common(replayed: Run) -> list[str]:
-    """What a log's budget has as common that is not common to the campaign's masses.
+    """Parts common to one log's masses but not to all masses of the campaign.
 
     What the means of learnt priors have wrong the line takes with it. Their widths are what differs
     from log to log: anew in every log, so that it scatters the runs about the line.
@@ -141,7 +147,7 @@ def subtract_part_u(u_kg: float | None, part_kg: float | None) -> float | None:
 
 
 def method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
-    """What a method of the paper says of each manoeuvre; its ± is statistical alone."""
+    """Reading of each manoeuvre by a method of the paper; its ± is statistical only."""
     about = replayed.provenance
     segments = replayed.frames["segments"]
     if f"estimates/{method}" not in replayed.frames or segments.is_empty():
@@ -153,7 +159,7 @@ def method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
         load_kg=0.0,
         mass_kg=0.0,
     )
-    masses = run_estimates(replayed, trials).filter(pl.col("method") == method)["mass_kg"]
+    masses = average_readings_by_run(replayed, trials).filter(pl.col("method") == method)["mass_kg"]
     verdict = [row for row in replayed.frames["loads"].to_dicts() if row["withheld"]]
     withheld = f"this log cannot weigh: {verdict[0]['withheld_for']}" if verdict else ""
     stated = replayed.frames[f"estimates/{method}"].drop_nulls("mass_std_kg")
@@ -164,11 +170,11 @@ def method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
         inside = stated.filter(pl.col("t_ns").is_between(row["start_t_ns"], row["end_t_ns"]))
         # windows overlap: together they say no more than one of them
         std_kg = inside["mass_std_kg"].mean() if inside.height else None
-        found.append(_reading_row(row, mass_kg, std_kg, 0.0, withheld))
+        found.append(_make_reading_row(row, mass_kg, std_kg, 0.0, withheld))
     return found
 
 
-def _reading_row(
+def _make_reading_row(
     row: dict[str, Any],
     mass_kg: float | None,
     std_kg: Any,
@@ -215,7 +221,7 @@ def differences_from_empty(found: pl.DataFrame) -> pl.DataFrame:
     return pl.concat(parts)
 
 
-def run_estimates(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
+def average_readings_by_run(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
     """One mass a method and run, null where nothing in the run was accepted.
 
     Windowed methods give the mean of the windows that end in the run, weighted by 1/std²; the

@@ -42,7 +42,7 @@ class EvidenceSubject(BaseModel):
     title: Line = Field("", description="heading of the report")
     intended_use: Text = Field(min_length=1, description="what the calibration is for")
     author: Line = Field(min_length=1, description="who made the campaign")
-    authoriser: Line = Field("", description="who answers for it, if another")
+    authoriser: Line = Field("", description="person responsible, if another")
     author_function: Line = Field("", description="the author's function")
     authoriser_function: Line = Field("", description="the authoriser's function")
     place: Line = Field("", description="where the runs were made")
@@ -60,7 +60,7 @@ class EvidenceSubject(BaseModel):
     remark: Text = Field("", description="for the reader, such as repairs since the last")
 
     @model_validator(mode="after")
-    def _replaced_for_a_reason(self) -> Self:
+    def _check_replacement_reason(self) -> Self:
         if bool(self.replaces) != bool(self.replaces_reason):
             raise ValueError("replaces and replaces_reason go together: what is replaced, and why")
         return self
@@ -80,7 +80,7 @@ class CalibratedMachine(BaseModel):
         None, gt=0, description="its empty mass, where not the machine file's"
     )
     empty_mass_u_kg: float | None = Field(
-        None, ge=0, description="standard uncertainty of that, likewise"
+        None, ge=0, description="standard uncertainty of it, in the same unit"
     )
     empty_certificate: Line = Field("", description="certificate of the machine's empty mass")
     empty_expires: dt.date | None = Field(None, description="its last day")
@@ -118,7 +118,7 @@ class ReferenceMass(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _part_of_whole(self) -> Self:
+    def _check_part_of_whole(self) -> Self:
         if self.shared_u_kg > self.u_kg:
             raise ValueError(f"'{self.id}': shared_u_kg is a part of u_kg, and cannot exceed it")
         if self.shared_u_kg and not self.source:
@@ -127,7 +127,7 @@ class ReferenceMass(BaseModel):
 
 
 class Conditions(BaseModel):
-    """What the runs were made under."""
+    """Conditions under which the runs were driven."""
 
     model_config = STRICT
 

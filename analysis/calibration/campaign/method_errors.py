@@ -1,12 +1,12 @@
-"""What calibrated masses of the methods err by: load by load, and start by start."""
+"""Errors of the methods' calibrated masses, by load and by start."""
 
 import numpy as np
 import polars as pl
 
 from analysis.calibration.campaign.by_method import MethodReadings, readings_by_method
-from analysis.calibration.line.calibration_points import campaign_of
+from analysis.calibration.line.calibration_points import average_runs
 from analysis.calibration.line.line_fit import fit_tested_line
-from analysis.calibration.line.point_errors import lines_left_out
+from analysis.calibration.line.point_errors import fit_lines_without_each_load
 from estimators.arrays import Floats
 from estimators.errors import DataError
 
@@ -38,7 +38,7 @@ def rms_errors(calibration: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def run_errors(estimates: pl.DataFrame) -> pl.DataFrame:
+def calibrated_errors_of_runs(estimates: pl.DataFrame) -> pl.DataFrame:
     """Errors of single starts on the line through all loads, and through the others.
 
     Args:
@@ -56,7 +56,7 @@ def run_errors(estimates: pl.DataFrame) -> pl.DataFrame:
             pl.col("row").cast(pl.UInt32), pl.col(*columns).fill_nan(None)
         )
         for of, (_, found) in zip(rows, readings_by_method(estimates), strict=True)
-        for within, without in (point_errors(found),)
+        for within, without in (calibrated_errors_of_points(found),)
     ]
     empty = pl.DataFrame(schema={"row": pl.UInt32, **columns})
     return numbered.join(pl.concat([empty, *frames]), "row", "left", maintain_order="left").select(
@@ -64,7 +64,7 @@ def run_errors(estimates: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def point_errors(found: MethodReadings) -> tuple[Floats, Floats]:
+def calibrated_errors_of_points(found: MethodReadings) -> tuple[Floats, Floats]:
     """(starts,) errors on the line, and with the start's load left out; NaN where there is none."""
     mass = found.readings["mass_kg"].to_numpy().astype(np.float64)
     loads = {load: k for k, load in enumerate(found.references["load_id"])}
@@ -72,12 +72,12 @@ def point_errors(found: MethodReadings) -> tuple[Floats, Floats]:
     reference = found.references["reference_kg"].to_numpy().astype(np.float64)[load]
     within, without = np.full(mass.size, np.nan), np.full(mass.size, np.nan)
     try:
-        points = campaign_of(found.readings, found.references, found.covariance_kg2).points
+        points = average_runs(found.readings, found.references, found.covariance_kg2).points
         line, _ = fit_tested_line(points, None)
     except DataError:
         return within, without
     within = (mass - line.level_kg) / line.slope_1 + line.centre_kg - reference
-    for number, other in lines_left_out(points, line).items():
+    for number, other in fit_lines_without_each_load(points, line).items():
         left = load == number
-        without[left] = other.at(mass[left]) - reference[left]
+        without[left] = other.abscissae_at(mass[left]) - reference[left]
     return within, without

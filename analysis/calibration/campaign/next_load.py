@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.calibration.line.calibration import Calibration, Point
 from analysis.calibration.line.line_inversion import Inversion
-from analysis.calibration.line.line_model import DAY, DAYS_ENOUGH, Points, scatter_of
+from analysis.calibration.line.line_model import DAY, DAYS_ENOUGH, Points, make_scatter
 from analysis.calibration.line.variance_components import (
     Variances,
     WithinRunVariance,
@@ -34,7 +34,7 @@ class NextLoad:
     half_width_now_kg: float
 
 
-def next_load(calibration: Calibration, *, same_day: bool = False) -> tuple[NextLoad, ...]:
+def rank_next_loads(calibration: Calibration, *, same_day: bool = False) -> tuple[NextLoad, ...]:
     """Rank the campaign's loads by what one more run with each is worth, the best first.
 
     Variances stay as they were found; the run has as many readings as the middle one of the
@@ -114,7 +114,7 @@ def inversion_with_points(calibration: Calibration, points: list[Point]) -> Inve
     value = np.array([one.variance_kg2 for one in components if one.estimated])
     names = tuple(one.name for one in components if one.estimated)
     known_days = (one.std_kg for one in components if one.name == DAY and not one.estimated)
-    scatter = scatter_of(as_points, names, next(known_days, None))
+    scatter = make_scatter(as_points, names, next(known_days, None))
     slope, x_cov = calibration.c1_1, as_points.x_cov_kg2
     mean_squares: Floats = np.linalg.solve(scatter.squares, value).astype(np.float64)
     information = expected_information(
@@ -125,7 +125,7 @@ def inversion_with_points(calibration: Calibration, points: list[Point]) -> Inve
         mean_squares,
     )
     covariance = np.asarray(np.linalg.pinv(information, hermitian=True), np.float64)
-    variances = Variances(mean_squares, covariance).transform(scatter.squares)
+    variances = Variances(mean_squares, covariance).combine_linearly(scatter.squares)
     effects = scatter.effects_on_line(variances, design, slope, x_cov)
     several_days = DAY in names and len(days) < DAYS_ENOUGH
     return replace(

@@ -36,7 +36,7 @@ class StatedPart:
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class CalibrationOptions:
-    """What a calibration is told besides its points.
+    """Options of a calibration.
 
     Attributes:
         method: name of the estimator that gives m̂.
@@ -105,7 +105,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class Reference:
-    """What is known to be on board: a load, with the machine where its mass is a reference."""
+    """Known mass on board: a load, plus the machine if its mass is a reference."""
 
     load_id: str
     reference_kg: float
@@ -253,7 +253,7 @@ class Calibration:
 
     @property
     def inversion(self) -> Inversion:
-        """What turns a later m̂ into its mass."""
+        """Make the inverse of the line, which turns a later m̂ into a mass."""
         parts = self.components
         return Inversion(
             centre_kg=self.centre_kg,
@@ -272,7 +272,7 @@ class Calibration:
             most_readings=self.most_readings,
         )
 
-    def calibrated(
+    def calibrate_estimate(
         self,
         mass_kg: float | None,
         u_random_kg: float | None,
@@ -294,7 +294,7 @@ class Calibration:
         """
         if mass_kg is None or not np.isfinite(mass_kg) or readings < 1:
             return _withheld_mass("no estimate")
-        found = self.inversion.with_extra_u(unlike_u_kg / abs(self.c1_1)).invert(
+        found = self.inversion.add_common_u(unlike_u_kg / abs(self.c1_1)).invert(
             np.array([mass_kg]),
             np.array([float(readings)]),
             np.array([np.nan if u_random_kg is None else u_random_kg]),
@@ -318,7 +318,7 @@ class Calibration:
         return CalibratedMass(mass, u, low, high, "")
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values: no NaN, no infinity."""
+        """The fields as plain JSON values: no NaN, no infinity."""
         return _ADAPTER.dump_python(self, mode="json")
 
     @classmethod

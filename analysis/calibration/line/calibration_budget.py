@@ -56,7 +56,7 @@ def calibration_budget_rows(
     ]
     names = {row.component for row in rows}
     if DAY not in names:
-        rows.append(BudgetRow(DAY, "day", None, None, "unknown: the runs do not tell it apart"))
+        rows.append(BudgetRow(DAY, "day", None, None, "unknown: the runs cannot separate it"))
     if LACK_OF_FIT not in names:
         rows.append(
             BudgetRow(LACK_OF_FIT, "line", 0.0, None, "none found beyond the runs' scatter")
@@ -71,12 +71,14 @@ def calibration_budget_rows(
     ]
     if common_kg is None:
         rows.append(
-            BudgetRow("common error", "absorbed", 0.0, None, "priors and scale: in every m̂ alike")
+            BudgetRow(
+                "common error", "absorbed", 0.0, None, "priors and scale: the same in every m̂"
+            )
         )
     else:
         known = "priors and scale: no second day shows whether they stay, so they count once"
         rows.append(BudgetRow("common error", "stated", common_kg / size, None, known))
-    rows += [_stated_row(one, size) for one in stated]
+    rows += [_make_stated_row(one, size) for one in stated]
     given = {one.component for one in stated}
     for name in EXPECTED:
         if name == "tare" and name not in given:
@@ -99,7 +101,7 @@ def clip_negative_parts(parts_kg2: Floats, components: Sequence[Component]) -> F
 
 
 def line_parts(inversion: Inversion, mass_kg: float) -> tuple[float, float, float]:
-    """Of the line at a mass, in kg of m̂: at its centroid, by its slope, by its references."""
+    """Uncertainty of the line at a mass, in kg of m̂: by its centroid, slope and references."""
     own = inversion.scatters > 0.0
     line = np.tensordot(inversion.variance_kg2[own], inversion.on_line[own], 1)
     h = mass_kg - inversion.centre_kg
@@ -111,7 +113,7 @@ def line_parts(inversion: Inversion, mass_kg: float) -> tuple[float, float, floa
     return float(np.sqrt(level)), float(np.sqrt(slope)), float(np.sqrt(max(references, 0.0)))
 
 
-def _stated_row(one: StatedPart, size: float) -> BudgetRow:
+def _make_stated_row(one: StatedPart, size: float) -> BudgetRow:
     if one.absorbed:
         before = "" if one.u_kg is None else f"; {one.u_kg / size:.3g} kg without a calibration"
         known = f"{one.known}; the line takes it with it{before}"

@@ -34,7 +34,7 @@ class Campaign:
     references: pl.DataFrame
 
 
-def campaign_of(
+def average_runs(
     readings: pl.DataFrame, references: pl.DataFrame, covariance_kg2: Floats
 ) -> Campaign:
     """Take the mean of the used readings of each run.

@@ -38,7 +38,7 @@ class StraightLine:
     x: Floats
     residual: Floats
 
-    def at(self, y: Floats) -> Floats:
+    def abscissae_at(self, y: Floats) -> Floats:
         """(values,) abscissae at which the line has these ordinates."""
         return (y - self.intercept) / self.slope
 
@@ -74,7 +74,7 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
     design = np.ones((x.size, 2))
     for _ in range(_ITERATIONS):
         residual = y - level - slope * x
-        weight = _inverse(y_cov + slope**2 * x_cov)
+        weight = _invert_covariance(y_cov + slope**2 * x_cov)
         adjusted = x + slope * (x_cov @ (weight @ residual))
         design[:, 1] = adjusted
         weighted = weight @ design
@@ -98,7 +98,7 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
     )
 
 
-def _inverse(covariance: Floats) -> Floats:
+def _invert_covariance(covariance: Floats) -> Floats:
     try:
         np.linalg.cholesky(covariance)
         return np.linalg.inv(covariance).astype(np.float64)

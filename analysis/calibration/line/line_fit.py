@@ -17,7 +17,7 @@ from analysis.calibration.line.calibration import (
     extra_variance_kg2,
 )
 from analysis.calibration.line.calibration_budget import calibration_budget_rows
-from analysis.calibration.line.calibration_points import Campaign, campaign_of
+from analysis.calibration.line.calibration_points import Campaign, average_runs
 from analysis.calibration.line.distance_regression import distance_regression
 from analysis.calibration.line.line_inversion import Inversion
 from analysis.calibration.line.line_model import (
@@ -28,14 +28,14 @@ from analysis.calibration.line.line_model import (
     Points,
     estimated_effects,
     fit_line,
-    scatter_of,
+    make_scatter,
 )
 from analysis.calibration.line.outliers import find_outliers
 from analysis.calibration.line.point_errors import (
-    attenuation,
     point_rows,
-    rms,
+    root_mean_square,
     scatter_over_stated_std,
+    slope_attenuation,
 )
 from analysis.calibration.line.unlike_driving import RunResponse, line_responses
 from analysis.calibration.line.variance_components import restricted_likelihood
@@ -47,7 +47,7 @@ LEVEL: Final = 0.05
 _NEEDED: Final = ("run_id", "load_id", "day", "mass_kg", "used")
 
 
-def lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
+def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
     """Compare a mean a load with the line.
 
     Args:
@@ -70,11 +70,11 @@ def lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
             "nothing: no load has two runs, nor a run two readings",
             separate=False,
         )
-    scatter = scatter_of(points, names, day_known_kg)
+    scatter = make_scatter(points, names, day_known_kg)
     found = restricted_likelihood(
         points.y_kg, design, scatter.mean_square_covariances, scatter.known, points.within
     )
-    y_cov = scatter.covariance(found.transform(scatter.squares).value)
+    y_cov = scatter.covariance_for_variances(found.combine_linearly(scatter.squares).value)
     x_cov = points.x_cov_kg2
     fitted = distance_regression(points.x_kg, points.y_kg, x_cov, y_cov)
     weight = np.linalg.inv(y_cov + fitted.slope**2 * x_cov)
@@ -116,7 +116,7 @@ def fit_calibration(
     missing = [name for name in _NEEDED if name not in readings.columns]
     if missing:
         raise DataError(f"calibration: the readings have no column '{missing[0]}'")
-    campaign = campaign_of(readings, references, covariance_kg2)
+    campaign = average_runs(readings, references, covariance_kg2)
     points = campaign.points
     line, test = fit_tested_line(points, options.day_known_kg)
     day_unknown = options.day_known_kg is None and points.days == 1
@@ -145,7 +145,7 @@ def fit_calibration(
         beta_interval_kg=_beta_interval(inversion, options.confidence_1),
         c0_kg=c0,
         c1_1=line.slope_1,
-        covariance=_upper_entries(covariance),
+        covariance=_upper_covariance_entries(covariance),
         centre_kg=line.centre_kg,
         level_kg=line.level_kg,
         chi2_1=line.chi2,
@@ -168,9 +168,9 @@ def fit_calibration(
         references_covariance_kg2=tuple(tuple(map(float, row)) for row in points.covariance_kg2),
         points=rows,
         outliers=find_outliers(campaign, line),
-        rms_error_kg=rms([row.error_kg for row in rows]) or 0.0,
-        rms_error_left_out_kg=rms(left_out),
-        attenuation_1=attenuation(campaign),
+        rms_error_kg=root_mean_square([row.error_kg for row in rows]) or 0.0,
+        rms_error_left_out_kg=root_mean_square(left_out),
+        attenuation_1=slope_attenuation(campaign),
         stated_ratio_1=scatter_over_stated_std(campaign),
         range_kg=(low - margin, high + margin),
         budget=calibration_budget_rows(
@@ -196,7 +196,7 @@ def fit_tested_line(points: Points, day_known_kg: float | None) -> tuple[FittedL
         points: means of runs.
         day_known_kg: deviation from day to day where it is known, in kg of m̂.
     """
-    test = lack_of_fit(points, day_known_kg)
+    test = test_lack_of_fit(points, day_known_kg)
     lacking = test.separate and test.p_1 is not None and test.p_1 < LEVEL
     line = fit_line(points, day_known_kg=day_known_kg, lack_of_fit=lacking)
     if line.slope_1 == 0.0:
@@ -218,7 +218,7 @@ def estimate_components(line: FittedLine, campaign: Campaign) -> tuple[Component
                 name=effect.name,
                 variance_kg2=effect.variance_kg2,
                 freedom=freedom,
-                on_line=_upper_entries(effect.on_line),
+                on_line=_upper_covariance_entries(effect.on_line),
                 estimated=effect.estimated,
                 scatters=effect.scatters,
             )
@@ -236,7 +236,7 @@ def degrees_of_freedom(
     return 2.0 * variance_kg2**2 / uncertain if min(variance_kg2, uncertain) > 0.0 else 0.0
 
 
-def _upper_entries(covariance: Floats) -> tuple[float, float, float]:
+def _upper_covariance_entries(covariance: Floats) -> tuple[float, float, float]:
     return float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
 
 
@@ -282,9 +282,9 @@ def _notes_on_days(calibration: Calibration) -> list[str]:
             if calibration.common_kg
             else "; the intervals hold for that day"
         )
-        return [f"day to day: unknown, all runs are of one day{common}"]
+        return [f"day to day: unknown, because all runs were driven on one day{common}"]
     if calibration.day_kg is None:
-        return ["day to day: the runs do not tell it apart, so that run to run has it in it"]
+        return ["day to day: the runs cannot separate it, so it is part of run to run"]
     if calibration.day_freedom is not None and calibration.day_freedom < 4:
         return [
             f"day to day: {days} days tell it with {calibration.day_freedom} degrees of freedom; "

@@ -110,7 +110,7 @@ class Inversion:
     def slope_interval(self, confidence_1: float) -> tuple[float, float]:
         """Interval of the slope."""
         gradient = self.on_line[None, :, 1, 1]
-        squared, _ = self._squared_factors(gradient, np.zeros(1), confidence_1)
+        squared, _ = self._squared_student_factors(gradient, np.zeros(1), confidence_1)
         half = float(np.sqrt((squared * gradient) @ self.variance_kg2)[0])
         return self.slope_1 - half, self.slope_1 + half
 
@@ -120,8 +120,8 @@ class Inversion:
             self._new_value_effects(np.array([readings]))[0] * self.variance_kg2 / self.slope_1**2
         )
 
-    def with_extra_u(self, u_kg: float) -> "Inversion":
-        """The same with an uncertainty of later masses besides, in kg of mass."""
+    def add_common_u(self, u_kg: float) -> "Inversion":
+        """Add an uncertainty that all later masses share, in kg of mass."""
         return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
 
     def u_kg(self, mass_kg: float, readings: float, u_random_kg: float = 0.0) -> float:
@@ -166,7 +166,7 @@ class Inversion:
         more_kg2 = self._excess_random_kg2(new, np.array([u_random_kg])) + self.extra_kg2
         scaled, of_more = gradient, 1.0
         if confidence_1 is not None:
-            squared, of_rest = self._squared_factors(gradient, more_kg2, confidence_1)
+            squared, of_rest = self._squared_student_factors(gradient, more_kg2, confidence_1)
             scaled, of_more = squared * gradient, float(of_rest[0])
         variance = float((scaled @ self.variance_kg2)[0]) + of_more * float(more_kg2[0])
         return float(np.sqrt(variance)) / abs(self.slope_1)
@@ -198,7 +198,7 @@ class Inversion:
         at = np.stack([np.ones_like(away), away], -1)
         gradient = new + np.einsum("ni,kij,nj->nk", at, self.on_line, at)
         u_kg = np.sqrt(gradient @ self.variance_kg2 + more_kg2) / abs(self.slope_1)
-        squared, of_more = self._squared_factors(gradient, more_kg2, confidence_1)
+        squared, of_more = self._squared_student_factors(gradient, more_kg2, confidence_1)
         # (d - s h)² = Σ t² (own + v00 + 2 h v01 + h² v11), for h from the centre
         scaled = squared * self.variance_kg2
         line = np.einsum("nk,kij->nij", scaled, self.on_line)
@@ -218,7 +218,7 @@ class Inversion:
             factor_1=np.where(bounded, half / u_kg, _UNBOUNDED),
         )
 
-    def _squared_factors(
+    def _squared_student_factors(
         self, gradient: Floats, more_kg2: Floats, confidence_1: float
     ) -> tuple[Floats, Floats]:
         """(n, effects) squared Student factor of each effect's part of variances, (n,) of the rest.
@@ -235,10 +235,12 @@ class Inversion:
             if self.variance_kg2[k] > 0.0:
                 rest[:, k] = 0.0
                 squared[:, k] = student_factor(confidence_1, np.array([float(freedom)]))[0] ** 2
-        common = student_factor(confidence_1, self._dof(rest, rest @ self.variance_kg2 + more_kg2))
+        common = student_factor(
+            confidence_1, self._dof_of_variances(rest, rest @ self.variance_kg2 + more_kg2)
+        )
         return np.where(squared > 0.0, squared, common[:, None] ** 2), common**2
 
-    def _dof(self, gradient: Floats, total: Floats) -> Floats:
+    def _dof_of_variances(self, gradient: Floats, total: Floats) -> Floats:
         """(n,) degrees of freedom of variances (n,) with gradients (n, effects)."""
         if self.covariance.size == 0:
             return np.full(total.size, np.inf)

@@ -133,7 +133,7 @@ def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tu
     return tuple(names)
 
 
-def mean_squares(points: Points, names: tuple[str, ...]) -> Floats:
+def mean_squares_transform(points: Points, names: tuple[str, ...]) -> Floats:
     """(effects, effects) that makes variances of mean squares, which are what cannot be negative.
 
     Runs whose means scatter by chance less than their readings let expect have a negative variance
@@ -175,7 +175,7 @@ class Scatter:
         """(effects, points, points) covariance for a mean square of 1 of each."""
         return np.asarray(np.tensordot(self.squares.T, self.each, 1), np.float64)
 
-    def covariance(self, value: Floats) -> Floats:
+    def covariance_for_variances(self, value: Floats) -> Floats:
         """(points, points) covariance for such variances."""
         return np.asarray(np.tensordot(value, self.each, 1) + self.known, np.float64)
 
@@ -183,7 +183,7 @@ class Scatter:
         self, variances: Variances, design: Floats, slope: float, x_cov: Floats
     ) -> tuple[Effect, ...]:
         """Each effect, and what it does to a line that is fitted by generalised least squares."""
-        covariance = self.covariance(variances.value) + slope**2 * x_cov
+        covariance = self.covariance_for_variances(variances.value) + slope**2 * x_cov
         weighted = np.linalg.solve(covariance, design).T
         # (2, points): how level and slope follow each point
         gain = np.linalg.solve(weighted @ design, weighted)
@@ -198,14 +198,14 @@ class Scatter:
         return (*effects, Effect(REFERENCES, 1.0, through, estimated=False, scatters=False))
 
 
-def scatter_of(points: Points, names: tuple[str, ...], day_known_kg: float | None) -> Scatter:
+def make_scatter(points: Points, names: tuple[str, ...], day_known_kg: float | None) -> Scatter:
     """The scatter of points by these effects."""
     day = points.effect_covariance(DAY)
     known = np.eye(points.y_kg.size) * (_ROUNDING * np.abs(points.y_kg).max()) ** 2
     if day_known_kg is not None:
         known = known + day_known_kg**2 * day
     each = np.array([points.effect_covariance(name) for name in names])
-    return Scatter(names, each, mean_squares(points, names), day, day_known_kg, known)
+    return Scatter(names, each, mean_squares_transform(points, names), day, day_known_kg, known)
 
 
 def fit_line(
@@ -219,7 +219,7 @@ def fit_line(
         lack_of_fit: whether each load has a deviation of its own from the line.
     """
     names = estimated_effects(points, 2, day_known=day_known_kg is not None)
-    scatter = scatter_of(points, (*names, LACK_OF_FIT) if lack_of_fit else names, day_known_kg)
+    scatter = make_scatter(points, (*names, LACK_OF_FIT) if lack_of_fit else names, day_known_kg)
     by_squares = scatter.mean_square_covariances
     x, y, x_cov = points.x_kg, points.y_kg, points.x_cov_kg2
     centre_kg = float(x.mean())
@@ -231,8 +231,10 @@ def fit_line(
         found = restricted_likelihood(
             residual, design, by_squares, scatter.known + slope**2 * x_cov, points.within, start
         )
-        start, variances = found.value, found.transform(scatter.squares)
-        line = distance_regression(x - centre_kg, y, x_cov, scatter.covariance(variances.value))
+        start, variances = found.value, found.combine_linearly(scatter.squares)
+        line = distance_regression(
+            x - centre_kg, y, x_cov, scatter.covariance_for_variances(variances.value)
+        )
         moved, slope = abs(line.slope - slope), line.slope
         design = np.column_stack([np.ones_like(x), line.x])
         residual = line.residual
@@ -249,7 +251,7 @@ def fit_line(
         chi2=line.chi2,
         freedom=line.freedom,
         residual_kg=line.residual,
-        point_covariance_kg2=scatter.covariance(variances.value) + slope**2 * x_cov,
+        point_covariance_kg2=scatter.covariance_for_variances(variances.value) + slope**2 * x_cov,
         adjusted_kg=line.x + centre_kg,
         few_days=points.days - 1 if DAY in names and points.days < DAYS_ENOUGH else None,
         most_readings=int(points.readings.max()),

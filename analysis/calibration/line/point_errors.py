@@ -30,7 +30,7 @@ def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
     values = {
         "calibrated_kg": calibrated,
         "error_kg": calibrated - reference,
-        "error_left_out_kg": left_out_errors(campaign, line),
+        "error_left_out_kg": leave_one_load_out_errors(campaign, line),
         "studentised_1": studentised_residuals(line),
     }
     place = {int(row): k for k, row in enumerate(campaign.fitted)}
@@ -45,17 +45,17 @@ def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
     return tuple(rows)
 
 
-def left_out_errors(campaign: Campaign, line: FittedLine) -> Floats:
+def leave_one_load_out_errors(campaign: Campaign, line: FittedLine) -> Floats:
     """(points,) error of each under the line through the other loads; NaN where they give none."""
     points = campaign.points
     errors = np.full(points.y_kg.size, np.nan)
-    for load, other in lines_left_out(points, line).items():
+    for load, other in fit_lines_without_each_load(points, line).items():
         left = points.load == load
-        errors[left] = other.at(points.y_kg[left]) - points.x_kg[left]
+        errors[left] = other.abscissae_at(points.y_kg[left]) - points.x_kg[left]
     return errors
 
 
-def lines_left_out(points: Points, line: FittedLine) -> dict[int, StraightLine]:
+def fit_lines_without_each_load(points: Points, line: FittedLine) -> dict[int, StraightLine]:
     """The line through the other loads, by index of the load that is left out.
 
     A load whose others give no line has none.
@@ -74,13 +74,13 @@ def lines_left_out(points: Points, line: FittedLine) -> dict[int, StraightLine]:
     return found
 
 
-def rms(errors: Sequence[float | None]) -> float | None:
+def root_mean_square(errors: Sequence[float | None]) -> float | None:
     """Root mean square of the errors that there are."""
     known = [error for error in errors if error is not None]
     return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
 
-def attenuation(campaign: Campaign) -> float | None:
+def slope_attenuation(campaign: Campaign) -> float | None:
     """Slope of (19) fitted to single readings over that fitted to load means.
 
     Noise of the estimates flattens a line from estimates to references: below 1 by as much.

@@ -1,4 +1,4 @@
-"""What driving unlike its campaign costs a log that is weighed with the priors of a calibration.
+"""Error of a log weighed with learnt priors but driven unlike the campaign.
 
 Means of learnt priors are wrong by ε, in their standard uncertainties. That moved the campaign's
 points by R(m) ε, and the line has taken it with it; it moves a later mass by r ε. What is left is
@@ -34,7 +34,7 @@ class RunResponse(BaseModel):
 def line_responses(
     said: Sequence[RunResponse], reference_kg: Mapping[str, float], centre_kg: float
 ) -> tuple[LineResponse, ...]:
-    """What the errors of learnt means did to a line: level and slope of the runs' responses.
+    """Change of a line's level and slope by errors of learnt means.
 
     Args:
         said: by run and term; runs without a point count for nothing.
@@ -59,7 +59,7 @@ def line_responses(
 
 @dataclass(frozen=True)
 class Unlike:
-    """What a log says of errors that it shares with its calibration.
+    """Estimate by a log of the errors that it shares with its calibration.
 
     Attributes:
         terms: whose means they are of.
@@ -78,8 +78,8 @@ class Unlike:
     scale_kg: Mapping[tuple[str, int], float]
 
     @classmethod
-    def of(cls, frames: Mapping[str, pl.DataFrame]) -> Self | None:
-        """Of a replay's frames; None where no calibration learnt anything."""
+    def from_frames(cls, frames: Mapping[str, pl.DataFrame]) -> Self | None:
+        """Read it from a replay's frames; None if no calibration has learnt priors."""
         if "responses" not in frames:
             return None
         known, moved = frames["learnt_errors"], frames["responses"]
@@ -100,7 +100,9 @@ class Unlike:
                 own[place[term]] = response_kg
         return cls(terms, error, covariance, told, moved_kg, scale_kg)
 
-    def line(self, responses: Sequence[LineResponse], level_1: float, away_kg: float) -> Floats:
+    def line_shifts(
+        self, responses: Sequence[LineResponse], level_1: float, away_kg: float
+    ) -> Floats:
         """(terms,) what they moved the line by.
 
         Args:
@@ -119,7 +121,7 @@ class Unlike:
         )
 
     def off_kg(self, moved_kg: Floats, line_kg: Floats) -> tuple[float, float]:
-        """What an estimate is off by beside its line, and the uncertainty of that.
+        """Offset of an estimate from its line, with its uncertainty.
 
         Args:
             moved_kg: (terms,) what the errors move it by.
@@ -129,7 +131,7 @@ class Unlike:
         return float(left @ self.error_1), self.u_kg(moved_kg - line_kg)
 
     def u_kg(self, moved_kg: Floats) -> float:
-        """What the log does not know of the errors moves an estimate by."""
+        """Uncertainty of an estimate by shared errors that the log does not determine."""
         return float(np.sqrt(max(float(moved_kg @ self.covariance_1 @ moved_kg), 0.0)))
 
     def learnt_part_kg(self, moved_kg: Floats) -> float:

@@ -19,7 +19,7 @@ _FLOOR: Final = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class WithinRunVariance:
-    """What single readings say of their own variance: a sum of squares about their means.
+    """Within-run variance of single readings: sum of squares about the run means.
 
     Attributes:
         squares: the sum, in kg².
@@ -42,7 +42,7 @@ class Variances:
     value: Floats
     covariance: Floats
 
-    def transform(self, by: Floats) -> "Variances":
+    def combine_linearly(self, by: Floats) -> "Variances":
         """The variances of the linear combinations `by` @ value."""
         return Variances(by @ self.value, by @ self.covariance @ by.T)
 

@@ -9,7 +9,7 @@ import polars as pl
 
 from analysis.calibration.line.calibration import CalibratedMass, Calibration
 from analysis.calibration.line.unlike_driving import Unlike
-from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_against
+from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_drift_against
 from analysis.calibration.use.mass_differences import NORMAL, difference_on_line
 from analysis.model.schema import CALIBRATED, conform
 from estimators.errors import DataError, nearest
@@ -26,7 +26,7 @@ _RARE: Final = 0.0027
 
 @dataclass(frozen=True)
 class LaterLog:
-    """What is known of a log besides its loads.
+    """Facts about a later log besides its loads.
 
     Attributes:
         refused: why no mass of it is calibrated; "" where nothing speaks against it.
@@ -78,7 +78,7 @@ def calibrate_loads(
     told = check is not None and check.drifted is not None
     empties = sum(row["manoeuvres"] for row in rows if row["empty"])
     found = [
-        _calibrated_columns(row, calibration, log, refused, told=told, empties=empties)
+        _calibrate_load_columns(row, calibration, log, refused, told=told, empties=empties)
         for row in rows
     ]
     types = dict.fromkeys(CALIBRATED, pl.Float64)
@@ -87,7 +87,7 @@ def calibrate_loads(
     return conform("loads", loads.with_columns(**columns))
 
 
-def _calibrated_columns(
+def _calibrate_load_columns(
     row: Mapping[str, Any],
     calibration: Calibration,
     log: LaterLog,
@@ -127,12 +127,12 @@ def _calibrated_columns(
 def _unlike_driving_shift(
     row: Mapping[str, Any], calibration: Calibration, unlike: Unlike | None
 ) -> tuple[float, float]:
-    """What m̂ is off by since its log is driven unlike the campaign, and the uncertainty of that."""
+    """Offset of m̂ because its log is driven unlike the campaign, with its uncertainty."""
     key = ("mass" if calibration.method == "joint_mass" else "payload", row["load_id"])
     if unlike is None or not calibration.responses or key not in unlike.moved_kg:
         return 0.0, 0.0
     away_kg = ((row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
-    line_kg = unlike.line(calibration.responses, 1.0, away_kg)
+    line_kg = unlike.line_shifts(calibration.responses, 1.0, away_kg)
     return unlike.off_kg(unlike.moved_kg[key], line_kg)
 
 
@@ -149,9 +149,9 @@ def _calibrate_load(
     if estimate_kg is None:
         if withheld_for:
             return CalibratedMass(None, None, None, None, f"withheld for {withheld_for}")
-        return calibration.calibrated(None, None, row["manoeuvres"])
+        return calibration.calibrate_estimate(None, None, row["manoeuvres"])
     random_kg, count = row["estimate_u_random_kg"], row["manoeuvres"]
-    return calibration.calibrated(estimate_kg - off_kg, random_kg, count, unlike_u_kg)
+    return calibration.calibrate_estimate(estimate_kg - off_kg, random_kg, count, unlike_u_kg)
 
 
 def payload_interval(
@@ -183,7 +183,7 @@ def payload_interval(
     found = difference_on_line(
         calibration, log.unlike, [("payload", row["load_id"])], np.array([row["own_payload_kg"]])
     )
-    beside_kg = found.beside(np.array([common_kg]))[0]
+    beside_kg = found.common_kg_beside_line(np.array([common_kg]))[0]
     parts = (random_kg / abs(calibration.c1_1), beside_kg, found.unlike_u_kg[0], found.line_kg[0])
     u_kg = float(np.linalg.norm(parts))
     return float(found.payload_kg[0]), u_kg, max(calibration.coverage_k_1, NORMAL) * u_kg
@@ -207,7 +207,7 @@ def find_empty_machine(
     unlike_u_kg = float(share @ [u for _, u in apart]) / abs(calibration.c1_1)
     point = CheckPoint(mass_kg, random_kg, int(count.sum()))
     u_kg = float(np.hypot(log.empty_u_kg, unlike_u_kg))
-    return check_against(calibration, log.empty_kg, u_kg, point)
+    return check_drift_against(calibration, log.empty_kg, u_kg, point)
 
 
 def reason_of_change(check: DriftCheck | None, log: LaterLog) -> str:

@@ -15,7 +15,7 @@ _CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class CheckPoint:
-    """What a run with the known mass on board said.
+    """Reading of a run with the known mass on board.
 
     Attributes:
         mass_kg: m̂, by the calibration's method; None where there is none.
@@ -55,7 +55,7 @@ class DriftCheck:
     reason: str
 
 
-def check_against(
+def check_drift_against(
     calibration: Calibration,
     reference_kg: float,
     reference_u_kg: float,
@@ -86,7 +86,7 @@ def check_against(
         )
     if point.mass_kg is None or point.readings < 1:
         return _no_drift_check("no estimate")
-    inversion = calibration.inversion.with_extra_u(reference_u_kg)
+    inversion = calibration.inversion.add_common_u(reference_u_kg)
     run = (float(point.readings), point.u_random_kg or 0.0)
     mass = calibration.alpha_1 * point.mass_kg + calibration.beta_kg
     difference = mass - reference_kg

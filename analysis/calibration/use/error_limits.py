@@ -34,7 +34,7 @@ WITHIN, UNDECIDED, OUTSIDE = "within", "undecided", "outside"
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class DecisionRule:
-    """What is asked, and how sure the answer has to be.
+    """Question to decide, and the probability that the answer must reach.
 
     Attributes:
         accuracy_class: one of `CLASSES`.
@@ -90,7 +90,7 @@ class ErrorLimits:
     statement: str
 
 
-def limit_kg(rule: DecisionRule, load_kg: float) -> float:
+def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
     """The error that a class allows to either side of a load.
 
     Raises:
@@ -140,7 +140,7 @@ def error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
     inversion = calibration.inversion
     rows: list[LimitRow] = []
     for load_id, reference_kg, error_kg in errors_of_points(calibration):
-        limit = limit_kg(rule, reference_kg - rule.tare_kg)
+        limit = error_limit_kg(rule, reference_kg - rule.tare_kg)
         outside = min(
             inversion.exceedance_probability(limit - error_kg, reference_kg, readings)
             + inversion.exceedance_probability(limit + error_kg, reference_kg, readings),
@@ -163,7 +163,7 @@ def error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
 
 
 def errors_of_points(calibration: Calibration) -> list[tuple[str, float, float]]:
-    """Of each load that was on board: its reference, and the mean error of its runs."""
+    """Reference of each load on board, and the mean error of its runs."""
     found: list[tuple[str, float, float]] = []
     for reference in calibration.references:
         errors = [

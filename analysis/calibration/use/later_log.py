@@ -1,4 +1,4 @@
-"""What speaks for and against weighing a later log by a calibration."""
+"""Reasons for and against weighing a later log by a calibration."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -14,7 +14,9 @@ from analysis.model.machine import Body
 FRAMES: Final = ("loads", "nuisances", "responses", "learnt_errors")
 
 
-def later_log(frames: Mapping[str, pl.DataFrame], body: Body, refused: str = "") -> LaterLog:
+def describe_later_log(
+    frames: Mapping[str, pl.DataFrame], body: Body, refused: str = ""
+) -> LaterLog:
     """Gather it.
 
     Args:
@@ -22,7 +24,7 @@ def later_log(frames: Mapping[str, pl.DataFrame], body: Body, refused: str = "")
         body: the machine with the empty mass that the calibration has.
         refused: why nothing of the log is to be calibrated, if that is known already.
     """
-    nuisances, unlike = frames["nuisances"], Unlike.of(frames)
+    nuisances, unlike = frames["nuisances"], Unlike.from_frames(frames)
     return LaterLog(
         refused or contradicted_priors(nuisances),
         unlike,

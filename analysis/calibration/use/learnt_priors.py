@@ -1,4 +1,4 @@
-"""What the logs of a campaign say together of the joint fit's nuisances: narrower priors.
+"""Narrower priors of the joint fit's nuisances, learnt from the logs of a campaign.
 
 Each log finds its own nuisances under wide priors, and its mass with them, so that masses of
 separate logs scatter by what the log's noise does to those. What lasts as long as the machine does
@@ -40,7 +40,7 @@ _NAMES: Final = get_args(LearnableTerm)
 
 
 class TermOfLog(BaseModel):
-    """What one log says of one term, in the term's unit."""
+    """Estimate of one term by one log, in the term's unit."""
 
     model_config = STRICT
 
@@ -53,7 +53,7 @@ class TermOfLog(BaseModel):
 
 
 class LearntPriors(BaseModel):
-    """What a campaign learnt, and from what.
+    """Priors that a campaign learnt, and the logs they come from.
 
     Attributes:
         terms: the priors, by term.
@@ -83,7 +83,7 @@ def learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
     )
 
 
-def learnt_terms(said: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
+def learn_terms_of_logs(said: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
     """Pool what logs say, term by term: weighted mean, its uncertainty, what differs between logs.
 
     What differs is by the moments of the weighted squares (DerSimonian and Laird 1986), where their
@@ -123,12 +123,12 @@ def _pool_term(said: Sequence[TermOfLog]) -> LearntTerm:
 
 
 def estimate_without_prior(said: TermOfLog) -> tuple[float, float] | None:
-    """What the log says of a term without its prior, and the deviation of that."""
+    """Estimate of a term by the log without its prior, and its standard deviation."""
     prior = (said.prior_mean, said.prior_std)
-    return without_prior((said.posterior, said.posterior_std), prior)
+    return machine_without_prior((said.posterior, said.posterior_std), prior)
 
 
-def without_prior(
+def machine_without_prior(
     posterior: tuple[float, float], prior: tuple[float, float]
 ) -> tuple[float, float] | None:
     """Take a prior off a posterior, mean and deviation each; None where little more is known."""
@@ -150,7 +150,9 @@ def between_log_variance(value: np.ndarray, variance: np.ndarray) -> float:
     return max(squares - freedom, 0.0) / spare
 
 
-def with_learnt_priors(machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]) -> Machine:
+def machine_with_learnt_priors(
+    machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]
+) -> Machine:
     """The machine with priors that a calibration learnt; those that its file states stay."""
     if not terms:
         return machine
@@ -169,7 +171,7 @@ def machine_for_later_log(machine: Machine) -> Machine:
 
 
 def contradicted_priors(nuisances: pl.DataFrame) -> str:
-    """What a later log says against the priors that its calibration learnt; "" where nothing.
+    """How a later log contradicts the priors that its calibration learnt; "" if it does not.
 
     Args:
         nuisances: the frame; without learnt priors there is nothing to contradict.
@@ -188,11 +190,11 @@ def contradicted_priors(nuisances: pl.DataFrame) -> str:
 
 
 def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], float, float]]:
-    """Of each learnt term its row, what the log says alone, and the deviation of that to expect."""
+    """For each learnt term: its row, the estimate by the log alone, and its expected deviation."""
     if "alone" not in nuisances.columns:
         return
     for row in nuisances.drop_nulls("alone").to_dicts():
-        own = without_prior(
+        own = machine_without_prior(
             (row["alone"], row["alone_std"]), (row["alone_prior_mean"], row["alone_prior_std"])
         )
         if own is not None and row["prior_mean_u"]:
@@ -201,7 +203,7 @@ def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], 
 
 
 def undetectable_changes(nuisances: pl.DataFrame, unlike: Unlike | None) -> dict[int, str]:
-    """What could have changed since a calibration without this log contradicting it, by load.
+    """Largest change since a calibration that this log would not contradict, by load.
 
     Args:
         nuisances: the frame.

@@ -50,7 +50,7 @@ class DifferenceOnLine:
     shared_u_kg: Floats
     size_1: float
 
-    def beside(self, common_kg: Floats) -> Floats:
+    def common_kg_beside_line(self, common_kg: Floats) -> Floats:
         """(n,) what a log has in common, in kg of m̂, less what the line took, in kg of mass."""
         return np.sqrt(np.maximum(common_kg**2 - self.taken_kg**2, 0.0)) / self.size_1
 
@@ -70,7 +70,7 @@ def difference_on_line(
         payload_kg: (n,) by the log alone; NaN where there is none.
     """
     absolute = calibration.method == "joint_payload"
-    gain = line_gain(calibration) if absolute else _gain(calibration, unlike)
+    gain = line_gain(calibration) if absolute else _combine_gains(calibration, unlike)
     slope, size = gain.slope_1, abs(gain.slope_1)
     level_kg = calibration.c0_kg if absolute else 0.0
     mass_kg = (payload_kg - level_kg) / slope
@@ -80,8 +80,8 @@ def difference_on_line(
         centre_kg = calibration.centre_kg if absolute else 0.0
         nothing = np.zeros(len(unlike.terms))
         moved = np.array([unlike.moved_kg.get(each, nothing) for each in numbers])
-        of_level = unlike.line(calibration.responses, 1.0, 0.0)
-        of_slope = unlike.line(calibration.responses, 0.0, 1.0)
+        of_level = unlike.line_shifts(calibration.responses, 1.0, 0.0)
+        of_slope = unlike.line_shifts(calibration.responses, 0.0, 1.0)
         each = (1.0 - gain.by_level_1) * of_slope
         each = each + gain.by_level_1 * of_level / calibration.centre_kg
         line = np.outer(mass_kg - centre_kg, each) + (of_level if absolute else 0.0)
@@ -128,7 +128,7 @@ def line_gain(calibration: Calibration) -> DifferenceGain:
     return DifferenceGain(calibration.c1_1, calibration.covariance[2], 0.0)
 
 
-def _gain(calibration: Calibration, unlike: Unlike | None) -> DifferenceGain:
+def _combine_gains(calibration: Calibration, unlike: Unlike | None) -> DifferenceGain:
     """The gain by slope and by level of the line, combined by their uncertainties."""
     if unlike is None or not calibration.responses:
         return line_gain(calibration)
@@ -136,7 +136,7 @@ def _gain(calibration: Calibration, unlike: Unlike | None) -> DifferenceGain:
     level_variance, both, slope_variance = calibration.covariance
     # the line's own uncertainty at its centre, of c0 + c1 m
     own = level_variance + 2.0 * both * at_kg + slope_variance * at_kg**2
-    means_kg = unlike.u_kg(unlike.line(calibration.responses, 1.0, 0.0))
+    means_kg = unlike.u_kg(unlike.line_shifts(calibration.responses, 1.0, 0.0))
     by_level, by_level_kg2 = calibration.level_kg / at_kg, max(own, 0.0) + means_kg**2
     variances = np.array([by_level_kg2 / at_kg**2, slope_variance + (_BY_LOAD_1 * slope) ** 2])
     if abs(by_level - slope) > _APART * float(np.sqrt(variances.sum())):

@@ -70,7 +70,7 @@ class TrialDriver(MachineDriver):
         super().__init__(scenario, load_kg, load_index)
         self.driven: list[DrivenManoeuvre] = []
         self._load_kg = load_kg
-        self.mass_kg = RigidBody.loaded(scenario, load_kg).mass_kg
+        self.mass_kg = RigidBody.from_scenario_with_load(scenario, load_kg).mass_kg
         #: Whether a stand has the load of the start after it, or, as logs of before have it, the
         #: one that the log began with.
         self._stands_loaded = bool(scenario.chassis.pitch_deg_kg or scenario.loading.spill_1_s)
@@ -83,7 +83,7 @@ class TrialDriver(MachineDriver):
         if added_kg != self._added_kg:
             self._added_kg, self._lost_kg = added_kg, 0.0
         load_kg = self._load_kg + added_kg - self._lost_kg
-        body = RigidBody.loaded(self.scenario, load_kg)
+        body = RigidBody.from_scenario_with_load(self.scenario, load_kg)
         body = replace(body, rolling_x_N=self.rolling_resistance(body.mass_kg))
         if self._stands_loaded:
             self.mass_kg = body.mass_kg
@@ -93,9 +93,9 @@ class TrialDriver(MachineDriver):
                 times = self.rest(manoeuvre.duration_s, self.mass_kg)
             case Start():
                 body = replace(body, coulomb_x_N=self.draw_coulomb())
-                sign = self._sign(manoeuvre)
+                sign = self._direction_of_start(manoeuvre)
                 direction = "forward" if sign > 0.0 else "reverse"
-                throttle = manoeuvre.throttle * self.throttle()
+                throttle = manoeuvre.throttle * self.draw_throttle()
                 order = StartOrder(
                     sign,
                     throttle,
@@ -114,25 +114,27 @@ class TrialDriver(MachineDriver):
                 if self._stands_loaded:
                     self.mass_kg = body.mass_kg - spilled_kg
             case Excite():
-                times = self._excite(manoeuvre, body)
+                times = self._drive_waveform(manoeuvre, body)
             case Travel():
-                times = self._travel(manoeuvre, body)
+                times = self._follow_pedal(manoeuvre, body)
             case _:
                 raise ScenarioError(
                     f"campaign.manoeuvres.{number}: a {manoeuvre.kind} cannot be integrated"
                 )
-        since = times.counted_from(trial_begin_s)
-        body = self.body_at(body, times.start_s)
+        since = times.subtract_begin(trial_begin_s)
+        body = self.body_with_friction_at(body, times.start_s)
         self.driven.append(
             DrivenManoeuvre(trial, number, since, body, load_kg, load_end_kg, direction, throttle)
         )
 
-    def _excite(self, excite: Excite, body: RigidBody) -> ManoeuvreTimes:
+    def _drive_waveform(self, excite: Excite, body: RigidBody) -> ManoeuvreTimes:
         """A waveform of the drive force, then brakes."""
         begin_s, force = self.time_s, excite.force
         assert force is not None
         since_s = np.arange(0.0, excite.duration_s + 2.0 * WAVE_STEP_S, WAVE_STEP_S)
-        wave = np.array([self.scenario.driven(float(value), 0.0)[0] for value in force(since_s)])
+        wave = np.array(
+            [self.scenario.drive_through_valves(float(value), 0.0)[0] for value in force(since_s)]
+        )
         stage = DriveStage(begin_s, body.mass_kg, coulomb_N=body.coulomb_x_N)
         self.state[plant.BRAKE] = -body.mass_kg * self.uphill_m_s2()
         self.advance(FREE, stage, excite.duration_s, wave)
@@ -140,7 +142,7 @@ class TrialDriver(MachineDriver):
         self.brake(stage._replace(begin_s=braking_s))
         return ManoeuvreTimes("excite", begin_s, begin_s, None, braking_s, self.time_s)
 
-    def _travel(self, travel: Travel, body: RigidBody) -> ManoeuvreTimes:
+    def _follow_pedal(self, travel: Travel, body: RigidBody) -> ManoeuvreTimes:
         """Speeds that a pedal follows, with brakes and a rest at each stand.
 
         Raises:
@@ -150,7 +152,7 @@ class TrialDriver(MachineDriver):
         full_N = self.scenario.campaign.throttle_force_N
         stopping_N = body.mass_kg * self.scenario.campaign.braking_m_s2
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
-        for leg in travel_legs(travel, self._random("travel"), WAVE_STEP_S):
+        for leg in travel_legs(travel, self._random_stream("travel"), WAVE_STEP_S):
             stage = DriveStage(
                 self.time_s,
                 body.mass_kg,
@@ -168,7 +170,11 @@ class TrialDriver(MachineDriver):
                 self.state[plant.DRIVE] = self._cruise_force(stage, full_N)
             duration_s = (leg.wanted_m_s.size - 1) * WAVE_STEP_S
             self.advance(
-                FREE, stage, duration_s, way * leg.wanted_m_s, steps=self._pedal_steps(duration_s)
+                FREE,
+                stage,
+                duration_s,
+                way * leg.wanted_m_s,
+                steps=self._count_pedal_steps(duration_s),
             )
             if not self._moved:
                 raise ScenarioError(
@@ -183,13 +189,13 @@ class TrialDriver(MachineDriver):
         self.starts += 1
         return ManoeuvreTimes("travel", begin_s, begin_s, None, None, self.time_s)
 
-    def _pedal_steps(self, duration_s: float) -> int | None:
+    def _count_pedal_steps(self, duration_s: float) -> int | None:
         """Steps of a travel: of a slow drive longer ones do."""
         slow_s = self.scenario.campaign.valve_lag_s / _PEDAL_STEPS_A_LAG
         return None if self._swings or slow_s <= self._step_s else math.ceil(duration_s / slow_s)
 
     def end(self) -> None:
-        """What the log ends with: a rest, or, in motion, the moment after its last sample."""
+        """End of the log: a rest, or, in motion, the moment after its last sample."""
         rest_s = self.scenario.campaign.rest_s
         if self.state[plant.WHEEL] == 0.0:
             self.rest(rest_s + STEP_S, self.mass_kg)
@@ -198,7 +204,7 @@ class TrialDriver(MachineDriver):
             stage = DriveStage(self.time_s, self.mass_kg, drive_N=drive_N, facing=self.facing)
             self.advance(FREE, stage, STEP_S)
 
-    def _sign(self, start: Start) -> float:
+    def _direction_of_start(self, start: Start) -> float:
         sign = 1.0 if start.direction == "forward" else -1.0
         turned = self.scenario.starts.directions == "alternating" and self.starts % 2 == 1
         return -sign if turned else sign
@@ -229,12 +235,15 @@ def travel_legs(travel: Travel, dice: np.random.Generator, step_s: float) -> Ite
         stand_s = float(dice.uniform(travel.stand_least_s, travel.stand_most_s))
         if first:
             speed, first = target, False
-        parts += [_ramp(speed, target, travel, step_s), np.full(round(hold_s / step_s), target)]
+        parts += [
+            _ramp_pedal_speed(speed, target, travel, step_s),
+            np.full(round(hold_s / step_s), target),
+        ]
         left_s -= (parts[-2].size + parts[-1].size) * step_s
         speed = target
         ends = left_s <= 0.0
         if stands or (ends and not travel.in_motion):
-            parts.append(_ramp(speed, 0.0, travel, step_s))
+            parts.append(_ramp_pedal_speed(speed, 0.0, travel, step_s))
             yield TravelLeg(np.concatenate(parts), 0.0 if ends else stand_s)
             left_s -= parts[-1].size * step_s + stand_s
             parts, speed = [], 0.0
@@ -242,6 +251,6 @@ def travel_legs(travel: Travel, dice: np.random.Generator, step_s: float) -> Ite
         yield TravelLeg(np.concatenate(parts), None)
 
 
-def _ramp(begin_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:
+def _ramp_pedal_speed(begin_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:
     steps = round(abs(end_m_s - begin_m_s) / travel.acceleration_m_s2 / step_s)
     return np.linspace(begin_m_s, end_m_s, steps, endpoint=False)

@@ -10,11 +10,11 @@ from analysis.simulation.motion.body import RigidBody
 from analysis.simulation.motion.solved_motion import ManoeuvreTimes
 from analysis.simulation.plant import plant
 from analysis.simulation.plant.integrated_motion import BRAKING, FREE, OPEN, REST, STEADY, TURNING
-from analysis.simulation.plant.plant_inputs import DriveStage, plant_of
+from analysis.simulation.plant.plant_inputs import DriveStage, make_plant
 from analysis.simulation.plant.resistance import cold_friction_share, rolling_resistance
 from analysis.simulation.plant.row_buffer import RowBuffer
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.sensors.random_streams import generator
+from analysis.simulation.sensors.random_streams import make_generator
 from estimators.arrays import Floats
 from estimators.errors import ScenarioError
 
@@ -33,7 +33,7 @@ _LEAST_CRUISE_S: Final = 0.2
 
 @dataclass(frozen=True)
 class StartOrder:
-    """What the operator does in one start.
+    """Order to the operator for one start.
 
     `sign` is 1 ahead, -1 back; `digging_N` grows during `digging_s` until the throttle is shut;
     of `load_kg` a part `spill_1_s` falls off a second; `distance_m` is when to stand again, instead
@@ -70,10 +70,12 @@ class MachineDriver:
         self.starts = 0
         #: 1 or -1: whether the machine looks uphill or downhill where the ground slopes up.
         self.facing = 1.0
-        self._plant = plant_of(scenario)
+        self._plant = make_plant(scenario)
         self._load_index = load_index
         if self._plant.resonance_rad_s:
-            self.state[plant.STRETCH] = self._sag_m(scenario.machine.mass_kg + load_kg)
+            self.state[plant.STRETCH] = self._driveline_stretch_m(
+                scenario.machine.mass_kg + load_kg
+            )
         if scenario.chassis.squat_hz:
             self.state[plant.PITCH] = self._plant.pitch_1_kg * load_kg
         fastest = max(
@@ -135,7 +137,11 @@ class MachineDriver:
         begin_s, begin_m = self.time_s, self.position_m
         steady_s = begin_s + order.start_s
         shut_s = steady_s + order.cruise_s
-        full_N = order.sign * campaign.throttle_force_N * campaign.valve(order.throttle)
+        full_N = (
+            order.sign
+            * campaign.throttle_force_N
+            * campaign.drive_fraction_at_throttle(order.throttle)
+        )
         opened = DriveStage(
             begin_s,
             body.mass_kg,
@@ -240,7 +246,7 @@ class MachineDriver:
         """
         steps = steps or max(math.ceil(duration_s / self._step_s - 1e-9), 1)
         rows = self.kept.free_rows(2 * steps + 4)
-        self.time_s, kept, self._moved = plant.advance(
+        self.time_s, kept, self._moved = plant.integrate_plant(
             stage.begin_s + duration_s,
             steps,
             stops,
@@ -263,7 +269,7 @@ class MachineDriver:
         slope_rad = self.scenario.terrain.slope_at_rad(self.position_m)
         return self.facing * self._plant.gravity_m_s2 * math.sin(slope_rad)
 
-    def body_at(self, body: RigidBody, time_s: float) -> RigidBody:
+    def body_with_friction_at(self, body: RigidBody, time_s: float) -> RigidBody:
         """A body with the friction that is left at a time."""
         viscous, coulomb = self._cold_friction_shares(time_s)
         return replace(
@@ -282,19 +288,21 @@ class MachineDriver:
 
     def draw_coulomb(self) -> float:
         """Draw the Coulomb friction of the next start, on a cold machine."""
-        drawn = self._random("start_coulomb").standard_normal()
+        drawn = self._random_stream("start_coulomb").standard_normal()
         varied = self.scenario.starts.coulomb_std_N * float(drawn)
         return max(self.scenario.machine.coulomb_N + varied, 0.0)
 
-    def throttle(self) -> float:
+    def draw_throttle(self) -> float:
         """The share of the throttle of the next start."""
         starts = self.scenario.starts
         return float(
-            self._random("start_throttle").uniform(starts.throttle_least, starts.throttle_most)
+            self._random_stream("start_throttle").uniform(
+                starts.throttle_least, starts.throttle_most
+            )
         )
 
-    def _random(self, stream: str) -> np.random.Generator:
-        return generator(self.scenario.sensors.seed, self._load_index, self.starts, stream)
+    def _random_stream(self, stream: str) -> np.random.Generator:
+        return make_generator(self.scenario.sensors.seed, self._load_index, self.starts, stream)
 
     def _cruise_duration_s(self, gone_m: float, distance_m: float, body: RigidBody) -> float:
         """How long to cruise so that the machine stands about so far from where it started."""
@@ -314,7 +322,7 @@ class MachineDriver:
         stop_m = (speed_m_s - slowed * math.log1p(speed_m_s / slowed)) / viscous_1_s
         return stop_m + speed_m_s * self.scenario.campaign.valve_lag_s
 
-    def _sag_m(self, mass_kg: float) -> float:
+    def _driveline_stretch_m(self, mass_kg: float) -> float:
         """How far the spring of the driveline is stretched by the slope where a log begins."""
         wheel_kg = self._plant.wheel_share * mass_kg + self._plant.rotating_kg
         body_kg = mass_kg * (1.0 - self._plant.wheel_share)

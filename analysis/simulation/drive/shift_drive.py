@@ -17,7 +17,7 @@ from analysis.simulation.motion.solved_motion import ManoeuvreTimes
 from analysis.simulation.motion.timeline import DrivenManoeuvre
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
-from analysis.simulation.sensors.random_streams import generator
+from analysis.simulation.sensors.random_streams import make_generator
 
 #: Where the machine stops before the pile and before the dump.
 _REACH_M: Final = 1.0
@@ -117,28 +117,28 @@ class ShiftDriver(MachineDriver):
         """Whether the shift has lasted long enough, and its last cycle is finished."""
         return self.time_s >= self.shift.duration_h * 3600.0
 
-    def cycle(self) -> None:
+    def drive_cycle(self) -> None:
         """One cycle, and what interrupts the work after it."""
         shift, number = self.shift, len(self.cycles)
         self._cycle, self._number = number, 0
         begin_s, starts, before_kg = self.time_s, self.starts, self._carried_kg
         operator = self._draw_load("shift_operator")
-        self._rest(operator)
+        self._rest_between_cycles(operator)
         pours = bool(self._draw_load("shift_pour").random() < shift.pour_cycles)
         self._drive_legs(1.0, shift.haul_m - _REACH_M, shift.empty_starts_most, operator)
         dig_s = self.time_s
-        self._dig(operator)
+        self._dig_into_pile(operator)
         load_kg, machine_kg = self._load_kg, self.scenario.machine.mass_kg - self._burnt_kg
         haul_s = self.time_s
         reverse = bool(operator.random() < shift.reverse_share)
-        self._start(-1.0, shift.back_m, operator)
+        self._drive_start(-1.0, shift.back_m, operator)
         if not reverse:
-            self._turn(operator)
+            self._turn_machine(operator)
         self._drive_legs(-1.0, _REACH_M, shift.haul_starts_most, operator, pours=pours)
-        dump_s = self._dump()
+        dump_s = self._dump_load()
         if not reverse:
-            self._start(1.0, shift.back_m, operator)
-            self._turn(operator)
+            self._drive_start(1.0, shift.back_m, operator)
+            self._turn_machine(operator)
         lost = [each for each in self.dumps if each.cycle == number and each.kind != "dump"]
         spilled_kg = sum((each.mass_kg for each in lost if each.kind == "spill"), 0.0)
         poured_kg = sum((each.mass_kg for each in lost if each.kind == "pour"), 0.0)
@@ -163,14 +163,14 @@ class ShiftDriver(MachineDriver):
         )
         self._take_due_breaks()
 
-    def _body(self) -> RigidBody:
+    def _body_with_load(self) -> RigidBody:
         """Machine, fuel and load as they are now."""
-        body = RigidBody.loaded(self.scenario, self._load_kg)
+        body = RigidBody.from_scenario_with_load(self.scenario, self._load_kg)
         mass_kg = body.mass_kg - self._burnt_kg
         return replace(body, mass_kg=mass_kg, rolling_x_N=self.rolling_resistance(mass_kg))
 
     def _draw_load(self, stream: str) -> np.random.Generator:
-        return generator(self.scenario.sensors.seed, 0, len(self.cycles), stream)
+        return make_generator(self.scenario.sensors.seed, 0, len(self.cycles), stream)
 
     def _drive_legs(
         self,
@@ -191,15 +191,15 @@ class ShiftDriver(MachineDriver):
             left_m = way * (until_m - self.position_m)
             share = parts[number] / parts[number:].sum()
             if left_m > 2.0:
-                self._start(way, float(left_m * share), operator)
+                self._drive_start(way, float(left_m * share), operator)
                 if pours and number == 0:
-                    self._pour()
+                    self._pour_part_of_load()
 
-    def _start(self, way: float, distance_m: float, operator: np.random.Generator) -> None:
+    def _drive_start(self, way: float, distance_m: float, operator: np.random.Generator) -> None:
         """One start along the way (1) or against it (-1), and the stand after it."""
         sign = way * self.facing
-        body = replace(self._body(), coulomb_x_N=self.draw_coulomb())
-        throttle = self.throttle()
+        body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
+        throttle = self.draw_throttle()
         open_s = _OPEN_S if distance_m > 2.0 * self.shift.back_m else _SHORT_OPEN_S
         # what is carried back sticks
         spill_1_s = self.shift.spill_1_s if self._load_kg > self._carried_kg else 0.0
@@ -217,16 +217,16 @@ class ShiftDriver(MachineDriver):
             self._load_kg -= spilled_kg
             self._note_spill("spill", spilled_kg, times.start_s, from_m)
         self._note_manoeuvre(times, body, sign, throttle, begin_kg)
-        self._rest(operator)
+        self._rest_between_cycles(operator)
 
     def _note_spill(self, kind: str, mass_kg: float, since_s: float, from_m: float) -> None:
         """Keep what has left the bucket since a time and a place."""
         lost = Dump(self._cycle, kind, since_s, self.time_s, from_m, self.position_m, mass_kg)
         self.dumps.append(lost)
 
-    def _pour(self) -> None:
+    def _pour_part_of_load(self) -> None:
         """Stand, and pour a part of the load halfway."""
-        half_s, loaded = self.shift.dump_s / 2.0, self._body()
+        half_s, loaded = self.shift.dump_s / 2.0, self._body_with_load()
         times = self.rest(half_s, loaded.mass_kg)
         self._note_boom(_CARRY, at_s=times.start_s)
         self._note_boom(_POUR, at_s=self.time_s)
@@ -234,16 +234,16 @@ class ShiftDriver(MachineDriver):
         poured_kg = self._load_kg * self.shift.pour_share
         self._load_kg -= poured_kg
         self._note_spill("pour", poured_kg, self.time_s, self.position_m)
-        left = self._body()
+        left = self._body_with_load()
         self._note_manoeuvre(self.rest(half_s, left.mass_kg), left)
         self._note_boom(_CARRY, at_s=self.time_s)
 
-    def _dig(self, operator: np.random.Generator) -> None:
+    def _dig_into_pile(self, operator: np.random.Generator) -> None:
         """Drive into the pile; the bucket fills, and closes when the machine stands."""
         shift = self.shift
         drawn = self._draw_load("shift_load").normal(shift.load_kg, shift.load_std_kg)
         wanted_kg = float(np.clip(drawn, shift.load_least_kg, shift.load_most_kg))
-        body = replace(self._body(), coulomb_x_N=self.draw_coulomb())
+        body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
         self._note_boom(_DIG, at_s=self.time_s)
         digging_s = shift.dig_s + _DIGGING_CRUISE_S
         order = StartOrder(
@@ -259,16 +259,16 @@ class ShiftDriver(MachineDriver):
         begin_kg, self._load_kg = self._load_kg, self._load_kg + filled_kg
         self._note_manoeuvre(times, body, 1.0, 1.0, begin_kg)
         self._note_boom(_CARRY, at_s=self.time_s + _LIFT_S)
-        self._rest(operator)
+        self._rest_between_cycles(operator)
 
-    def _turn(self, operator: np.random.Generator) -> None:
-        body, side = self._body(), 1.0 if operator.random() < 0.5 else -1.0
+    def _turn_machine(self, operator: np.random.Generator) -> None:
+        body, side = self._body_with_load(), 1.0 if operator.random() < 0.5 else -1.0
         self._note_manoeuvre(self.half_turn(side * self.shift.turn_rad_s, body.mass_kg), body)
-        self._rest(operator)
+        self._rest_between_cycles(operator)
 
-    def _dump(self) -> float:
+    def _dump_load(self) -> float:
         """Stand, and dump halfway; when that is."""
-        shift, loaded = self.shift, self._body()
+        shift, loaded = self.shift, self._body_with_load()
         drawn = self._draw_load("shift_carry_back").exponential(shift.carry_back_kg)
         times = self.rest(shift.dump_s / 2.0, loaded.mass_kg)
         self._note_boom(_CARRY, at_s=times.start_s)
@@ -277,13 +277,13 @@ class ShiftDriver(MachineDriver):
         dumped_s, load_kg = self.time_s, self._load_kg
         self._load_kg = self._carried_kg = float(min(drawn, shift.carry_back_most_kg, load_kg))
         self._note_spill("dump", load_kg - self._load_kg, dumped_s, self.position_m)
-        empty = self._body()
+        empty = self._body_with_load()
         self._note_manoeuvre(self.rest(shift.dump_s / 2.0, empty.mass_kg), empty)
         self._note_boom(_DRIVE, at_s=self.time_s)
         return dumped_s
 
-    def _rest(self, operator: np.random.Generator) -> None:
-        body = self._body()
+    def _rest_between_cycles(self, operator: np.random.Generator) -> None:
+        body = self._body_with_load()
         self._note_manoeuvre(
             self.rest(float(self.shift.pause_s * operator.uniform(0.5, 1.5)), body.mass_kg), body
         )
@@ -292,7 +292,7 @@ class ShiftDriver(MachineDriver):
         """Idle, a break, refuelling: each where it is due after a cycle."""
         shift, idles = (
             self.shift,
-            generator(self.scenario.sensors.seed, 0, len(self.cycles), "shift_idle"),
+            make_generator(self.scenario.sensors.seed, 0, len(self.cycles), "shift_idle"),
         )
         self._burn_fuel()
         if idles.random() < shift.idle_share:
@@ -311,7 +311,7 @@ class ShiftDriver(MachineDriver):
         self._burnt_kg = min(self._burnt_kg + hours * self.shift.fuel_kg_h, self.shift.fuel_tank_kg)
 
     def _note_stand(self, kind: str, duration_s: float) -> None:
-        body, begin_s = self._body(), self.time_s
+        body, begin_s = self._body_with_load(), self.time_s
         self._note_manoeuvre(self.rest(duration_s, body.mass_kg), body)
         self.stands.append(Stand(kind, begin_s, self.time_s))
         if kind != "idle":
@@ -338,7 +338,7 @@ class ShiftDriver(MachineDriver):
                 self._cycle,
                 self._number,
                 times,
-                self.body_at(body, times.start_s),
+                self.body_with_friction_at(body, times.start_s),
                 begin_kg,
                 self._load_kg,
                 directions[math.copysign(1.0, sign) if sign else 0.0],

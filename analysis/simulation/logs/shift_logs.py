@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from analysis.simulation.drive.shift_drive import BoomAngle, ShiftDriver
 from analysis.simulation.logs.simulated_campaign import SimulatedLog
 from analysis.simulation.motion.solved_motion import Channels
-from analysis.simulation.motion.timeline import DrivenManoeuvre, Hints, Timeline, nanoseconds
+from analysis.simulation.motion.timeline import DrivenManoeuvre, Hints, Timeline, to_whole_ns
 from analysis.simulation.plant import plant
 from analysis.simulation.plant.integrated_motion import IntegratedLog
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
-from analysis.simulation.sensors.random_streams import generator
+from analysis.simulation.sensors.random_streams import make_generator
 from analysis.simulation.sensors.recorder import phase_s, recorded_topics
-from analysis.simulation.sensors.sensors import measure
-from analysis.simulation.trials.trial_limits import check_shift
+from analysis.simulation.sensors.sensors import measure_topics
+from analysis.simulation.trials.trial_limits import check_shift_limits
 from estimators.arrays import Floats
 
 #: Sensors look back so far at most.
@@ -40,7 +40,7 @@ class LogSpan(NamedTuple):
 
 
 class ShiftTruth(NamedTuple):
-    """What is true of a shift; times are unix ns.
+    """True values of a shift; times are unix ns.
 
     `cycles`: a row a cycle, as `shift_drive.Cycle` has it, with the numbers of the logs in which it
     begins and ends (counted from 0; null where nothing is recorded); `stands`: idle stretches,
@@ -70,28 +70,28 @@ class ShiftSimulation:
     shift: SimulatedShift
 
     def __post_init__(self) -> None:
-        check_shift(self.scenario, self.shift)
+        check_shift_limits(self.scenario, self.shift)
         self._driver = ShiftDriver(self.scenario, self.shift)
         self._spans: list[LogSpan] = []
 
-    def logs(self) -> Iterator[SimulatedLog]:
+    def simulate_logs(self) -> Iterator[SimulatedLog]:
         """The logs in order, once; the same scenario gives the same ones bit for bit."""
-        start_ns = nanoseconds(self.scenario.log.start_unix_s)
+        start_ns = to_whole_ns(self.scenario.log.start_unix_s)
         planned = _plan_log_spans(self.scenario, self.shift)
         heading_rad = 0.0
         for index, span in enumerate(planned):
             is_last = index == len(planned) - 1
             self._driver.reserve_rows(max(span.end_s - self._driver.time_s, 0.0))
             while not self._driver.is_over and (is_last or self._driver.time_s < span.end_s):
-                self._driver.cycle()
+                self._driver.drive_cycle()
             end_s = self._driver.time_s if is_last else min(span.end_s, self._driver.time_s)
             self._spans.append(span._replace(end_s=end_s))
             heading_rad += self._driver.kept.forget(span.start_s - _LOOK_BACK_S)
-            yield self._log(index, self._spans[-1], heading_rad, start_ns)
+            yield self._simulate_log(index, self._spans[-1], heading_rad, start_ns)
 
-    def truth(self) -> ShiftTruth:
-        """What is true, once all logs have been taken."""
-        start_ns = nanoseconds(self.scenario.log.start_unix_s)
+    def collect_truth(self) -> ShiftTruth:
+        """Collect the true values, once all logs have been taken."""
+        start_ns = to_whole_ns(self.scenario.log.start_unix_s)
         cycles = pl.DataFrame([each._asdict() for each in self._driver.cycles])
         starts = [span.start_s for span in self._spans]
 
@@ -115,13 +115,15 @@ class ShiftSimulation:
         )
         spans = pl.DataFrame([each._asdict() for each in self._spans])
         return ShiftTruth(
-            to_unix_ns(cycles, start_ns).hstack(logs),
-            to_unix_ns(stands, start_ns),
-            to_unix_ns(spans, start_ns),
-            to_unix_ns(dumps, start_ns),
+            add_start_to_times(cycles, start_ns).hstack(logs),
+            add_start_to_times(stands, start_ns),
+            add_start_to_times(spans, start_ns),
+            add_start_to_times(dumps, start_ns),
         )
 
-    def _log(self, index: int, span: LogSpan, heading_rad: float, start_ns: int) -> SimulatedLog:
+    def _simulate_log(
+        self, index: int, span: LogSpan, heading_rad: float, start_ns: int
+    ) -> SimulatedLog:
         scenario, driver = self.scenario, self._driver
         begins = np.array([each.start_s for each in driver.cycles] + [driver.time_s])
         mine = tuple(
@@ -133,20 +135,20 @@ class ShiftSimulation:
             scenario, begins, mine, driver.kept.rows, driver.kept.stages, heading_rad
         )
         timeline = Timeline(
-            start_ns + nanoseconds(span.start_s),
-            start_ns + nanoseconds(span.end_s),
+            start_ns + to_whole_ns(span.start_s),
+            start_ns + to_whole_ns(span.end_s),
             start_ns + np.rint(begins * 1e9).astype(np.int64),
             times_within_cycles(mine, begins),
             _ShiftTimeline(motion, start_ns).sample,
-            _PositionAndBoom(motion, tuple(driver.angles), start_ns).hints,
+            _PositionAndBoom(motion, tuple(driver.angles), start_ns).sample_hints,
         )
         topics = recorded_topics(scenario)
         return SimulatedLog(
             scenario=scenario,
             load_kg=0.0,
-            topics=measure(scenario, timeline, index),
+            topics=measure_topics(scenario, timeline, index),
             trials=pl.DataFrame(),
-            manoeuvres=timeline.manoeuvres(),
+            manoeuvres=timeline.make_manoeuvre_table(),
             timeline=timeline,
             phase_s={topic: phase_s(scenario, topic, index) for topic in topics},
             torn_share=span.torn_share,
@@ -160,7 +162,7 @@ class _ShiftTimeline(NamedTuple):
     start_ns: int
 
     def sample(self, time_ns: NDArray[np.int64]) -> Channels:
-        return self.motion.sample((time_ns - self.start_ns) * np.float64(1e-9))
+        return self.motion.sample_channels((time_ns - self.start_ns) * np.float64(1e-9))
 
 
 class _PositionAndBoom(NamedTuple):
@@ -170,7 +172,7 @@ class _PositionAndBoom(NamedTuple):
     angles: tuple[BoomAngle, ...]
     start_ns: int
 
-    def hints(self, time_ns: NDArray[np.int64]) -> Hints:
+    def sample_hints(self, time_ns: NDArray[np.int64]) -> Hints:
         time_s: Floats = (time_ns - self.start_ns) * np.float64(1e-9)
         known, boom, bucket = np.array(self.angles).T
         rows = self.motion.rows
@@ -181,15 +183,15 @@ class _PositionAndBoom(NamedTuple):
 def times_within_cycles(
     driven: tuple[DrivenManoeuvre, ...], begins: Floats
 ) -> tuple[DrivenManoeuvre, ...]:
-    """The same manoeuvres, their times since their cycle began."""
+    """Count the times of manoeuvres from the begin of their cycle."""
     return tuple(
-        each._replace(times=each.times.counted_from(float(begins[each.trial]))) for each in driven
+        each._replace(times=each.times.subtract_begin(float(begins[each.trial]))) for each in driven
     )
 
 
 def _plan_log_spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
     """When the logs are recorded, and which are torn, by plan."""
-    drawn = generator(scenario.sensors.seed, 0, 0, "shift_recorder")
+    drawn = make_generator(scenario.sensors.seed, 0, 0, "shift_recorder")
     length_s = shift.duration_h * 3600.0 / shift.logs
     spans: list[LogSpan] = []
     begin_s = 0.0
@@ -197,14 +199,14 @@ def _plan_log_spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
         end_s = length_s * (number + float(drawn.uniform(-_UNEVEN, _UNEVEN)))
         spans.append(LogSpan(begin_s, end_s, 0.0))
         begin_s = end_s + float(drawn.uniform(0.0, shift.restart_s))
-    damage = generator(scenario.sensors.seed, 0, 0, "shift_damage")
+    damage = make_generator(scenario.sensors.seed, 0, 0, "shift_damage")
     for number in damage.choice(shift.logs, shift.damaged_logs, replace=False).tolist():
         share = shift.damage_share * float(damage.uniform(_LEAST_DAMAGE, 1.0))
         spans[number] = spans[number]._replace(torn_share=share)
     return spans
 
 
-def to_unix_ns(frame: pl.DataFrame, start_ns: int) -> pl.DataFrame:
+def add_start_to_times(frame: pl.DataFrame, start_ns: int) -> pl.DataFrame:
     """Columns of seconds since the shift began as unix ns."""
     seconds = [name for name in frame.columns if name.endswith("_s")]
     return frame.with_columns(

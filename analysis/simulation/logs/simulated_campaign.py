@@ -13,14 +13,14 @@ from analysis.model.schema import PHASE
 from analysis.simulation.motion.timeline import (
     Timeline,
     continuous_timeline,
-    nanoseconds,
     repeat_trial,
+    to_whole_ns,
 )
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.recorder import TOPICS, phase_s, sample_times_ns
-from analysis.simulation.sensors.sensors import measure
+from analysis.simulation.sensors.sensors import measure_topics
 from analysis.simulation.trials.solve_trial import solve_motion
-from analysis.simulation.trials.switches import integrate_for
+from analysis.simulation.trials.switches import key_that_needs_integration
 from analysis.simulation.trials.trial_limits import check_limits
 from estimators.errors import ScenarioError
 
@@ -32,7 +32,7 @@ class SimulatedLog:
     Attributes:
         scenario: that was simulated.
         load_kg: the load.
-        topics: `imu`, `torque` and `speed`, in a shift also others, as `measure` gives them.
+        topics: `imu`, `torque` and `speed`, in a shift also others, as `measure_topics` gives them.
         trials: a row a trial (none in a shift): `run` (its number), the unix times `start_ns` and
             `end_ns`, `throttle_ns`, `cruise_ns` and `braking_ns` of its first start (null without
             one), and the true `load_kg mass_kg friction_N_s_m coulomb_N rolling_N slope_deg
@@ -71,7 +71,7 @@ class SimulatedLog:
     @property
     def origin_unix_ns(self) -> int:
         """When the campaign began: what the time of its tables counts from."""
-        return nanoseconds(self.scenario.log.start_unix_s)
+        return to_whole_ns(self.scenario.log.start_unix_s)
 
 
 def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
@@ -88,30 +88,32 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
     if scenario.shift is not None:
         raise ScenarioError("shift: is not a campaign; use ShiftSimulation")
     check_limits(scenario, scenario.campaign.loads_kg)
-    return _logs(scenario)
+    return _simulate_logs(scenario)
 
 
-def _logs(scenario: Scenario) -> Iterator[SimulatedLog]:
-    start_ns = nanoseconds(scenario.log.start_unix_s)
+def _simulate_logs(scenario: Scenario) -> Iterator[SimulatedLog]:
+    start_ns = to_whole_ns(scenario.log.start_unix_s)
     for index, load_kg in enumerate(scenario.campaign.loads_kg):
-        timeline = _timeline(scenario, load_kg, index, start_ns)
+        timeline = _make_timeline(scenario, load_kg, index, start_ns)
         yield SimulatedLog(
             scenario=scenario,
             load_kg=load_kg,
-            topics=measure(scenario, timeline, index),
-            trials=timeline.trials(scenario.terrain.slope_deg),
-            manoeuvres=timeline.manoeuvres(),
+            topics=measure_topics(scenario, timeline, index),
+            trials=timeline.make_trial_table(scenario.terrain.slope_deg),
+            manoeuvres=timeline.make_manoeuvre_table(),
             timeline=timeline,
             phase_s={topic: phase_s(scenario, topic, index) for topic in TOPICS},
         )
-        start_ns = timeline.end_ns + nanoseconds(scenario.log.load_change_s)
+        start_ns = timeline.end_ns + to_whole_ns(scenario.log.load_change_s)
 
 
-def _timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> Timeline:
+def _make_timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> Timeline:
     """The log of a load: one exact trial repeated where that can be, integrated otherwise."""
-    if integrate_for(scenario) is None:
+    if key_that_needs_integration(scenario) is None:
         return repeat_trial(scenario, load_kg, solve_motion(scenario, load_kg), start_ns)
     from analysis.simulation.drive.log_drive import integrate_log
 
     whole = integrate_log(scenario, load_kg, index)
-    return continuous_timeline(scenario, whole.trial_s, whole.driven, whole.sample, start_ns)
+    return continuous_timeline(
+        scenario, whole.trial_s, whole.driven, whole.sample_channels, start_ns
+    )

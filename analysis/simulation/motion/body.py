@@ -49,7 +49,7 @@ class RigidBody:
     rolling_x_N: float
 
     @classmethod
-    def loaded(cls, scenario: Scenario, load_kg: float) -> Self:
+    def from_scenario_with_load(cls, scenario: Scenario, load_kg: float) -> Self:
         """The scenario's machine with a load, a point mass in its bucket."""
         machine, terrain = scenario.machine, scenario.terrain
         x, y = machine.load_x_m, machine.load_y_m
@@ -72,7 +72,7 @@ class RigidBody:
 
     @property
     def standstill_grip(self) -> tuple[float, float]:
-        """What grips at standstill, along x and about z: Coulomb friction, rolling resistance."""
+        """Grip at standstill, along x and about z: Coulomb friction and rolling resistance."""
         return self.coulomb_x_N + self.rolling_x_N, self.coulomb_z_N_m
 
     @property

@@ -51,8 +51,8 @@ class ManoeuvreTimes(NamedTuple):
     braking_s: float | None
     end_s: float
 
-    def counted_from(self, begin_s: float) -> "ManoeuvreTimes":
-        """The same times, counted from `begin_s`."""
+    def subtract_begin(self, begin_s: float) -> "ManoeuvreTimes":
+        """Count the times from `begin_s`."""
 
         def later(time_s: float | None) -> float | None:
             return None if time_s is None else time_s - begin_s
@@ -121,7 +121,7 @@ class SolvedMotion:
         """Until the last manoeuvre has ended."""
         return self.manoeuvres[-1].end_s
 
-    def sample(self, time_s: Floats) -> Channels:
+    def sample_channels(self, time_s: Floats) -> Channels:
         """The channels at times (n,) in s since the trial began: any times, in any order."""
         name = np.full(time_s.shape, "standstill", dtype="<U12")
         rows = np.zeros((len(MotionState._fields), *time_s.shape))
@@ -129,7 +129,7 @@ class SolvedMotion:
             inside = (time_s >= phase.start_s) & (time_s < phase.end_s)
             if inside.any():  # a short phase may fall between two samples
                 state = phase.state(time_s[inside])
-                name[inside] = _phases_of(state) if phase.name is None else phase.name
+                name[inside] = _name_phases(state) if phase.name is None else phase.name
                 rows[:, inside] = np.stack(state)
         state = MotionState(*[rows[i] for i in range(len(rows))])
         gravity_x, gravity_y = self.body.gravity_along_heading(state.heading_rad)
@@ -156,7 +156,7 @@ class SolvedMotion:
         )
 
 
-def _phases_of(state: MotionState) -> NDArray[np.str_]:
+def _name_phases(state: MotionState) -> NDArray[np.str_]:
     """The phases of motion (n,) of an excitation."""
     stands, turns = state.speed_x_m_s == 0.0, state.yaw_rate_rad_s != 0.0
     return np.select(

@@ -33,7 +33,7 @@ class DrivenManoeuvre(NamedTuple):
 
 
 class Hints(NamedTuple):
-    """What a shift has besides its motion, each (n,).
+    """Signals of a shift besides its motion, each (n,).
 
     Place along the way, and the angles of boom and bucket, positive up.
     """
@@ -63,12 +63,12 @@ class Timeline:
     sample: Callable[[NDArray[np.int64]], Channels]
     hints: Callable[[NDArray[np.int64]], Hints] | None = None
 
-    def trial(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    def number_trials(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """The trial at each time; the rest after the last has the next number."""
         found = np.searchsorted(self.trial_ns, time_ns, side="right") - 1
         return np.clip(found, 0, self.trial_ns.size - 1)
 
-    def trials(self, slope_deg: float) -> pl.DataFrame:
+    def make_trial_table(self, slope_deg: float) -> pl.DataFrame:
         """A row a trial, with the truth about the machine in it (`SimulatedLog.trials`)."""
         rows: list[dict[str, object]] = []
         for trial in range(self.trial_ns.size - 1):
@@ -101,7 +101,7 @@ class Timeline:
         times_ns = ("start_ns", "throttle_ns", "cruise_ns", "braking_ns", "end_ns")
         return pl.DataFrame(rows).cast(dict.fromkeys(times_ns, pl.Int64))
 
-    def manoeuvres(self) -> pl.DataFrame:
+    def make_manoeuvre_table(self) -> pl.DataFrame:
         """A row a manoeuvre (`SimulatedLog.manoeuvres`)."""
         rows: list[dict[str, object]] = []
         for each in self.driven:
@@ -111,11 +111,11 @@ class Timeline:
                     "run": each.trial,
                     "manoeuvre": each.number,
                     "kind": times.kind,
-                    "start_ns": begin_ns + nanoseconds(times.start_s),
+                    "start_ns": begin_ns + to_whole_ns(times.start_s),
                     "drive_ns": _unix_ns_after(begin_ns, times.drive_s),
                     "steady_ns": _unix_ns_after(begin_ns, times.steady_s),
                     "braking_ns": _unix_ns_after(begin_ns, times.braking_s),
-                    "end_ns": begin_ns + nanoseconds(times.end_s),
+                    "end_ns": begin_ns + to_whole_ns(times.end_s),
                     "load_kg": each.load_kg,
                     "load_end_kg": each.load_end_kg,
                     "mass_kg": each.body.mass_kg,
@@ -138,14 +138,14 @@ class Timeline:
 def repeat_trial(
     scenario: Scenario, load_kg: float, motion: SolvedMotion, start_ns: int
 ) -> Timeline:
-    """The same solved trial again and again, then a rest."""
+    """Repeat a solved trial, then rest."""
     trials = scenario.campaign.runs
     period_ns = math.ceil(motion.duration_s * 1e9)
     trial_ns = start_ns + period_ns * np.arange(trials + 1, dtype=np.int64)
 
     def sample(time_ns: NDArray[np.int64]) -> Channels:
         trial = np.clip((time_ns - start_ns) // period_ns, 0, trials - 1)
-        return motion.sample((time_ns - start_ns - trial * period_ns) * np.float64(1e-9))
+        return motion.sample_channels((time_ns - start_ns - trial * period_ns) * np.float64(1e-9))
 
     starts = [
         (each.direction, each.throttle) if each.kind == "start" else (None, None)
@@ -156,7 +156,7 @@ def repeat_trial(
         for trial in range(trials)
         for number, times in enumerate(motion.manoeuvres)
     )
-    end_ns = int(trial_ns[-1]) + nanoseconds(scenario.campaign.rest_s)
+    end_ns = int(trial_ns[-1]) + to_whole_ns(scenario.campaign.rest_s)
     return Timeline(start_ns, end_ns, trial_ns, driven, sample)
 
 
@@ -181,14 +181,14 @@ def continuous_timeline(
     def sample(time_ns: NDArray[np.int64]) -> Channels:
         return motion((time_ns - start_ns) * np.float64(1e-9))
 
-    end_ns = int(trial_ns[-1]) + nanoseconds(scenario.campaign.rest_s)
+    end_ns = int(trial_ns[-1]) + to_whole_ns(scenario.campaign.rest_s)
     return Timeline(start_ns, end_ns, trial_ns, driven, sample)
 
 
 def _unix_ns_after(start_ns: int, seconds: float | None) -> int | None:
-    return None if seconds is None else start_ns + nanoseconds(seconds)
+    return None if seconds is None else start_ns + to_whole_ns(seconds)
 
 
-def nanoseconds(seconds: float) -> int:
+def to_whole_ns(seconds: float) -> int:
     """Seconds as whole nanoseconds."""
     return round(seconds * 1_000_000_000)

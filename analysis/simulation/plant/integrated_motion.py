@@ -46,7 +46,7 @@ class IntegratedLog:
     stage: NDArray[np.int8]
     heading_rad: float = 0.0
 
-    def sample(self, time_s: Floats) -> Channels:
+    def sample_channels(self, time_s: Floats) -> Channels:
         """The channels at times (n,) in s since the log began: any times, in any order."""
         machine, terrain = self.scenario.machine, self.scenario.terrain
         now, rate = np.empty((plant.COLUMNS, time_s.size)), np.empty((SLOPES, time_s.size))
@@ -59,14 +59,14 @@ class IntegratedLog:
         force = now[plant.GROUND] - now[plant.BRAKED]
         squat, squat_rate = now[1 + plant.PITCH], now[1 + plant.PITCH_RATE]
         if not self.scenario.chassis.squat_hz:
-            squat, squat_rate = self._squat(now[plant.MASS], acc, rate)
+            squat, squat_rate = self._squat_of_fast_springs(now[plant.MASS], acc, rate)
         torque = self._inertia_z(now[plant.MASS]) * turn + machine.friction_z_N_m_s * omega
         torque = torque + machine.coulomb_z_N_m * np.sign(omega)
         seen = self.scenario.campaign.brake_measured_share
         gravity = terrain.gravity_m_s2 * np.sin(slope)
         heading = np.interp(time_s, self.rows[:, plant.TIME], self._heading_rad)
         return Channels(
-            phase=self._phase(last, wheel, acc, omega),
+            phase=self._name_phases(last, wheel, acc, omega),
             speed_x_m_s=body,
             acc_x_m_s2=acc,
             force_x_N=force,
@@ -86,7 +86,9 @@ class IntegratedLog:
             mass_kg=now[plant.MASS],
         )
 
-    def _squat(self, mass_kg: Floats, acc: Floats, rate: Floats) -> tuple[Floats, Floats]:
+    def _squat_of_fast_springs(
+        self, mass_kg: Floats, acc: Floats, rate: Floats
+    ) -> tuple[Floats, Floats]:
         """The pitch of springs that follow at once, and how fast it changes."""
         chassis = self.scenario.chassis
         by_load = math.radians(chassis.squat_deg_s2_m_kg)
@@ -107,7 +109,7 @@ class IntegratedLog:
         turned = np.diff(time) * (rate[1:] + rate[:-1]) / 2.0
         return self.heading_rad + np.concatenate([[0.0], np.cumsum(turned)])
 
-    def _phase(
+    def _name_phases(
         self, row: NDArray[np.int64], speed: Floats, acc: Floats, omega: Floats
     ) -> NDArray[np.str_]:
         stage = self.stage[row]

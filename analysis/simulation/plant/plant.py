@@ -45,7 +45,7 @@ _HALVINGS: Final = 60
 
 
 @inlined
-def _motor(asked_N: float, speed_m_s: float, plant: Plant) -> float:
+def _motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> float:
     """The force of the motor: what is asked for, within its limits while it drives."""
     force_N = asked_N
     if force_N * speed_m_s > 0.0:
@@ -84,7 +84,7 @@ def _pedal_force(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tupl
 
 
 @inlined
-def _rotating(speed_m_s: float, plant: Plant) -> float:
+def _rotating_mass_kg(speed_m_s: float, plant: Plant) -> float:
     """Equivalent mass of what rotates, in the gear of a speed."""
     for gear in range(plant.gears.shape[0]):
         if abs(speed_m_s) < plant.gears[gear, 0]:
@@ -93,7 +93,7 @@ def _rotating(speed_m_s: float, plant: Plant) -> float:
 
 
 @inlined
-def _mass_at(t: float, stage: DriveStage) -> float:
+def _total_mass_at_kg(t: float, stage: DriveStage) -> float:
     """Machine and load, of which some may fall in or off."""
     mass = stage.mass_kg + stage.fill_kg_s * (t - stage.begin_s)
     if stage.spill_1_s > 0.0:
@@ -102,7 +102,7 @@ def _mass_at(t: float, stage: DriveStage) -> float:
 
 
 @inlined
-def _pitching(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float:
+def _pitch_acceleration_rad_s2(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float:
     """How fast the pitch rate changes, on springs that give way under load and acceleration."""
     squat = (plant.squat_s2_m + plant.squat_s2_m_kg * load_kg) * acc_m_s2
     squat += plant.pitch_1_kg * load_kg
@@ -112,7 +112,7 @@ def _pitching(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float
 
 
 @inlined
-def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does not
+def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does not
     t: float,
     y: Floats,
     grip: float,
@@ -125,13 +125,13 @@ def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does no
 ) -> None:
     """Fill `out` with the derivatives of the state, and with the forces of the instant."""
     wheel, body = y[WHEEL], y[BODY]
-    mass = _mass_at(t, stage)
+    mass = _total_mass_at_kg(t, stage)
     slope = plant.slope_rad + plant.hills_rad * math.sin(
         plant.hills_rad_m * y[POSITION] + plant.hills_phase_rad
     )
     gravity = stage.facing * plant.gravity_m_s2 * math.sin(slope)
     boom = plant.boom_N * math.sin(plant.boom_rad_s * t)
-    force = _motor(y[DRIVE], wheel, plant)
+    force = _motor_force(y[DRIVE], wheel, plant)
     ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
     capacity = friction_capacity(t, turn, plant, stage)
@@ -142,7 +142,7 @@ def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does no
     filling = stage.fill_kg_s * body
     soft = plant.resonance_rad_s > 0.0
     share = plant.wheel_share if soft else 1.0
-    wheel_kg = share * mass + _rotating(wheel, plant)
+    wheel_kg = share * mass + _rotating_mass_kg(wheel, plant)
     body_kg = (1.0 - share) * mass
     friction = plant.friction_N_s_m * cold_friction_share(
         t, plant.friction_warming, plant.warming_s
@@ -181,7 +181,7 @@ def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does no
     out[DRIVE] = (asked - y[DRIVE]) / plant.lag_s
     out[BRAKE] = (braking - y[BRAKE]) / plant.lag_s
     out[PITCH] = y[PITCH_RATE]
-    out[PITCH_RATE] = _pitching(y, body_acc, mass - plant.empty_kg, plant)
+    out[PITCH_RATE] = _pitch_acceleration_rad_s2(y, body_acc, mass - plant.empty_kg, plant)
     out[_PULL] = pull
     out[_CAPACITY] = capacity
     out[_FORCE] = force
@@ -192,7 +192,7 @@ def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does no
 
 
 @inlined
-def _write_row(row: Floats, t: float, y: Floats, out: Floats, stands: float) -> None:
+def _write_state_row(row: Floats, t: float, y: Floats, out: Floats, stands: float) -> None:
     row[TIME] = t
     for i in range(STATES):
         row[1 + i] = y[i]
@@ -222,19 +222,19 @@ def _integrate_step(  # noqa: PLR0913 - compiled, as above
     """One step of Runge-Kutta from `y` to `made`; `k` (4, _OUT) begins with the rates at `t`."""
     for i in range(STATES):
         made[i] = y[i] + 0.5 * dt * k[0, i]
-    _rates(t + 0.5 * dt, made, grip, waits, plant, stage, wave, wave_step_s, k[1])
+    _fill_state_rates(t + 0.5 * dt, made, grip, waits, plant, stage, wave, wave_step_s, k[1])
     for i in range(STATES):
         made[i] = y[i] + 0.5 * dt * k[1, i]
-    _rates(t + 0.5 * dt, made, grip, waits, plant, stage, wave, wave_step_s, k[2])
+    _fill_state_rates(t + 0.5 * dt, made, grip, waits, plant, stage, wave, wave_step_s, k[2])
     for i in range(STATES):
         made[i] = y[i] + dt * k[2, i]
-    _rates(t + dt, made, grip, waits, plant, stage, wave, wave_step_s, k[3])
+    _fill_state_rates(t + dt, made, grip, waits, plant, stage, wave, wave_step_s, k[3])
     for i in range(STATES):
         made[i] = y[i] + dt / 6.0 * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i])
 
 
 @compiled
-def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a step
+def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a step
     end_s: float,
     steps: int,
     stops: bool,
@@ -271,7 +271,7 @@ def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a s
     moved = grip != 0.0
     kept, number, blocked = 0, 0, False
     while number < steps and kept + 2 < rows.shape[0]:
-        _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+        _fill_state_rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
         if grip == 0.0 and stage.holds == 0.0 and not blocked:
             pull = k[0, _PULL]
             if abs(pull) > max(k[0, _CAPACITY], _LEAST_GRIP):
@@ -280,9 +280,9 @@ def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a s
                     y[BRAKE] = 0.0
                 waits = 0.0
                 moved = True
-                _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+                _fill_state_rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
         stands = 1.0 if grip == 0.0 and (waits != 0.0 or stage.holds > 0.0) else 0.0
-        _write_row(rows[kept], t, y, k[0], stands)
+        _write_state_row(rows[kept], t, y, k[0], stands)
         kept += 1
         dt = stage.begin_s + (number + 1) * step - t
         _integrate_step(t, dt, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
@@ -308,8 +308,8 @@ def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a s
             # no progress: friction holds for the rest of this step
             blocked = least <= 1e-9 * step
             y[:] = made
-            _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
-            _write_row(rows[kept], t, y, k[0], 0.0)
+            _fill_state_rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+            _write_state_row(rows[kept], t, y, k[0], 0.0)
             kept += 1
             if stops:
                 return t, kept, moved
@@ -318,9 +318,9 @@ def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a s
             number += 1
             t = stage.begin_s + number * step
             y[:] = made
-    _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+    _fill_state_rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
     stands = 1.0 if grip == 0.0 and (waits != 0.0 or stage.holds > 0.0) else 0.0
-    _write_row(rows[kept], t, y, k[0], stands)
+    _write_state_row(rows[kept], t, y, k[0], stands)
     return t, kept + 1, moved
 
 

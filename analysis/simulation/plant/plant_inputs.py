@@ -89,7 +89,7 @@ class DriveStage(NamedTuple):
     facing: float = 1.0
 
 
-def plant_of(scenario: Scenario) -> Plant:
+def make_plant(scenario: Scenario) -> Plant:
     """The constants of a log."""
     drivetrain, chassis, terrain = scenario.drivetrain, scenario.chassis, scenario.terrain
     rolling = scenario.rolling

@@ -1,4 +1,4 @@
-"""What resists the motion of the integrated plant, and holds it where it stands."""
+"""Resistance that opposes the motion of the integrated plant and holds it at standstill."""
 
 import math
 from typing import Final

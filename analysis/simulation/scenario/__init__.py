@@ -1,1 +1,1 @@
-"""What is asked for: the sections of a scenario file."""
+"""Sections of a scenario file."""

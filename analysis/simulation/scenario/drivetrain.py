@@ -43,7 +43,7 @@ class SimulatedDrivetrain(BaseModel):
     gear_rotating_kg: tuple[float, ...] = Field(
         default=(),
         max_length=21,
-        description="equivalent mass of what rotates in each gear, besides rotating_kg: one more "
+        description="equivalent rotating mass in each gear, besides rotating_kg: one more "
         "than gear_up_m_s",
     )
     resonance_hz: float = Field(
@@ -68,7 +68,7 @@ class SimulatedDrivetrain(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _each_gear_has_its_parts(self) -> Self:
+    def _check_gears(self) -> Self:
         shifts, rotating_kg = self.gear_up_m_s, self.gear_rotating_kg
         if (shifts or rotating_kg) and len(rotating_kg) != len(shifts) + 1:
             raise ValueError(
@@ -121,7 +121,7 @@ class SimulatedChassis(BaseModel):
         default=0.0, ge=-10, le=10, description="pitch, nose up, over forward acceleration"
     )
     squat_deg_s2_m_kg: float = Field(
-        default=0.0, ge=-0.1, le=0.1, description="what it is more a kg of load: soft rear springs"
+        default=0.0, ge=-0.1, le=0.1, description="increase per kg of load: soft rear springs"
     )
     pitch_deg_kg: float = Field(
         default=0.0,
@@ -179,7 +179,7 @@ class SimulatedRolling(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _no_ground_drives(self) -> Self:
+    def _check_ground(self) -> Self:
         if self.coefficient + self.second_ground_more < 0.0:
             raise ValueError("'second_ground_more' leaves a coefficient below 0")
         return self

@@ -9,7 +9,7 @@ _FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class SimulatedSensors(BaseModel):
-    """What the instruments add; noise is white unless said otherwise, as standard deviations."""
+    """Errors of the sensors; white noise unless said otherwise, as standard deviations."""
 
     model_config = _FORBID
 
@@ -36,7 +36,10 @@ class SimulatedSensors(BaseModel):
     gyro_bias_rad_s: float = Field(default=0.0, description="of each gyroscope axis")
     force_bias_N: float = Field(default=0.0, description="of the total force")
     force_gain: float = Field(
-        default=1.0, gt=0, le=100, description="the torque sensors report so many times the torque"
+        default=1.0,
+        gt=0,
+        le=100,
+        description=("the torque sensors report this many times the torque"),
     )
     torque_lsb_N_m: float = Field(
         default=0.0, ge=0, description="resolution of each torque sensor; 0: not quantised"
@@ -53,7 +56,10 @@ class SimulatedSensors(BaseModel):
         default=0.0, ge=0, le=10, description="the torque sensors report what was so long ago"
     )
     speed_delay_s: float = Field(
-        default=0.0, ge=0, le=10, description="likewise the wheel speed sensors"
+        default=0.0,
+        ge=0,
+        le=10,
+        description=("the wheel speed sensors report this many times the speed"),
     )
     imu_delay_s: float = Field(default=0.0, ge=0, le=10, description="likewise the IMU")
     seed: int = Field(default=1, ge=0, description="the same seed gives the same logs")
@@ -77,7 +83,10 @@ class SimulatedRecorder(BaseModel):
         default=0.002, ge=0, le=1, description="least time from measurement to recording"
     )
     latency_jitter_s: float = Field(
-        default=0.001, ge=0, le=1, description="what a message may take longer, uniform"
+        default=0.001,
+        ge=0,
+        le=1,
+        description=("additional delay of a message, uniformly distributed"),
     )
     dropout_share: float = Field(
         default=0.0, ge=0, lt=1, description="share of each topic's messages that are lost, singly"
@@ -98,7 +107,7 @@ class SimulatedRecorder(BaseModel):
 
 
 class SimulatedDefects(BaseModel):
-    """What is wrong with the instruments; by default nothing."""
+    """Defects of the sensors; none by default."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

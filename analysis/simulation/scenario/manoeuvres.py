@@ -84,7 +84,7 @@ class Excite(_Manoeuvre):
     torque: TorqueWave | None = Field(default=None, description="waveform of the yaw torque")
 
     @model_validator(mode="after")
-    def _something_is_driven(self) -> Self:
+    def _check_waveforms(self) -> Self:
         if self.force is None and self.torque is None:
             raise ValueError("an excitation needs 'force', 'torque' or both")
         return self
@@ -125,7 +125,7 @@ class Travel(_Manoeuvre):
     in_motion: bool = Field(default=False, description="the log begins and ends while it drives")
 
     @model_validator(mode="after")
-    def _ranges_ascend(self) -> Self:
+    def _check_ranges(self) -> Self:
         for least, most in (
             ("speed_least_m_s", "speed_most_m_s"),
             ("hold_least_s", "hold_most_s"),

@@ -65,7 +65,7 @@ class SimulatedStarts(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _throttle_is_a_range(self) -> Self:
+    def _check_throttle_range(self) -> Self:
         if self.throttle_least > self.throttle_most:
             raise ValueError("'throttle_least' is above 'throttle_most'")
         return self
@@ -143,7 +143,7 @@ class SimulatedMachine(BaseModel):
         "begin cold",
     )
     coulomb_warming: float = Field(
-        default=0.0, ge=0, lt=1, description="likewise of the Coulomb friction"
+        default=0.0, ge=0, lt=1, description="warm-up of the Coulomb friction"
     )
     warming_s: float = Field(
         default=60.0, gt=0, le=1e5, description="time constant of both, cold to warm"
@@ -234,7 +234,7 @@ class SimulatedCampaign(BaseModel):
         start = Start(start_s=self.start_s, cruise_s=self.cruise_s)
         return self.manoeuvres or (Rest(duration_s=self.standstill_s), start)
 
-    def valve(self, share: float) -> float:
+    def drive_fraction_at_throttle(self, share: float) -> float:
         """The share of the full drive that a share of the full throttle gives, in steady state.
 
         Dead band, then linear up to full at full throttle.
@@ -244,7 +244,7 @@ class SimulatedCampaign(BaseModel):
 
     @field_validator("loads_kg")
     @classmethod
-    def _loads_can_be_told_apart(cls, loads: tuple[float, ...]) -> tuple[float, ...]:
+    def _check_loads_differ(cls, loads: tuple[float, ...]) -> tuple[float, ...]:
         if any(not 0 <= load <= 1e6 for load in loads):
             raise ValueError("a load is between 0 and 1e6 kg")
         if len(set(loads)) < len(loads):
@@ -312,8 +312,8 @@ class Scenario(BaseModel):
     log: SimulatedRecorder = SimulatedRecorder()
     shift: SimulatedShift | None = None
 
-    def seeded(self, seed: int) -> Self:
-        """The same scenario with other noise."""
+    def with_seed(self, seed: int) -> Self:
+        """Copy the scenario with another seed, and so with other noise."""
         sensors = self.sensors.model_copy(update={"seed": seed})
         return self.model_copy(update={"sensors": sensors})
 
@@ -323,10 +323,10 @@ class Scenario(BaseModel):
         full_N = self.campaign.throttle_force_N
         return full_N, full_N * self.machine.track_width_m / 2.0
 
-    def driven(self, force_N: float, torque_N_m: float) -> tuple[float, float]:
+    def drive_through_valves(self, force_N: float, torque_N_m: float) -> tuple[float, float]:
         """Force and torque that both valves give for those asked, but for their lag."""
         width_m, full_N = self.machine.track_width_m, self.campaign.throttle_force_N / 2.0
-        valve, turning_N = self.campaign.valve, torque_N_m / width_m
+        valve, turning_N = self.campaign.drive_fraction_at_throttle, torque_N_m / width_m
         left = full_N * valve((force_N / 2.0 - turning_N) / full_N)
         right = full_N * valve((force_N / 2.0 + turning_N) / full_N)
         return left + right, (right - left) * width_m / 2.0

@@ -26,7 +26,10 @@ class SimulatedShift(BaseModel):
         default=5.0, ge=0, le=600, description="longest time between two of them, uniform"
     )
     damaged_logs: int = Field(
-        default=0, ge=0, le=100, description="so many of them lose their end: the file is torn off"
+        default=0,
+        ge=0,
+        le=100,
+        description=("number of logs that lose their end: the file is torn off"),
     )
     damage_share: float = Field(
         default=0.02, gt=0, lt=1, description="part that such a log loses at most, uniform"
@@ -40,7 +43,10 @@ class SimulatedShift(BaseModel):
     load_least_kg: float = Field(default=200.0, gt=0, le=1e5, description="no load is less")
     load_most_kg: float = Field(default=1100.0, gt=0, le=1e5, description="or more")
     carry_back_kg: float = Field(
-        default=10.0, ge=0, le=1e4, description="mean of what stays in the bucket, exponential"
+        default=10.0,
+        ge=0,
+        le=1e4,
+        description="mean carry-back left in the bucket after a dump; exponentially distributed",
     )
     carry_back_most_kg: float = Field(default=60.0, ge=0, le=1e4, description="and its most")
     spill_1_s: float = Field(
@@ -111,7 +117,7 @@ class SimulatedShift(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _values_fit_together(self) -> Self:
+    def _check_consistency(self) -> Self:
         if not self.load_least_kg <= self.load_kg <= self.load_most_kg:
             raise ValueError("'load_kg' is not between 'load_least_kg' and 'load_most_kg'")
         if self.carry_back_most_kg >= self.load_least_kg:

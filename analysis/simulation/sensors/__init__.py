@@ -1,1 +1,1 @@
-"""What sensors report of a motion, and what the recorder keeps."""
+"""Sensor readings of a motion, and the part that the recorder keeps."""

@@ -77,7 +77,7 @@ _STREAMS: Final = (
 )
 
 
-def generator(seed: int, load_index: int, number: int, stream: str) -> np.random.Generator:
+def make_generator(seed: int, load_index: int, number: int, stream: str) -> np.random.Generator:
     """The random numbers of a stream in one trial, or at one start, of one log.
 
     Args:
@@ -104,28 +104,30 @@ class Streams:
     load_index: int
     trial: NDArray[np.int64]
 
-    def normal(self, stream: str, std: float) -> Floats:
+    def draw_white_noise(self, stream: str, std: float) -> Floats:
         """White noise (n,) of standard deviation `std`."""
-        return std * np.concatenate([g.standard_normal(n) for g, n in self._generators(stream)])
+        return std * np.concatenate(
+            [g.standard_normal(n) for g, n in self._make_generators(stream)]
+        )
 
-    def drift(self, stream: str, std: float, samples: float) -> Floats:
+    def draw_drift(self, stream: str, std: float, samples: float) -> Floats:
         """A stationary first-order Gauss-Markov process (n,): e-folding after `samples`."""
         if not std:
             return np.zeros(self.trial.size)
         from scipy.signal import lfilter
 
         keeps = math.exp(-1.0 / samples)
-        steps = self.normal(stream, std)
+        steps = self.draw_white_noise(stream, std)
         steps[1:] *= math.sqrt(1.0 - keeps * keeps)
         return lfilter([1.0], [1.0, -keeps], steps)
 
-    def uniform(self, stream: str) -> Floats:
+    def draw_uniform(self, stream: str) -> Floats:
         """Numbers (n,) between 0 and 1."""
-        return np.concatenate([g.random(n) for g, n in self._generators(stream)])
+        return np.concatenate([g.random(n) for g, n in self._make_generators(stream)])
 
-    def _generators(self, stream: str) -> list[tuple[np.random.Generator, int]]:
+    def _make_generators(self, stream: str) -> list[tuple[np.random.Generator, int]]:
         trials, samples = np.unique(self.trial, return_counts=True)
         return [
-            (generator(self.seed, self.load_index, int(trial), stream), int(count))
+            (make_generator(self.seed, self.load_index, int(trial), stream), int(count))
             for trial, count in zip(trials, samples, strict=True)
         ]

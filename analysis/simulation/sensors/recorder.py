@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.simulation.motion.timeline import Timeline
 from analysis.simulation.scenario.sampling import TopicName
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.sensors.random_streams import Streams, generator
+from analysis.simulation.sensors.random_streams import Streams, make_generator
 from estimators.arrays import Floats
 
 TOPICS: Final[tuple[TopicName, ...]] = ("imu", "torque", "speed")
@@ -33,7 +33,7 @@ def phase_s(scenario: Scenario, topic: TopicName, load_index: int) -> float:
     asked_s = scenario.sampling.phase_s(topic)
     if asked_s >= 0.0:
         return asked_s
-    drawn = generator(scenario.sensors.seed, load_index, 0, f"{topic}_phase").random()
+    drawn = make_generator(scenario.sensors.seed, load_index, 0, f"{topic}_phase").random()
     return float(drawn) / rate_hz(scenario, topic)
 
 
@@ -45,7 +45,7 @@ def sample_times_ns(timeline: Timeline, rate_hz: float, phase_s: float) -> NDArr
     return first_ns + np.rint(np.arange(samples) * period_ns).astype(np.int64)
 
 
-def record(
+def record_topics(
     scenario: Scenario,
     topic: TopicName,
     at_ns: NDArray[np.int64],
@@ -64,36 +64,38 @@ def record(
         readings: its columns, each (n,).
     """
     log = scenario.log
-    latency_s = log.latency_s + log.latency_jitter_s * streams.uniform(f"{topic}_latency")
+    latency_s = log.latency_s + log.latency_jitter_s * streams.draw_uniform(f"{topic}_latency")
     log_time_ns = at_ns + np.rint(latency_s * 1e9).astype(np.int64)
     keeps = ~find_dropouts(scenario, at_ns, streams, timeline)
     if log.dropout_share:
-        keeps &= streams.uniform(f"{topic}_dropout") >= log.dropout_share
+        keeps &= streams.draw_uniform(f"{topic}_dropout") >= log.dropout_share
     frame = pl.DataFrame(
         {
-            "header_stamp_ns": _stamps_ns(scenario, topic, at_ns, streams, timeline.start_ns),
+            "header_stamp_ns": _stamp_samples_ns(
+                scenario, topic, at_ns, streams, timeline.start_ns
+            ),
             "log_time_ns": log_time_ns,
             **readings,
         }
     ).filter(keeps)
     if not log.swapped_share:
         return frame
-    late = _swap_order(log_time_ns, streams.uniform(f"{topic}_swap") < log.swapped_share)
+    late = _swap_order(log_time_ns, streams.draw_uniform(f"{topic}_swap") < log.swapped_share)
     return frame.with_columns(log_time_ns=late[keeps]).sort("log_time_ns")
 
 
-def _stamps_ns(
+def _stamp_samples_ns(
     scenario: Scenario,
     topic: TopicName,
     at_ns: NDArray[np.int64],
     streams: Streams,
     start_ns: int,
 ) -> NDArray[np.int64]:
-    """What the topic's clock shows at each measurement, in unix ns."""
+    """Stamp of each measurement by the topic's clock, in unix ns."""
     sampling = scenario.sampling
     ahead_ns = (at_ns - start_ns) * (sampling.clock_ppm(topic) * 1e-6)
     if sampling.stamp_jitter_s:
-        part = 2.0 * streams.uniform(f"{topic}_stamp") - 1.0
+        part = 2.0 * streams.draw_uniform(f"{topic}_stamp") - 1.0
         ahead_ns = ahead_ns + part * (sampling.stamp_jitter_s * 1e9)
     return at_ns + np.rint(ahead_ns).astype(np.int64)
 
@@ -117,8 +119,8 @@ def find_dropouts(
         return np.zeros(at_ns.shape, np.bool_)
     # the same stretches in all topics, whatever their rates
     grid_ns = sample_times_ns(timeline, rate, 0.0)
-    common = Streams(streams.seed, streams.load_index, timeline.trial(grid_ns))
-    begins = common.uniform("blackout") < -math.expm1(-1.0 / rate / log.blackout_every_s)
+    common = Streams(streams.seed, streams.load_index, timeline.number_trials(grid_ns))
+    begins = common.draw_uniform("blackout") < -math.expm1(-1.0 / rate / log.blackout_every_s)
     begins_ns = np.concatenate([[np.int64(-(2**62))], grid_ns[begins]])
     last_ns = begins_ns[np.searchsorted(begins_ns, at_ns, side="right") - 1]
     return at_ns - last_ns < round(log.blackout_s * 1e9)

@@ -20,7 +20,7 @@ from analysis.simulation.sensors.random_streams import Streams
 from analysis.simulation.sensors.recorder import (
     phase_s,
     rate_hz,
-    record,
+    record_topics,
     recorded_topics,
     sample_times_ns,
 )
@@ -34,7 +34,9 @@ _SIDES: Final = (("left", -1.0), ("right", 1.0))
 _EARTH_M: Final = 6_371_008.8
 
 
-def measure(scenario: Scenario, timeline: Timeline, load_index: int) -> dict[str, pl.DataFrame]:
+def measure_topics(
+    scenario: Scenario, timeline: Timeline, load_index: int
+) -> dict[str, pl.DataFrame]:
     """Report a motion as the instruments would.
 
     Args:
@@ -52,12 +54,12 @@ def measure(scenario: Scenario, timeline: Timeline, load_index: int) -> dict[str
     for topic in recorded_topics(scenario):
         phase = phase_s(scenario, topic, load_index)
         at_ns = sample_times_ns(timeline, rate_hz(scenario, topic), phase)
-        streams = Streams(scenario.sensors.seed, load_index, timeline.trial(at_ns))
+        streams = Streams(scenario.sensors.seed, load_index, timeline.number_trials(at_ns))
         readings = _READERS[topic](scenario, timeline, at_ns, streams)
         if scenario.defects.frozen_topic == topic:
             held = frozen_sample_indices(scenario, at_ns - timeline.start_ns)
             readings = {name: values[held] for name, values in readings.items()}
-        frames[topic] = record(scenario, topic, at_ns, streams, timeline, readings)
+        frames[topic] = record_topics(scenario, topic, at_ns, streams, timeline, readings)
     return frames
 
 
@@ -68,12 +70,12 @@ class WhiteNoise(NamedTuple):
     lsb: float
 
 
-def _measure(value: Floats, streams: Streams, name: str, white: WhiteNoise) -> Floats:
-    reading = value + streams.normal(name, white.std)
+def _add_sensor_errors(value: Floats, streams: Streams, name: str, white: WhiteNoise) -> Floats:
+    reading = value + streams.draw_white_noise(name, white.std)
     return np.rint(reading / white.lsb) * white.lsb if white.lsb else reading
 
 
-def _signals(
+def _delay_and_filter_signals(
     timeline: Timeline,
     at_ns: NDArray[np.int64],
     times_s: tuple[float, float],
@@ -92,19 +94,21 @@ def _signals(
     return low_pass(signals, at_ns - round(delay_s * 1e9), lag_s)
 
 
-def _imu(
+def _measure_imu(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
 ) -> dict[str, Floats]:
     sensors, defects = scenario.sensors, scenario.defects
     times_s = (sensors.imu_delay_s, defects.imu_lag_s)
     made = dict(
-        _signals(timeline, at_ns, times_s, lambda motion, _: _imu_signals(scenario, motion))
+        _delay_and_filter_signals(
+            timeline, at_ns, times_s, lambda motion, _: _true_imu_signals(scenario, motion)
+        )
     )
     if defects.vibration_m_s2:
         moving = timeline.sample(at_ns).wheel_speed_x_m_s != 0.0
         seconds = (at_ns - timeline.start_ns) * np.float64(1e-9)
         made["specific_force_x_m_s2"] = made["specific_force_x_m_s2"] + np.where(
-            moving, _vibration(scenario, seconds, streams), 0.0
+            moving, _draw_vibration(scenario, seconds, streams), 0.0
         )
     acc = WhiteNoise(sensors.acc_noise_m_s2, sensors.acc_lsb_m_s2)
     gyro = WhiteNoise(sensors.gyro_noise_rad_s, sensors.gyro_lsb_rad_s)
@@ -113,12 +117,14 @@ def _imu(
         "roll_rad": WhiteNoise(sensors.roll_noise_rad, sensors.angle_lsb_rad),
     }
     return {
-        name: _measure(value, streams, name, white.get(name, acc if "force" in name else gyro))
+        name: _add_sensor_errors(
+            value, streams, name, white.get(name, acc if "force" in name else gyro)
+        )
         for name, value in made.items()
     }
 
 
-def _imu_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
+def _true_imu_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
     sensors, terrain, defects = scenario.sensors, scenario.terrain, scenario.defects
     x, y = sensors.imu_x_m, sensors.imu_y_m
     omega, turn = motion.yaw_rate_rad_s, motion.yaw_acc_rad_s2
@@ -153,47 +159,47 @@ def _imu_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
     }
 
 
-def _vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Floats:
+def _draw_vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Floats:
     """Narrow-band noise (n,): a carrier whose two amplitudes are Gauss-Markov processes."""
     defects = scenario.defects
     samples = rate_hz(scenario, "imu") / (math.pi * defects.vibration_bandwidth_hz)
     turn = 2.0 * math.pi * defects.vibration_hz * seconds
     in_phase, in_quadrature = (
-        streams.drift(f"vibration_{name}", defects.vibration_m_s2, samples)
+        streams.draw_drift(f"vibration_{name}", defects.vibration_m_s2, samples)
         for name in ("in_phase", "in_quadrature")
     )
     return in_phase * np.cos(turn) + in_quadrature * np.sin(turn)
 
 
-def _torque(
+def _measure_torque(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
 ) -> dict[str, Floats]:
     """The torques; the noise of the sides adds up to that of their sum."""
     sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
     lever_m = machine.force_share * machine.wheel_radius_m
     times_s = (sensors.force_delay_s, defects.force_lag_s)
-    signals = _signals(
-        timeline, at_ns, times_s, lambda motion, part: _torque_signals(scenario, motion, part)
+    signals = _delay_and_filter_signals(
+        timeline, at_ns, times_s, lambda motion, part: _true_torque_signals(scenario, motion, part)
     )
     noise = sensors.force_noise_N * lever_m / math.sqrt(2)
     most_N_m = defects.force_clip_N * lever_m / 2
     readings: dict[str, Floats] = {}
     for side, _ in _SIDES:
         name = f"torque_{side}_N_m"
-        drift = streams.drift(
+        drift = streams.draw_drift(
             f"torque_{side}_drift",
             sensors.force_drift_N * lever_m / math.sqrt(2),
             sensors.force_drift_s * rate_hz(scenario, "torque"),
         )
-        reading = _measure(
+        reading = _add_sensor_errors(
             signals[name] + drift, streams, name, WhiteNoise(noise, sensors.torque_lsb_N_m)
         )
         readings[name] = np.clip(reading, -most_N_m, most_N_m) if most_N_m else reading
     readings["torque_left_N_m"] = readings["torque_left_N_m"] * defects.left_torque_gain
-    return _split_by_side(scenario, "torque_{}_N_m", readings)
+    return _swap_sides_if_defective(scenario, "torque_{}_N_m", readings)
 
 
-def _torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
+def _true_torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
     """(17) and (18) backwards, from the share that these wheels carry and their true radius."""
     sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
     lever_m = machine.force_share * machine.wheel_radius_m
@@ -209,19 +215,23 @@ def _torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[
     }
 
 
-def _speed(
+def _measure_speed(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
 ) -> dict[str, Floats]:
     sensors = scenario.sensors
     times_s = (sensors.speed_delay_s, scenario.defects.speed_lag_s)
-    signals = _signals(timeline, at_ns, times_s, lambda motion, _: _speed_signals(scenario, motion))
+    signals = _delay_and_filter_signals(
+        timeline, at_ns, times_s, lambda motion, _: _true_speed_signals(scenario, motion)
+    )
     # the mean of both sides has the scenario's noise
     white = WhiteNoise(sensors.speed_noise_m_s * math.sqrt(2), sensors.speed_lsb_m_s)
-    readings = {name: _measure(value, streams, name, white) for name, value in signals.items()}
-    return _split_by_side(scenario, "speed_{}_m_s", readings)
+    readings = {
+        name: _add_sensor_errors(value, streams, name, white) for name, value in signals.items()
+    }
+    return _swap_sides_if_defective(scenario, "speed_{}_m_s", readings)
 
 
-def _speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
+def _true_speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
     """Each side's ground speed, and on it the slip that its force takes.
 
     Slip κ = (v_wheel - v) / |v| = F / C with the longitudinal slip stiffness C: the linear range of
@@ -243,7 +253,9 @@ def _speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
     return signals
 
 
-def _split_by_side(scenario: Scenario, name: str, readings: dict[str, Floats]) -> dict[str, Floats]:
+def _swap_sides_if_defective(
+    scenario: Scenario, name: str, readings: dict[str, Floats]
+) -> dict[str, Floats]:
     left, right = name.format("left"), name.format("right")
     if scenario.defects.sides_swapped:
         return {left: readings[right], right: readings[left]}
@@ -292,24 +304,28 @@ def low_pass(
     return made
 
 
-def boom(
+def measure_boom(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
 ) -> dict[str, Floats]:
     """Angles of boom and bucket, positive up, in rad."""
     hints, noise = _require_hints(timeline, at_ns), _shift_noise(scenario)
     return {
-        "boom_rad": hints.boom_rad + streams.normal("boom_rad", noise),
-        "bucket_rad": hints.bucket_rad + streams.normal("bucket_rad", noise),
+        "boom_rad": hints.boom_rad + streams.draw_white_noise("boom_rad", noise),
+        "bucket_rad": hints.bucket_rad + streams.draw_white_noise("bucket_rad", noise),
     }
 
 
-def odometry(
+def measure_odometry(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
 ) -> dict[str, Floats]:
     """Place along the way and heading as they are; speed and yaw rate with the sensors' noise."""
     motion, sensors = timeline.sample(at_ns), scenario.sensors
-    speed = motion.wheel_speed_x_m_s + streams.normal("odometry_speed", sensors.speed_noise_m_s)
-    rate = motion.yaw_rate_rad_s + streams.normal("odometry_yaw", sensors.gyro_noise_rad_s)
+    speed = motion.wheel_speed_x_m_s + streams.draw_white_noise(
+        "odometry_speed", sensors.speed_noise_m_s
+    )
+    rate = motion.yaw_rate_rad_s + streams.draw_white_noise(
+        "odometry_yaw", sensors.gyro_noise_rad_s
+    )
     return {
         "position_x_m": _require_hints(timeline, at_ns).position_m,
         "heading_rad": motion.heading_rad,
@@ -318,7 +334,7 @@ def odometry(
     }
 
 
-def gnss(
+def measure_gnss(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
 ) -> dict[str, Floats]:
     """Latitude and longitude in degrees, on a sphere."""
@@ -326,8 +342,8 @@ def gnss(
     assert shift is not None
     bearing = math.radians(shift.bearing_deg)
     along = _require_hints(timeline, at_ns).position_m
-    north = along * math.cos(bearing) + streams.normal("gnss_north", shift.gnss_noise_m)
-    east = along * math.sin(bearing) + streams.normal("gnss_east", shift.gnss_noise_m)
+    north = along * math.cos(bearing) + streams.draw_white_noise("gnss_north", shift.gnss_noise_m)
+    east = along * math.sin(bearing) + streams.draw_white_noise("gnss_east", shift.gnss_noise_m)
     parallel_m = _EARTH_M * math.cos(math.radians(shift.latitude_deg))
     return {
         "latitude_deg": shift.latitude_deg + np.degrees(north / _EARTH_M),
@@ -347,10 +363,10 @@ def _shift_noise(scenario: Scenario) -> float:
 
 _Reader = Callable[[Scenario, Timeline, NDArray[np.int64], Streams], dict[str, Floats]]
 _READERS: Final[Mapping[TopicName, _Reader]] = {
-    "imu": _imu,
-    "torque": _torque,
-    "speed": _speed,
-    "boom": boom,
-    "odometry": odometry,
-    "gnss": gnss,
+    "imu": _measure_imu,
+    "torque": _measure_torque,
+    "speed": _measure_speed,
+    "boom": measure_boom,
+    "odometry": measure_odometry,
+    "gnss": measure_gnss,
 }

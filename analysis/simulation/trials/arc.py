@@ -24,7 +24,7 @@ def arc_phases(
     def state(time_s: Floats) -> MotionState:
         up = np.clip((time_s - begin_s) / manoeuvre.ramp_s, 0.0, None)
         down = np.clip((time_s - down_s) / manoeuvre.ramp_s, 0.0, None)
-        level = _smooth_step(up) - _smooth_step(down)
+        level = _interpolate_smooth_step(up) - _interpolate_smooth_step(down)
         slope = (_smooth_step_rate(up) - _smooth_step_rate(down)) / manoeuvre.ramp_s
         turned = (
             manoeuvre.yaw_rate_rad_s
@@ -36,7 +36,7 @@ def arc_phases(
         heading = heading_rad + turned
         sign = AxisPair(np.sign(rate.x), np.sign(rate.z))
         total = body.required_drive(rate, acceleration, heading, sign)
-        drive = AxisPair(_driving_part(total.x, rate.x), _driving_part(total.z, rate.z))
+        drive = AxisPair(_driving_component(total.x, rate.x), _driving_component(total.z, rate.z))
         values: list[Values] = [
             rate.x,
             acceleration.x,
@@ -59,11 +59,11 @@ def arc_phases(
     return phases, ManoeuvreTimes("arc", begin_s, begin_s, steady_s, down_s, end_s)
 
 
-def _driving_part(total: Values, rate: Values) -> Values:
+def _driving_component(total: Values, rate: Values) -> Values:
     return np.where(total * rate >= 0.0, total, 0.0)
 
 
-def _smooth_step(part: Floats) -> Floats:
+def _interpolate_smooth_step(part: Floats) -> Floats:
     part = np.minimum(part, 1.0)
     return part**3 * (10.0 + part * (6.0 * part - 15.0))
 

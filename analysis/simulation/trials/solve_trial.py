@@ -28,7 +28,7 @@ from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from analysis.simulation.trials.arc import arc_phases
 from analysis.simulation.trials.stiction import LEAST_GRIP, RATES, Commands, Stiction
-from analysis.simulation.trials.switches import integrate_for
+from analysis.simulation.trials.switches import key_that_needs_integration
 from analysis.simulation.trials.trial_limits import check_limits
 from estimators.arrays import Floats
 from estimators.errors import DataError, ScenarioError
@@ -56,17 +56,17 @@ def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
         ScenarioError: the machine cannot be driven as asked.
     """
     check_limits(scenario, [load_kg])
-    asked = integrate_for(scenario)
+    asked = key_that_needs_integration(scenario)
     if asked is not None:
         raise ScenarioError(f"{asked}: needs a whole log; use simulate_campaign")
-    trial = _Trial(scenario, RigidBody.loaded(scenario, load_kg))
-    phases = [trial.stand(-math.inf, 0.0, heading_rad=0.0)]
+    trial = _Trial(scenario, RigidBody.from_scenario_with_load(scenario, load_kg))
+    phases = [trial.stand_at_heading(-math.inf, 0.0, heading_rad=0.0)]
     windows: list[ManoeuvreTimes] = []
     for manoeuvre in scenario.campaign.trial:
         parts, window = trial.solve(manoeuvre, phases[-1].end_s, _end_heading_rad(phases))
         phases.extend(parts)
         windows.append(window)
-    phases.append(trial.stand(phases[-1].end_s, math.inf, _end_heading_rad(phases)))
+    phases.append(trial.stand_at_heading(phases[-1].end_s, math.inf, _end_heading_rad(phases)))
     seen = scenario.campaign.brake_measured_share
     return SolvedMotion(trial.body, seen, tuple(phases), tuple(windows))
 
@@ -87,7 +87,7 @@ class _Trial:
         match manoeuvre:
             case Rest():
                 end_s = begin_s + manoeuvre.duration_s
-                phases = [self.stand(begin_s, end_s, heading_rad)]
+                phases = [self.stand_at_heading(begin_s, end_s, heading_rad)]
                 return phases, ManoeuvreTimes("rest", begin_s, None, None, None, end_s)
             case Start():
                 sign = 1.0 if manoeuvre.direction == "forward" else -1.0
@@ -100,9 +100,9 @@ class _Trial:
             case Excite():
                 return self._excited_trial(manoeuvre, begin_s, heading_rad)
             case Travel():
-                raise AssertionError("needs a whole log, which `integrate_for` says")
+                raise AssertionError("needs a whole log, which `key_that_needs_integration` says")
 
-    def stand(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
+    def stand_at_heading(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
         """Stand at a heading; the brakes hold."""
         hold = self.body.required_drive(_STILL, _STILL, heading_rad, _STILL)
 
@@ -119,7 +119,9 @@ class _Trial:
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Open the throttle until `steady_s`, keep the speed (yaw rate), brake."""
         campaign = self.scenario.campaign
-        full = self.scenario.full_drive[axis] * campaign.valve(manoeuvre.throttle)
+        full = self.scenario.full_drive[axis] * campaign.drive_fraction_at_throttle(
+            manoeuvre.throttle
+        )
         lag_s = campaign.valve_lag_s
         steady_s = begin_s + manoeuvre.start_s
         braking_s = steady_s + manoeuvre.cruise_s
@@ -128,13 +130,13 @@ class _Trial:
 
         stalled, state = self._solve_stalled_trial(axis, sign, full, begin_s, heading_rad)
         asked = Commands(_constant_drive(axis, sign * full))
-        opened, state = machine.move(names[0], stalled.end_s, steady_s, state, asked)
+        opened, state = machine.follow_until(names[0], stalled.end_s, steady_s, state, asked)
         signs = AxisPair(sign, 0.0) if axis == 0 else AxisPair(0.0, sign)
         rate = AxisPair(float(state[0]), float(state[3]))
         keeping = self.body.required_drive(rate, _STILL, float(state[6]), signs)[axis]
         asked = Commands(_constant_drive(axis, float(keeping)))
-        kept, state = machine.move(names[1], steady_s, braking_s, state, asked)
-        braked = machine.stop(names[2], braking_s, state, self._brakes(state))
+        kept, state = machine.follow_until(names[1], steady_s, braking_s, state, asked)
+        braked = machine.follow_until_rest(names[2], braking_s, state, self._brake_commands(state))
         phases = [stalled, *opened, *kept, *braked]
         kind = manoeuvre.kind
         return phases, ManoeuvreTimes(kind, begin_s, begin_s, steady_s, braking_s, phases[-1].end_s)
@@ -179,7 +181,7 @@ class _Trial:
 
         def drive(time_s: float) -> tuple[float, float]:
             since = float(time_s - begin_s)
-            return self.scenario.driven(
+            return self.scenario.drive_through_valves(
                 force(since) if force else 0.0, torque(since) if torque else 0.0
             )
 
@@ -190,12 +192,12 @@ class _Trial:
             self.body, self.scenario.campaign.valve_lag_s, (force is not None, torque is not None)
         )
         asked = Commands(drive, kinks_s=kinks)
-        driven, state = machine.move(None, begin_s, end_s, state, asked)
-        braked = machine.stop("braking", end_s, state, self._brakes(state))
+        driven, state = machine.follow_until(None, begin_s, end_s, state, asked)
+        braked = machine.follow_until_rest("braking", end_s, state, self._brake_commands(state))
         phases = [*driven, *braked]
         return phases, ManoeuvreTimes("excite", begin_s, begin_s, None, end_s, phases[-1].end_s)
 
-    def _brakes(self, state: Floats) -> Commands:
+    def _brake_commands(self, state: Floats) -> Commands:
         """No drive, and brakes against the motion: the same deceleration of the wheels on both."""
         braking = self.scenario.campaign.braking_m_s2
         spin = braking / (self.scenario.machine.track_width_m / 2.0)
@@ -225,7 +227,7 @@ class DrivenMotion:
     valve_lag_s: float
     free: tuple[bool, bool]
 
-    def move(
+    def follow_until(
         self, name: str | None, start_s: float, end_s: float, state: Floats, asked: Commands
     ) -> tuple[list[MotionPhase], Floats]:
         """Follow the commands until `end_s`.
@@ -257,7 +259,7 @@ class DrivenMotion:
                     machine = self._apply_stiction(state, self.free, loose)
         return phases, state
 
-    def stop(
+    def follow_until_rest(
         self, name: str | None, start_s: float, state: Floats, asked: Commands
     ) -> list[MotionPhase]:
         """Follow the commands from `state` (7,) until both axes have come to rest."""

@@ -46,7 +46,7 @@ class Stiction:
     free: tuple[bool, bool]
     grip: tuple[float | None, float | None]
 
-    def net(self, state: Floats | tuple[float, ...]) -> AxisPair:
+    def net_force_and_torque(self, state: Floats | tuple[float, ...]) -> AxisPair:
         """Force and torque on the state, 7 numbers or (7, n), Coulomb friction that slides in."""
         v, drive_x, brake_x, omega, drive_z, brake_z, heading = state
         applied = AxisPair(drive_x - brake_x, drive_z - brake_z)
@@ -68,7 +68,7 @@ class Stiction:
 
     def force_to_hold(self, state: Floats) -> tuple[float, float]:
         """Force and torque on the state (7,) that friction has to hold where it holds."""
-        net = self.net(state)
+        net = self.net_force_and_torque(state)
         acceleration = self.accelerations(net)
         mc_y = self.body.first_moment_y_kg_m
         return float(net.x + mc_y * acceleration.z), float(net.z + mc_y * acceleration.x)
@@ -79,7 +79,10 @@ class Stiction:
         0 where friction that holds has no more to hold than it can, and friction that slides
         opposes the motion that begins. The inertia is positive definite, so one grip fits.
         """
-        pull, acceleration = self.force_to_hold(state), self.accelerations(self.net(state))
+        pull, acceleration = (
+            self.force_to_hold(state),
+            self.accelerations(self.net_force_and_torque(state)),
+        )
         inertia = (self.body.mass_kg, self.body.inertia_z_kg_m2)
         wrong = 0.0
         for axis in (0, 1):
@@ -104,7 +107,7 @@ class Stiction:
 
         Returns:
             The phase, the last state, and the axes (0, 1) on which friction lets go or, with
-            Coulomb friction or when asked to `stop`, the motion ends.
+            Coulomb friction or when asked to `follow_until_rest`, the motion ends.
         """
         from scipy.integrate import solve_ivp
 
@@ -122,7 +125,7 @@ class Stiction:
             if self.free[axis] and (stop or self.body.standstill_grip[axis] > LEAST_GRIP)
         ]
         solution = solve_ivp(
-            self._rates(state, asked),
+            self._make_state_rates(state, asked),
             (start_s, end_s),
             state[rows],
             method="DOP853",
@@ -133,17 +136,25 @@ class Stiction:
         )
         assert solution.sol is not None
         last_s = float(solution.t[-1])
-        phase = MotionPhase(name, start_s, last_s, self._states(full, solution.sol))
+        phase = MotionPhase(
+            name, start_s, last_s, self._states_with_stiction_function(full, solution.sol)
+        )
         found: Sequence[Floats] = solution.t_events or ()
         changed = [axis for axis, at in zip(changes, found, strict=True) if at.size]
         return phase, full(solution.sol(np.array([last_s])))[:, 0], changed
 
-    def _rates(self, state: Floats, asked: Commands) -> Callable[[float, Floats], list[float]]:
+    def _make_state_rates(
+        self, state: Floats, asked: Commands
+    ) -> Callable[[float, Floats], list[float]]:
         still: list[float] = state.tolist()
         lag_s, (brake_x, brake_z) = self.valve_lag_s, asked.brake
         free_x, free_z = self.free
         moves = self._moves_freely
-        net_of, accelerations, drive = self.net, self.body.accelerations, asked.drive
+        net_of, accelerations, drive = (
+            self.net_force_and_torque,
+            self.body.accelerations,
+            asked.drive,
+        )
 
         def rates(time_s: float, part: Floats) -> list[float]:
             # plain numbers: called ten thousands of times
@@ -161,12 +172,12 @@ class Stiction:
 
         return rates
 
-    def _states(
+    def _states_with_stiction_function(
         self, full: Callable[[Floats], Floats], solved: Callable[[Floats], Floats]
     ) -> Callable[[Floats], MotionState]:
         def states(time_s: Floats) -> MotionState:
             v, drive_x, brake_x, omega, drive_z, brake_z, heading = whole = full(solved(time_s))
-            acceleration = self.accelerations(self.net(whole))
+            acceleration = self.accelerations(self.net_force_and_torque(whole))
             kept = self.body.required_drive(
                 AxisPair(v, omega), acceleration, heading, AxisPair(0.0, 0.0)
             )

@@ -16,7 +16,7 @@ _CHANGES_ALONG: Final = {
 }
 
 
-def integrate_for(scenario: Scenario) -> str | None:
+def key_that_needs_integration(scenario: Scenario) -> str | None:
     """The first key of the scenario that needs the integrated plant; None: a trial is exact."""
     if scenario.shift is not None:
         return "shift"
@@ -56,7 +56,7 @@ def check_switches(scenario: Scenario) -> None:
             "drivetrain.relaxation_length_m: tyres relax as far as they slip; "
             "give machine.slip_stiffness_N"
         )
-    asked = integrate_for(scenario)
+    asked = key_that_needs_integration(scenario)
     if asked is None:
         return
     terrain = scenario.terrain

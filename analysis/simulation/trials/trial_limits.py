@@ -52,7 +52,10 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
             f"give more than {full_N:g}, or 0 for none"
         )
     loads_kg = [*loads_kg, *_change_scenario(scenario, loads_kg)]
-    bodies = [RigidBody.loaded(scenario, load_kg) for load_kg in (min(loads_kg), max(loads_kg))]
+    bodies = [
+        RigidBody.from_scenario_with_load(scenario, load_kg)
+        for load_kg in (min(loads_kg), max(loads_kg))
+    ]
     for body in bodies:
         square = body.first_moment_x_kg_m**2 + body.first_moment_y_kg_m**2
         if body.inertia_z_kg_m2 * body.mass_kg <= square:
@@ -132,7 +135,7 @@ class _Limits:
         sign = 1.0 if start.direction == "forward" else -1.0
         along = sign * self.heaviest.uphill_m_s2
         worst = abs(along) if self.turns else along
-        full_N = campaign.throttle_force_N * campaign.valve(start.throttle)
+        full_N = campaign.throttle_force_N * campaign.drive_fraction_at_throttle(start.throttle)
         coulomb_N = self.heaviest.coulomb_x_N
         resistance_N = coulomb_N + self.heaviest.mass_kg * (worst + self._rolling_m_s2())
         reached_N = full_N * -math.expm1(-start.start_s / campaign.valve_lag_s)
@@ -155,7 +158,7 @@ class _Limits:
 
     def _check_spin(self, spin: Spin, key: str) -> None:
         campaign = self.scenario.campaign
-        full_N_m = self.scenario.full_drive[1] * campaign.valve(spin.throttle)
+        full_N_m = self.scenario.full_drive[1] * campaign.drive_fraction_at_throttle(spin.throttle)
         reached_N_m = full_N_m * -math.expm1(-spin.start_s / campaign.valve_lag_s)
         resistance_N_m = self.heaviest.coulomb_z_N_m + self._slope_torque()
         if reached_N_m <= resistance_N_m:
@@ -236,7 +239,7 @@ class _Limits:
         return moment * abs(self.heaviest.uphill_m_s2)
 
 
-def check_shift(scenario: Scenario, shift: SimulatedShift) -> None:
+def check_shift_limits(scenario: Scenario, shift: SimulatedShift) -> None:
     """Refuse a shift that cannot be driven.
 
     Raises:

@@ -21,7 +21,7 @@ from analysis.model.methods import METHODS, AxisNoise, LogSummary, Method
 from analysis.model.schema import build, values
 from analysis.model.settings import Settings
 from analysis.model.verdict import Verdict
-from analysis.model.windows import runs_of
+from analysis.model.windows import runs_of_flagged_samples
 from analysis.stages.gating.gate import accepted_samples
 from analysis.stages.motion.phases import TURNS
 from analysis.stages.noise.column_noise import axis_noise, systematic_errors
@@ -29,7 +29,7 @@ from estimators.arrays import Floats
 from estimators.methods.window_mean import mean_estimate
 
 
-def masses(
+def summarise_masses(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     estimates: Mapping[str, pl.DataFrame],
@@ -65,7 +65,9 @@ def masses(
     return build("masses", {**table.to_dict(), "payload_kg": payload})
 
 
-def withhold(totals: pl.DataFrame, verdict: Verdict, contradicted: Collection[str]) -> pl.DataFrame:
+def withhold_masses(
+    totals: pl.DataFrame, verdict: Verdict, contradicted: Collection[str]
+) -> pl.DataFrame:
     """Take out what may not be shown.
 
     Args:
@@ -145,7 +147,7 @@ def total_estimates(
 def reasons_for_no_answer(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
 ) -> list[str]:
-    """What stands between this log and an answer, a sentence each."""
+    """Reasons why this log has no answer, a sentence each."""
     found = (
         why_nothing_was_accepted(excitation, gated, settings),
         why_spins_are_not_used(excitation, settings),
@@ -211,6 +213,6 @@ def _braking_remedy(what: str) -> str:
 
 
 def _longest_run(good: pl.Series) -> int:
-    first, last = runs_of(good.to_numpy())
+    first, last = runs_of_flagged_samples(good.to_numpy())
     lengths = last + 1 - first
     return int(lengths.max()) if lengths.size else 0

@@ -40,7 +40,9 @@ def trace(
         By method: its `estimates` frame, accepted rows only; `pooled` has a row a manoeuvre.
     """
     axes_traced = {
-        axis: _traces(axis, excitation, gated, settings, axis_noise(axis, settings, noise), begins)
+        axis: _trace_methods(
+            axis, excitation, gated, settings, axis_noise(axis, settings, noise), begins
+        )
         for axis in available_axes(excitation)
     }
     t_ns = excitation["t_ns"].to_numpy()
@@ -52,7 +54,7 @@ def trace(
     }
 
 
-def _traces(
+def _trace_methods(
     axis: Axis,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,

@@ -21,7 +21,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import build
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import refuse_windows
-from analysis.stages.motion.phases import rows_of_rate_span
+from analysis.stages.motion.phases import speed_rate_span_rows
 from estimators.arrays import Bools, Floats, Ints
 
 #: A resistance that grows by this share of the force that the log drives with, over one start,
@@ -65,7 +65,7 @@ _MISFIT: Final = 0.015
 _LASTS: Final = 10.0
 
 
-def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
+def find_digging_starts(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
     """Find the starts whose resistance grows: F = m·a + b·v + c + d·max(0, t - t₀) with d > 0.
 
     A start goes on while the force still drives, though the pile slows the machine down.
@@ -80,7 +80,7 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
         `digging`, a row a start that digs.
     """
     met = _pile_contacts(excitation, machine) if machine.machine.digs else []
-    found = [each.row for each in piles_met(met)]
+    found = [each.row for each in find_pile_contacts(met)]
     names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
     columns = zip(*found, strict=True) if found else ([],) * len(names)
     return build("digging", {n: pl.Series(list(c)) for n, c in zip(names, columns, strict=True)})
@@ -145,7 +145,7 @@ def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileCont
             least_N = max(_GROWS * largest_N, SURELY * std_N)
             if least_N < abs(grown_N) < _GROWS_MOST * largest_N:
                 row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
-                stops = first_row_after(ends[way], int(rows[-1])) <= first_row_after(
+                stops = first_row_after_each(ends[way], int(rows[-1])) <= first_row_after_each(
                     goes_on, int(rows[-1])
                 )
                 stops &= float(np.abs(speed[rows]).max()) <= _FASTEST_M_S
@@ -153,8 +153,8 @@ def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileCont
     return found
 
 
-def piles_met(met: list[_PileContact]) -> list[_PileContact]:
-    """Those that are driven into a pile; none where the log's resistances change by themselves."""
+def find_pile_contacts(met: list[_PileContact]) -> list[_PileContact]:
+    """Starts driven into a pile; none if resistance varies without piles in this log."""
     grows = [each for each in met if each.row[2] > 0.0]
     # the bucket is where most of them go: a log may have its signs turned round
     bucket = 1 if 2 * sum(each.way > 0 for each in grows) >= len(grows) else -1
@@ -165,13 +165,13 @@ def piles_met(met: list[_PileContact]) -> list[_PileContact]:
     return piles if against < _CONTRADICTS * len(piles) else []
 
 
-def first_row_after(rows: Ints, after: int) -> float:
+def first_row_after_each(rows: Ints, after: int) -> float:
     """The first of these rows after one; infinite where there is none."""
     place = int(np.searchsorted(rows, after, "right"))
     return float(rows[place]) if place < rows.size else np.inf
 
 
-def without_digging(
+def refuse_windows_that_dig(
     gated: pl.DataFrame, excitation: pl.DataFrame, digs: pl.DataFrame, machine: Machine
 ) -> pl.DataFrame:
     """The gate with the windows refused that hold a sample of a start that digs.
@@ -185,11 +185,11 @@ def without_digging(
     if digs.is_empty():
         return gated
     # the phase sees a start late, and its end
-    dug = _is_digging(excitation["t_ns"].to_numpy(), digs, rows_of_rate_span(machine.settings))
+    dug = _is_digging(excitation["t_ns"].to_numpy(), digs, speed_rate_span_rows(machine.settings))
     return refuse_windows(gated, dug, "digging", machine.settings)
 
 
-def with_digs(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:
+def add_digs_column(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:
     """The grid with `digs`, whether each sample is of a start that digs."""
     return aligned.with_columns(digs=pl.Series(_is_digging(aligned["t_ns"].to_numpy(), digs)))
 
@@ -204,7 +204,7 @@ def _is_digging(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
 
 
 def robust_largest(values: Floats) -> float:
-    """What the values reach without their outliers."""
+    """Largest value without outliers."""
     return float(np.quantile(np.abs(values), _REACHES))
 
 

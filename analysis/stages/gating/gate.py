@@ -7,10 +7,10 @@ from analysis.model.axes import Axis, X, available_axes, regressor
 from analysis.model.schema import PHASE, REASON, build, values
 from analysis.model.settings import Settings
 from analysis.model.windows import flagged_windows, samples_in_windows
-from analysis.stages.gating.gate_rules import UNKNOWN, Codes, decide, is_braking, row_flags
+from analysis.stages.gating.gate_rules import UNKNOWN, Codes, decide_windows, flag_rows, is_braking
 from analysis.stages.motion.phases import (
     average_like_speed_rate,
-    rows_of_rate_span,
+    speed_rate_span_rows,
     yaw_speeding_sign,
 )
 from analysis.stages.noise.column_noise import axis_noise
@@ -65,18 +65,18 @@ def _judge_axis(
         whole[rows] = part
 
     first = int(np.argmin(missing)) if n and not missing.all() else n
-    slips = slipping(
+    slips = find_slipping_samples(
         values(excitation, "speed_rate_x_m_s2"), _machine_acceleration(excitation), settings
     )
     brakes = _brakes_on_axis(axis, excitation, settings)
-    flags = {"gap": missing, **row_flags(axis, phase, f, brakes, slips, settings.gate)}
+    flags = {"gap": missing, **flag_rows(axis, phase, f, brakes, slips, settings.gate)}
 
     def nearest(left: Ints) -> Floats:
         return nearest_neighbours.window_mutual_information(
             A[:, 0].copy(), f, window, left, settings.gate.ksg_neighbours
         )
 
-    decided = decide(
+    decided = decide_windows(
         axis,
         seen,
         np.arange(n) < first + window - 1,
@@ -154,7 +154,7 @@ def settled_windows(
 
 def braking_within_sight(braking: Bools, settings: Settings) -> Bools:
     """The samples that brake, and those before them that may brake unseen."""
-    return flagged_windows(braking[::-1], rows_of_rate_span(settings) + settings.smooth.samples)[
+    return flagged_windows(braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples)[
         ::-1
     ]
 
@@ -174,10 +174,10 @@ def _brakes_on_axis(axis: Axis, excitation: pl.DataFrame, settings: Settings) ->
 
 def _machine_acceleration(excitation: pl.DataFrame) -> Floats:
     pitch = values(excitation, "pitch_rad") if "pitch_rad" in excitation.columns else None
-    return without_gravity(values(excitation, "specific_force_x_m_s2"), pitch)
+    return subtract_gravity(values(excitation, "specific_force_x_m_s2"), pitch)
 
 
-def without_gravity(specific_force: Floats, pitch: Floats | None) -> Floats:
+def subtract_gravity(specific_force: Floats, pitch: Floats | None) -> Floats:
     """The accelerometer without gravity where the pitch is known, (rows,) in m/s².
 
     On a slope without it, gravity's share counts as disagreement with the wheels.
@@ -188,7 +188,7 @@ def without_gravity(specific_force: Floats, pitch: Floats | None) -> Floats:
     return specific_force - _STANDARD_GRAVITY_M_S2 * np.sin(pitch)
 
 
-def slipping(speed_rate: Floats, acceleration: Floats, settings: Settings) -> Bools:
+def find_slipping_samples(speed_rate: Floats, acceleration: Floats, settings: Settings) -> Bools:
     """Whether wheels gain or lose speed otherwise than the accelerometer says, (rows,).
 
     Without an accelerometer nothing slips.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis.model.axes import Axis, X
 from analysis.model.schema import PHASES
 from analysis.model.settings import GateSettings
-from analysis.stages.motion.phases import TURNS, first_index
+from analysis.stages.motion.phases import TURNS, number_first_condition
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.ls import WindowStatistics
 from estimators.numerics.mutual_information import gaussian_information, information_index
@@ -37,7 +37,7 @@ _IN_PLACE: Final = phase_code_mask("spinning", "standstill")
 
 
 class Decision(NamedTuple):
-    """What the gate says of windows, (windows,) each, NaN where a number is missing.
+    """Decision of the gate on windows, (windows,) each, NaN where a number is missing.
 
     Attributes:
         corr: correlation of acceleration and force.
@@ -58,10 +58,10 @@ class Decision(NamedTuple):
     chosen: Codes
 
 
-def row_flags(
+def flag_rows(
     axis: Axis, phase: Codes, force: Floats, brakes: Bools, slips: Bools, settings: GateSettings
 ) -> dict[str, Bools]:
-    """What a window must not hold, row by row, in the order of precedence.
+    """Flags of rows that exclude a window, in the order of precedence.
 
     Args:
         axis: straight motion or spins.
@@ -102,7 +102,7 @@ def is_braking(phase: Codes) -> Bools:
     return phase == _BRAKING
 
 
-def decide(
+def decide_windows(
     axis: Axis,
     statistics: WindowStatistics,
     warming_up: Bools,
@@ -155,5 +155,5 @@ def decide(
         noise_share=noise_share,
         ksg_nat=ksg,
         reasons=(*refusals, "accepted"),
-        chosen=first_index(list(refusals.values())),
+        chosen=number_first_condition(list(refusals.values())),
     )

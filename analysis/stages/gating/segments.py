@@ -16,7 +16,7 @@ from estimators.arrays import Ints
 _TELLING = ("accelerating", "braking", "cruising", "standstill")
 
 
-def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
+def number_manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     """Number the manoeuvres, (rows,), -1 where a sample is missing.
 
     Straight driving from a standstill or the end of braking to the next braking, turn or gap is
@@ -38,10 +38,10 @@ def pooled_samples(
 ) -> Ints:
     """The manoeuvre that each sample is pooled into, (rows,), -1 for those that are not."""
     used = accepted_samples(excitation, gated, settings, axis)
-    return np.where(used, manoeuvres(excitation, settings), -1)
+    return np.where(used, number_manoeuvres(excitation, settings), -1)
 
 
-def segments(
+def pool_by_manoeuvre(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     settings: Settings,
@@ -59,7 +59,7 @@ def segments(
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
     if settings.gate.exclude_braking:
         refused_for["braking"] = "braking"
-    segment_id = manoeuvres(excitation, settings)
+    segment_id = number_manoeuvres(excitation, settings)
     used = np.zeros(segment_id.size, np.bool_)
     parts: list[pl.DataFrame] = []
     for axis in available_axes(excitation):

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 from analysis.model.axes import YAW_COLUMNS
 from analysis.model.machine import Body, Machine
 from analysis.model.schema import FRAMES, build, values
-from analysis.stages.motion.phases import phases, speed_rate
+from analysis.stages.motion.phases import classify_motion_phases, speed_rate
 from estimators.arrays import Floats
 
 
-def forces(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame:
+def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame:
     """Make `excitation`: what the estimators are fed, and the phase of motion.
 
     Args:
@@ -39,7 +39,7 @@ def forces(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame:
     if set(YAW_COLUMNS) <= set(columns):
         columns["regressor_acc_y_m_s2"] = lateral_acceleration(smoothed, machine)
     columns["speed_rate_x_m_s2"] = rate
-    columns["phase"] = phases(smoothed, speed, rate, settings)
+    columns["phase"] = classify_motion_phases(smoothed, speed, rate, settings)
     return build("excitation", columns)
 
 
@@ -66,7 +66,7 @@ def yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:
 
 
 def regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
-    """What multiplies the mass in (7), (rows,) in m/s².
+    """Acceleration that multiplies the mass in (7), (rows,) in m/s².
 
     Gravity moves to the left of (4): the accelerometer's specific force has it already, an
     acceleration from the wheels needs + g·sin(pitch), pitch nose-up (flat ground where no pitch

@@ -27,7 +27,7 @@ def speed_rate(speed: Floats, settings: Settings) -> Floats:
 
     NaN where a sample of that span is missing: rows beside a hole may be hours apart.
     """
-    span = min(rows_of_rate_span(settings), speed.size)
+    span = min(speed_rate_span_rows(settings), speed.size)
     rate = np.full(speed.size, np.nan)
     rate[span:] = (speed[span:] - speed[: speed.size - span]) * settings.align.rate_hz / span
     rate[np.isnan(trailing_mean(speed, span + 1))] = np.nan
@@ -36,10 +36,10 @@ def speed_rate(speed: Floats, settings: Settings) -> Floats:
 
 def average_like_speed_rate(acceleration: Floats, settings: Settings) -> Floats:
     """An acceleration averaged over the span of the speed rate, so that both have one delay."""
-    return trailing_mean(acceleration, rows_of_rate_span(settings))
+    return trailing_mean(acceleration, speed_rate_span_rows(settings))
 
 
-def rows_of_rate_span(settings: Settings) -> int:
+def speed_rate_span_rows(settings: Settings) -> int:
     """Rows that the speed rate looks back."""
     return max(1, round(settings.phases.speed_rate_span_s * settings.align.rate_hz))
 
@@ -89,10 +89,12 @@ def stopping_samples(speed: Floats, stands: Bools, noise_m_s: float, settings: S
 
 
 def _mean_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:
-    return speed - rate * rows_of_rate_span(settings) / settings.align.rate_hz / 2.0
+    return speed - rate * speed_rate_span_rows(settings) / settings.align.rate_hz / 2.0
 
 
-def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settings) -> pl.Series:
+def classify_motion_phases(
+    smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settings
+) -> pl.Series:
     """Classify every row; null where speed or its rate is not known.
 
     Without a yaw rate the machine is taken to drive straight. Standing still means slow and
@@ -129,7 +131,7 @@ def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settin
     return label_by_first_condition(conditions, "braking", PHASE).alias("phase")
 
 
-def first_index(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
+def number_first_condition(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
     """Number the first condition (n,) that holds for each row, (n,); their count where none does.
 
     Args:
@@ -154,10 +156,10 @@ def label_by_first_condition(
         labels: of the series.
     """
     # numbers, since rows of text are slow to make
-    choices = _labels((*conditions, otherwise), labels)
-    return choices[first_index(list(conditions.values()))]
+    choices = _label_series((*conditions, otherwise), labels)
+    return choices[number_first_condition(list(conditions.values()))]
 
 
 @cache
-def _labels(names: tuple[str | None, ...], labels: pl.Enum) -> pl.Series:
+def _label_series(names: tuple[str | None, ...], labels: pl.Enum) -> pl.Series:
     return pl.Series(names, dtype=labels)

@@ -22,36 +22,37 @@ from analysis.stages.motion.forces import longitudinal_force, regressor_accelera
 from analysis.stages.noise.grid_noise import (
     ColumnResponse,
     is_hidden_by_grid,
-    noise_of_channels,
-    responses,
+    propagate_channel_noise,
+    response_of_each_column,
 )
 from analysis.stages.noise.noise_limits import RESIDUALS, SPREAD, clip_to_limits
 from analysis.stages.noise.noise_spectra import (
     LAGS,
+    average_over_neighbours,
     block_ends,
+    block_frequencies,
     block_power,
-    covariances_of,
+    covariances_from_spectra,
     cross_spectra,
     cut_pieces,
     fast_band,
-    frequencies,
+    find_true_runs,
     lag_covariances,
-    neighbours_mean,
-    quantisation,
+    quantisation_covariances,
     reading_step,
     spectrum_frequencies,
-    stretches,
     trim_to_settled,
 )
 from analysis.stages.signals.mounting import Series
 from estimators.arrays import Bools, Floats, Ints
 
-#: What is said of a source that is not the usual one.
+#: Where a noise comes from that the grid does not show, in words.
 _INSTEAD: Final[Mapping[str, str]] = {
-    "samples": "the grid does not show it, so the channels' own samples tell it, through what is "
-    "done to them",
-    RESIDUALS: "its fast changes are motion too, so it is what force and motion leave over at most",
-    SPREAD: "its fast changes are more than it varies by, so it is taken for noise alone",
+    "samples": "estimated from the raw samples and propagated through filter and derivative, "
+    "because the grid is too coarse to show it",
+    RESIDUALS: "limited to the residual of force and motion, because its fast changes contain "
+    "motion",
+    SPREAD: "limited to the variation of the whole column, because its fast changes exceed that",
 }
 
 #: The machine rocks after it has stopped, and its torque rises before it starts.
@@ -122,7 +123,7 @@ def channel_noise(
     """
     rate_hz = machine.settings.align.rate_hz
     gap = aligned["gap"].to_numpy()
-    columns = _columns(aligned, machine)
+    columns = _columns_of_all_axes(aligned, machine)
     phase = excitation["phase"]
     stands = (phase == "standstill").fill_null(False).to_numpy()
     moves = phase.is_not_null().to_numpy() & ~stands
@@ -134,7 +135,7 @@ def channel_noise(
         x = np.column_stack([columns[name] for name in axis])
         known = np.isfinite(x).all(axis=1) & ~gap
         samples = _standing_and_moving_samples(x, stands & known, moves & known, known, rate_hz)
-        made = responses(tuple(axis), machine)
+        made = response_of_each_column(tuple(axis), machine)
         found, sources = estimate_covariances(samples, made)
         if read is not None:
             add_noise_of_samples(found, sources, tuple(axis), machine, read)
@@ -144,7 +145,7 @@ def channel_noise(
     return build("noise", pl.concat(tables).to_dict())
 
 
-def notes(noise: pl.DataFrame) -> list[str]:
+def note_noise_sources(noise: pl.DataFrame) -> list[str]:
     """Say which columns' noise the grid does not show, and what tells it instead.
 
     Args:
@@ -178,11 +179,11 @@ def add_noise_of_samples(
         return
 
     def of_grid(aligned: pl.DataFrame) -> Floats:
-        columns = _columns(aligned, machine)
+        columns = _columns_of_all_axes(aligned, machine)
         x = np.column_stack([columns[name] for name in names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
-    told = noise_of_channels(read, machine, of_grid)
+    told = propagate_channel_noise(read, machine, of_grid)
     if told is None:
         return
     for column in np.flatnonzero(unseen):
@@ -201,7 +202,7 @@ def columns_to_channels(name: str, machine: Machine) -> tuple[str, ...]:
     return ("torque_left_N_m", "torque_right_N_m")
 
 
-def _columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
+def _columns_of_all_axes(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
     """The columns of all axes, (rows,) each."""
     body = machine.machine
     columns = {
@@ -222,7 +223,7 @@ def _standing_and_moving_samples(
     x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: float
 ) -> NoiseSamples:
     after, before = round(_AFTER_STOP_S * rate_hz), round(_BEFORE_START_S * rate_hz)
-    quiet = [(a + after, b - before) for a, b in stretches(stands) if b - before > a + after]
+    quiet = [(a + after, b - before) for a, b in find_true_runs(stands) if b - before > a + after]
     quiet = quiet[:: max(len(quiet) // _MOST_STRETCHES, 1)]
     quiet = [trim_to_settled(x, begin, end) for begin, end in quiet]
     still = np.zeros(stands.size, np.bool_)
@@ -278,9 +279,12 @@ def estimate_covariances(
             spectra[column, of] = shared * turn.conj()
     for column in range(p):
         step = reading_step(samples.x[:, column], samples.moving)
-        coarse = step is not None and step**2 / 12.0 > covariances_of(spectra)[column, column, 0]
+        coarse = (
+            step is not None
+            and step**2 / 12.0 > covariances_from_spectra(spectra)[column, column, 0]
+        )
         if step is not None and coarse:
-            own = quantisation(samples.x[:, column], samples.moving, step)[None, None]
+            own = quantisation_covariances(samples.x[:, column], samples.moving, step)[None, None]
             spectra[column, column] = cross_spectra(own)[0, 0]
             live[column] = False
     grown = [
@@ -290,7 +294,9 @@ def estimate_covariances(
     for i in range(p):
         for j in range(p):
             spectra[i, j] *= np.sqrt(grown[i] * grown[j])
-    return covariances_of(spectra), ["standstill" if alive else "differences" for alive in live]
+    return covariances_from_spectra(spectra), [
+        "standstill" if alive else "differences" for alive in live
+    ]
 
 
 def rounding_variance(samples: NoiseSamples, column: int) -> float:
@@ -312,18 +318,18 @@ def shows_noise_at_standstill(samples: NoiseSamples, cut: list[Floats], column: 
 
 def spectrum_of_fast_changes(power: Floats, made: ColumnResponse, samples: NoiseSamples) -> Floats:
     """Spectrum of a column from its fast changes (frequencies,), at `spectrum_frequencies`."""
-    at, wanted = frequencies(), spectrum_frequencies()
+    at, wanted = block_frequencies(), spectrum_frequencies()
     response = made.response(at)
     fast = samples.lowest_noise_frequency
     band = (at >= fast) & (at <= samples.noise_band_top) & (response > 0.0)
     level = float(np.mean(power[band] / response[band]))
-    seen = np.interp(wanted, at[1:], neighbours_mean(power, 1)[1:])
+    seen = np.interp(wanted, at[1:], average_over_neighbours(power, 1)[1:])
     return np.where(wanted < fast, level * made.response(wanted), seen)
 
 
 def noise_growth(samples: NoiseSamples, column: int, moving: tuple[Floats, int] | None) -> Floats:
     """Power in motion over that at standstill, at least 1, at `spectrum_frequencies`."""
-    at, wanted = frequencies(), spectrum_frequencies()
+    at, wanted = block_frequencies(), spectrum_frequencies()
     resting = block_power(
         samples.x[:, column], samples.still_blocks, samples.lowest_noise_frequency
     )
@@ -337,7 +343,7 @@ def noise_growth(samples: NoiseSamples, column: int, moving: tuple[Floats, int] 
     band = told & (at <= samples.noise_band_top)
     below = float(np.median(ratio[band])) if band.any() else 1.0
     below = below if below > 1.0 + _MORE * error * np.sqrt(1.5 / max(band.sum(), 1)) else 1.0
-    near = np.where(told, neighbours_mean(ratio, 2), 1.0)
+    near = np.where(told, average_over_neighbours(ratio, 2), 1.0)
     near = np.where(near > 1.0 + _MORE * error * np.sqrt(1.5 / 5.0), near, 1.0)
     return np.where(wanted < samples.lowest_noise_frequency, below, np.interp(wanted, at, near))
 

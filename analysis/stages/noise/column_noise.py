@@ -39,7 +39,7 @@ class ColumnNoise:
     covariances: Floats
 
     @classmethod
-    def of(
+    def of_axis(
         cls, axis: Axis, noise: pl.DataFrame | None, settings: NoiseSettings
     ) -> "ColumnNoise | None":
         """The noise of an axis by the frame `noise`, or white by settings that name all of it."""
@@ -97,8 +97,8 @@ def axis_noise(axis: Axis, settings: Settings, noise: pl.DataFrame | None = None
         settings: samples of the mean, noise.
         noise: `noise` of the log; without it that of the settings counts, where they name all.
     """
-    known = ColumnNoise.of(axis, noise, settings.noise)
-    usual = _with_settings(axis, settings.noise)
+    known = ColumnNoise.of_axis(axis, noise, settings.noise)
+    usual = _noise_ratios_with_settings(axis, settings.noise)
     if known is None or len(known.names) < len(NOISE_COLUMNS[axis.letter]):
         return AxisNoise(usual, None, None)
     mean, lasting = known.covariance(settings.smooth.samples), known.power_at_zero()
@@ -115,7 +115,7 @@ def axis_noise(axis: Axis, settings: Settings, noise: pl.DataFrame | None = None
     return AxisNoise(ratios, mean, lasting)
 
 
-def _with_settings(axis: Axis, settings: NoiseSettings) -> TlsOptions:
+def _noise_ratios_with_settings(axis: Axis, settings: NoiseSettings) -> TlsOptions:
     """The usual ratios, with what the settings give."""
     usual = _USUAL[axis.letter]
     given = [getattr(settings, name) for name in NOISE_COLUMNS[axis.letter].values()]
@@ -128,11 +128,11 @@ def mean_stds(settings: Settings, noise: pl.DataFrame | None = None) -> dict[str
     """Noise of each column after the moving mean, by its name; the usual where none is known."""
     stds: dict[str, float] = {}
     for axis in (X, Z):
-        usual = _with_settings(axis, settings.noise)
+        usual = _noise_ratios_with_settings(axis, settings.noise)
         each = (*usual.noise_A[:2], usual.noise_f)
         for name, std in zip(NOISE_COLUMNS[axis.letter], each, strict=True):
             stds[name] = std / float(np.sqrt(settings.smooth.samples))
-        known = ColumnNoise.of(axis, noise, settings.noise)
+        known = ColumnNoise.of_axis(axis, noise, settings.noise)
         if known is not None:
             seen = np.sqrt(np.diagonal(known.covariance(settings.smooth.samples))).tolist()
             told = dict(zip(known.names, seen, strict=True))

@@ -20,9 +20,9 @@ from analysis.model.machine import Machine
 from analysis.stages.noise.noise_spectra import (
     LAGS,
     block_ends,
+    block_frequencies,
     block_power,
     fast_band,
-    frequencies,
     reading_step,
 )
 from analysis.stages.signals import filters, mounting, rates
@@ -105,7 +105,10 @@ def is_hidden_by_grid(
     for names in columns:
         mine = of(names)
         beside = of(
-            next((each for each in rates.regressors(machine) if each & {*names}), frozenset(names))
+            next(
+                (each for each in rates.channels_of_each_equation(machine) if each & {*names}),
+                frozenset(names),
+            )
         )
         if not mine:
             found.append(False)
@@ -122,7 +125,7 @@ def is_hidden_by_grid(
     return found
 
 
-def noise_of_channels(
+def propagate_channel_noise(
     read: Mapping[str, mounting.Series],
     machine: Machine,
     columns: Callable[[pl.DataFrame], Floats],
@@ -139,12 +142,12 @@ def noise_of_channels(
     """
     settings = machine.settings.align
     std = {
-        name: own_std(t, x, filters.longest_step_ns(t, settings))
+        name: white_noise_std(t, x, filters.longest_step_ns(t, settings))
         for name, (t, x) in read.items()
         if name not in UNFILTERED
     }
     longest_ns = max(filters.longest_step_ns(t, settings) for t, _ in read.values())
-    part = _repeat_stamps(first_stamps(read, settings.rate_hz), settings.rate_hz, longest_ns)
+    part = _repeat_stamps(first_common_stamps(read, settings.rate_hz), settings.rate_hz, longest_ns)
     rng = np.random.default_rng(_SEED)
     noise = {
         name: (t, std.get(name, 0.0) * rng.standard_normal(t.size)) for name, t in part.items()
@@ -153,11 +156,11 @@ def noise_of_channels(
         x = columns(align(derive(noise, machine)[0], machine)[0])
     except DataError:
         return None
-    sums, pairs = trailing_sums(x)
+    sums, pairs = sum_trailing_rows(x)
     return np.where(pairs > 0, sums / np.maximum(pairs, 1.0), 0.0)
 
 
-def first_stamps(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
+def first_common_stamps(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
     """The stamps of as many rows as are looked at, from where all channels have begun."""
     begin = max(int(t[0]) for t, _ in read.values())
     end = begin + math.ceil(_ROWS / rate_hz * 1e9)
@@ -177,7 +180,7 @@ def _repeat_stamps(
     return {name: (later_ns[:, None] + t).ravel() for name, t in stamps.items()}
 
 
-def trailing_sums(x: Floats) -> tuple[Floats, Floats]:
+def sum_trailing_rows(x: Floats) -> tuple[Floats, Floats]:
     """Sums of products (columns, columns, LAGS) by lag, and of how many pairs (LAGS,) they are."""
     known = np.asarray(np.isfinite(x).all(axis=1), np.bool_)
     x = np.where(known[:, None], x, 0.0)
@@ -191,7 +194,7 @@ def trailing_sums(x: Floats) -> tuple[Floats, Floats]:
     return sums, np.round(np.fft.irfft(np.abs(seen) ** 2, n)[:LAGS])
 
 
-def own_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
+def white_noise_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
     """Standard deviation of the white noise of a channel, from the fast changes of its samples.
 
     Args:
@@ -207,13 +210,13 @@ def own_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
         second = np.diff(x, 2)[whole[1:-1] & whole[2:]]
         variance = float((second**2).mean()) / _SECOND_DIFFERENCES if second.size else 0.0
     else:
-        at = frequencies()
+        at = block_frequencies()
         variance = float(power[0][(at >= fast) & (at <= top)].mean())
     step = reading_step(x, whole)
     return float(np.sqrt(max(variance, 0.0 if step is None else step**2 / 12.0)))
 
 
-def responses(axis: tuple[str, ...], machine: Machine) -> list[ColumnResponse]:
+def response_of_each_column(axis: tuple[str, ...], machine: Machine) -> list[ColumnResponse]:
     """How each column of an axis is made.
 
     Args:

@@ -1,4 +1,4 @@
-"""What a column's noise cannot be more than: its own spread, and what the equation leaves over."""
+"""Upper limits of a column's noise: its spread, and the residual of the equation."""
 
 from typing import Final
 

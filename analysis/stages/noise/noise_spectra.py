@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model.windows import runs_of
+from analysis.model.windows import runs_of_flagged_samples
 from estimators.arrays import Bools, Floats, Ints
 
 #: Covariances are given for lags below this.
@@ -60,9 +60,9 @@ def fast_band(rate_hz: float) -> tuple[float, float]:
     return fast, min(_BAND * fast, 0.5)
 
 
-def stretches(of: Bools) -> list[tuple[int, int]]:
+def find_true_runs(of: Bools) -> list[tuple[int, int]]:
     """First row and the row after the last of every run of True."""
-    first, last = runs_of(of)
+    first, last = runs_of_flagged_samples(of)
     return list(zip(first.tolist(), (last + 1).tolist(), strict=True))
 
 
@@ -163,7 +163,7 @@ def block_ends(of: Bools) -> Ints:
 
 
 def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None:
-    """Power of noise at `frequencies`, (frequencies,), and of how many blocks; None of too few.
+    """Power of noise at `block_frequencies`, and the number of blocks; None where they are too few.
 
     Of second differences, so that what is smooth does not leak; divided by their response, so that
     white noise of variance 1 has 1 everywhere (0 Hz is not told). Blocks with far more fast power
@@ -180,7 +180,7 @@ def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None
     blocks = np.diff(np.lib.stride_tricks.sliding_window_view(x, _BLOCK + 2)[ends - _BLOCK - 1], 2)
     power = np.abs(np.fft.rfft(blocks * taper)) ** 2 / (taper**2).sum()
     usual = np.median(power, axis=0)
-    at = frequencies()
+    at = block_frequencies()
     told = (at >= fast) & (usual > _STOPPED * usual.max())
     if told.any():
         ratio = (power[:, told] / usual[told]).mean(axis=1)
@@ -194,12 +194,12 @@ def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None
     return mean, len(power)
 
 
-def frequencies() -> Floats:
+def block_frequencies() -> Floats:
     """The frequencies of `block_power`, over the rate."""
     return np.arange(_BLOCK // 2 + 1) / _BLOCK
 
 
-def neighbours_mean(power: Floats, reach: int) -> Floats:
+def average_over_neighbours(power: Floats, reach: int) -> Floats:
     """Mean of each frequency and `reach` on either side, as far as there are any."""
     kernel = np.ones(2 * reach + 1)
     known = np.isfinite(power)
@@ -216,7 +216,7 @@ def cross_spectra(found: Floats) -> NDArray[np.complex128]:
     return np.fft.rfft(both)
 
 
-def covariances_of(spectra: NDArray[np.complex128]) -> Floats:
+def covariances_from_spectra(spectra: NDArray[np.complex128]) -> Floats:
     """The covariances (columns, columns, LAGS) of cross spectra."""
     return np.fft.irfft(spectra, 2 * LAGS)[:, :, :LAGS]
 
@@ -239,7 +239,7 @@ def reading_step(x: Floats, of: Bools) -> float | None:
 
 
 def quantisation_step(taken: Floats, of: int) -> float | None:
-    """What readings are multiples of that occur again and again among so many."""
+    """Step that frequently repeated readings are multiples of."""
     every = max(taken.size // _LOOKED_AT, 1)
     taken, of = taken[::every], of // every
     reading, times = np.unique(taken, return_counts=True)
@@ -252,7 +252,7 @@ def quantisation_step(taken: Floats, of: int) -> float | None:
     return step if (np.abs(whole - np.round(whole)) < _WHOLE).all() else None
 
 
-def quantisation(x: Floats, of: Bools, step: float) -> Floats:
+def quantisation_covariances(x: Floats, of: Bools, step: float) -> Floats:
     """Covariances (LAGS,) of the error of rounding to `step` while x changes as it does.
 
     On a ramp the error is a sawtooth: of a variance step²/12, and a lag in which x changes by φ

@@ -46,10 +46,12 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
     Raises:
         DataError: the channels share no time, or their grid would not fit into memory.
     """
-    raw, series = _series(channels, machine)
+    raw, series = _channel_and_regressor_series(channels, machine)
     start, end = common_span_ns(required_series(series))
     origin = Origin(start, latency_ns(series, machine) if machine.settings.filter.causal else 0)
-    grid = _grid(required_series(series), start, end, 1e9 / machine.settings.align.rate_hz)
+    grid = _make_grid_without_holes(
+        required_series(series), start, end, 1e9 / machine.settings.align.rate_hz
+    )
     return aligned_rows(raw, series, grid, origin, machine), start + origin.late_ns
 
 
@@ -71,11 +73,11 @@ def find_origin(channels: Mapping[str, pl.DataFrame], machine: Machine) -> Origi
     Raises:
         DataError: the channels share no time yet.
     """
-    _, series = _series(channels, machine)
+    _, series = _channel_and_regressor_series(channels, machine)
     return Origin(common_span_ns(required_series(series))[0], latency_ns(series, machine))
 
 
-def align_on(
+def align_on_grid(
     channels: Mapping[str, pl.DataFrame],
     machine: Machine,
     origin: Origin,
@@ -96,7 +98,7 @@ def align_on(
     Returns:
         `aligned`, rows from `after_ns` on.
     """
-    raw, series = _series(channels, machine)
+    raw, series = _channel_and_regressor_series(channels, machine)
     needed = required_series(series)
     if is_whole:
         end = min(int(each.t_ns[-1]) for each in needed.values())
@@ -107,21 +109,21 @@ def align_on(
     if end < origin.start_ns + round(first * step_ns):
         grid = np.empty(0, np.int64)
     else:
-        grid = _grid(needed, origin.start_ns, end, step_ns, first)
+        grid = _make_grid_without_holes(needed, origin.start_ns, end, step_ns, first)
     return aligned_rows(raw, series, grid, origin, machine)
 
 
-def _series(
+def _channel_and_regressor_series(
     channels: Mapping[str, pl.DataFrame], machine: Machine
 ) -> tuple[dict[str, ChannelSeries], dict[str, ChannelSeries]]:
     """The channels as they come, and with the regressors' at the stamps of their slowest."""
     align = machine.settings.align
-    raw = {name: rates.series_of(name, frame, align) for name, frame in channels.items()}
+    raw = {name: rates.make_channel_series(name, frame, align) for name, frame in channels.items()}
     return raw, _reduce_channels(raw, machine)
 
 
 def required_series(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSeries]:
-    """Those that the grid has to have."""
+    """Channel series that the grid must have."""
     return {name: each for name, each in series.items() if name not in HINTS}
 
 
@@ -138,11 +140,11 @@ def aligned_rows(
     gap = np.zeros(grid.size, np.bool_)
     columns: dict[str, NDArray[np.float64]] = {}
     for name, each in series.items():
-        instants, stale = chosen.of(name) if chosen else (grid, np.False_)
-        x = each.at(instants)
+        instants, stale = chosen.sample_instants(name) if chosen else (grid, np.False_)
+        x = each.values_at(instants)
         if each is not raw[name]:
             # between two stamps of the slowest channel, a faster one may have a gap
-            stale = stale | np.isnan(raw[name].at(instants))
+            stale = stale | np.isnan(raw[name].values_at(instants))
         columns[name] = np.where(stale, np.nan, rates.wrap_angle(name, x))
         if name not in HINTS:
             gap |= np.isnan(columns[name])
@@ -152,8 +154,11 @@ def aligned_rows(
 
 def alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
     """Say what `align` does to these channels that a reader of the answer should know."""
-    raw = {n: rates.series_of(n, frame, machine.settings.align) for n, frame in channels.items()}
-    said = [str(each) for each in rates.find_reduced_regressors(raw, machine)]
+    raw = {
+        n: rates.make_channel_series(n, frame, machine.settings.align)
+        for n, frame in channels.items()
+    }
+    said = [str(each) for each in rates.find_rate_limited_regressors(raw, machine)]
     if machine.settings.filter.causal:
         late_s = latency_ns(_reduce_channels(raw, machine), machine) / 1e9
         said.append(f"causal: a row holds the motion {late_s:.4g} s before it (align.latency_s)")
@@ -164,8 +169,8 @@ def _reduce_channels(
     raw: Mapping[str, ChannelSeries], machine: Machine
 ) -> dict[str, ChannelSeries]:
     series = dict(raw)
-    for each in rates.find_reduced_regressors(raw, machine):
-        series |= rates.reduce(raw, each)
+    for each in rates.find_rate_limited_regressors(raw, machine):
+        series |= rates.reduce_to_slowest_channel(raw, each)
     return series
 
 
@@ -184,7 +189,7 @@ def latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
     given = machine.settings.align.latency_s
     if given is not None:
         return round(given * 1e9)
-    names = frozenset[str]().union(*rates.regressors(machine)) & set(series)
+    names = frozenset[str]().union(*rates.channels_of_each_equation(machine)) & set(series)
     return round(max(filters.period_ns(series[n].t_ns) + series[n].lag_ns for n in names))
 
 
@@ -199,13 +204,15 @@ class KnownInstants:
         self, series: Mapping[str, ChannelSeries], grid: Ints, late_ns: int, machine: Machine
     ) -> None:
         self.series, self.grid, self.late_ns = series, grid, late_ns
-        self.names = frozenset[str]().union(*rates.regressors(machine)) & set(series)
-        self.newest = {name: each.newest(grid + late_ns) for name, each in series.items()}
+        self.names = frozenset[str]().union(*rates.channels_of_each_equation(machine)) & set(series)
+        self.newest = {
+            name: each.newest_known_instant(grid + late_ns) for name, each in series.items()
+        }
         self.shared = grid
         for name in self.names:
             self.shared = np.minimum(self.shared, self.newest[name])
 
-    def of(self, name: str) -> tuple[Ints, NDArray[np.bool_]]:
+    def sample_instants(self, name: str) -> tuple[Ints, NDArray[np.bool_]]:
         """The instants (rows,) of a channel, and where its newest sample is too old."""
         each = self.series[name]
         newest = self.newest[name]
@@ -214,7 +221,7 @@ class KnownInstants:
         return instants, usual - newest > each.longest_ns
 
 
-def _grid(
+def _make_grid_without_holes(
     needed: Mapping[str, ChannelSeries], start: int, end: int, step_ns: float, first: int = 0
 ) -> Ints:
     """Lattice points from start to end, without the inside of holes longer than the limit.

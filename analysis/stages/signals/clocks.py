@@ -64,7 +64,7 @@ def clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
         time_s = (log - log.min()) / 1e9
         latency = log - stamped["header_stamp_ns"].to_numpy()
         latency_s = (latency - latency.min()) / 1e9
-        line = _line_below(time_s, latency_s)
+        line = _fit_line_below(time_s, latency_s)
         if line is not None:
             slope, std = line
             rows.append((topic, -slope * 1e6, std * 1e6, float(time_s.max())))
@@ -94,7 +94,7 @@ def relative_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
     return max(pairs, key=lambda pair: pair.drift_ppm / pair.drift_std_ppm, default=None)
 
 
-def _line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None:
+def _fit_line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None:
     """Slope and its standard deviation of a line along the least latencies; None with too few."""
     span_s = float(time_s.max())
     if not span_s > 0:

@@ -5,19 +5,23 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
-from analysis.expressions.dimensions import convert_to_si, dimension_text
+from analysis.expressions.dimensions import convert_to_si, format_dimension
 from analysis.expressions.parse import (
     SLOPE,
     Expression,
     ExpressionError,
     Name,
-    names,
-    slopes,
+    iter_channel_names,
+    iter_differentiated_channels,
 )
 from analysis.expressions.values import NEAR_ZERO, evaluate
 from analysis.model.loss import Loss
 from analysis.model.machine import BODY_NUMBERS, Channel, Machine
-from analysis.model.physical_units import registry, to_si, unit_behind
+from analysis.model.physical_units import (
+    gain_and_offset_to_si,
+    split_unit_from_name,
+    unit_registry,
+)
 from analysis.model.schema import CHANNEL_COLUMNS, HINTS
 from analysis.model.settings import AlignSettings, Settings
 from analysis.stages.signals import filters, mounting
@@ -54,20 +58,20 @@ def derive(
     settings = machine.settings
     notes: list[str] = []
     filtering = any(channel.differentiates for channel in machine.channels.values())
-    picked = _low_passed(read, settings, notes) if filtering else dict(read)
+    picked = _low_pass_channel(read, settings, notes) if filtering else dict(read)
 
-    series = mounting.to_machine_axes(picked, machine.machine.imu, settings.align)
+    series = mounting.rotate_to_machine_axes(picked, machine.machine.imu, settings.align)
     for name in machine.derivation_order():
         channel = machine.channels[name]
         if channel.derivative_of:
             t, x = series[channel.derivative_of]
             longest_ns = filters.longest_step_ns(t, settings.align)
-            t, x = filters.derivative(t, x, longest_ns, causal=settings.filter.causal)
+            t, x = filters.differentiate(t, x, longest_ns, causal=settings.filter.causal)
         elif channel.mean_of:
             first, second = channel.mean_of
             t, x = mean_of_channels(series[first], series[second], settings.align)
         elif channel.expression is not None:
-            t, x = _arithmetic(name, series, machine, notes)
+            t, x = _evaluate_arithmetic(name, series, machine, notes)
         else:
             continue
         series[name] = _fill_gaps(name, t, x * channel.scale + channel.offset)
@@ -86,7 +90,7 @@ def derive(
     return {name: pl.DataFrame(each) for name, each in columns.items()}, notes
 
 
-def arithmetic(name: str, machine: Machine) -> Expression:
+def arithmetic_in_si(name: str, machine: Machine) -> Expression:
     """The arithmetic that derives a channel, in SI units.
 
     Raises:
@@ -95,21 +99,21 @@ def arithmetic(name: str, machine: Machine) -> Expression:
     tree = machine.channels[name].expression
     assert tree is not None
     try:
-        units = {each: unit_of(each) for each in names(tree)}
-        found, dimension = convert_to_si(tree, units, registry())
-        _, wanted = convert_to_si(Name(name), {name: unit_of(name)}, registry())
+        units = {each: unit_of_name(each) for each in iter_channel_names(tree)}
+        found, dimension = convert_to_si(tree, units, unit_registry())
+        _, wanted = convert_to_si(Name(name), {name: unit_of_name(name)}, unit_registry())
     except (ExpressionError, MachineError) as error:
         raise MachineError(f"channels.{name}: {error}") from None
     if dimension != wanted:
         raise MachineError(
-            f"channels.{name} is {dimension_text(wanted)}, '{machine.channels[name].derive}' is "
-            f"{dimension_text(dimension)}: multiply or divide by a constant with its unit in "
+            f"channels.{name} is {format_dimension(wanted)}, '{machine.channels[name].derive}' is "
+            f"{format_dimension(dimension)}: multiply or divide by a constant with its unit in "
             "brackets, as 0.35 [m]"
         )
     return found
 
 
-def unit_of(name: str) -> str:
+def unit_of_name(name: str) -> str:
     """The unit of a channel or of a key of `[machine]`, which its name ends in.
 
     Raises:
@@ -117,7 +121,7 @@ def unit_of(name: str) -> str:
     """
     if name in _SI:
         return "" if _SI[name] == "1" else _SI[name]
-    _, unit = unit_behind(name)
+    _, unit = split_unit_from_name(name)
     if unit is None and name not in BODY_NUMBERS and not name.endswith("_1"):
         raise MachineError(
             f"'{name}' does not end in its unit; call it {name}_A, or {name}_1 for a pure number"
@@ -125,22 +129,24 @@ def unit_of(name: str) -> str:
     return unit or ""
 
 
-def _arithmetic(
+def _evaluate_arithmetic(
     name: str, series: Mapping[str, mounting.Series], machine: Machine, notes: list[str]
 ) -> mounting.Series:
     """A channel from others, at the stamps of the slowest, the others on the line between theirs.
 
     Samples that have no value are left out, as where a divisor is near zero.
     """
-    tree, settings = arithmetic(name, machine), machine.settings
-    own = {each: series[each] for each in names(tree) if each not in BODY_NUMBERS}
-    for each in slopes(tree):
+    tree, settings = arithmetic_in_si(name, machine), machine.settings
+    own = {each: series[each] for each in iter_channel_names(tree) if each not in BODY_NUMBERS}
+    for each in iter_differentiated_channels(tree):
         t, x = series[each]
         longest_ns = filters.longest_step_ns(t, settings.align)
-        own[f"{SLOPE} {each}"] = filters.derivative(t, x, longest_ns, causal=settings.filter.causal)
+        own[f"{SLOPE} {each}"] = filters.differentiate(
+            t, x, longest_ns, causal=settings.filter.causal
+        )
     at = max((t for t, _ in own.values()), key=lambda t: (filters.period_ns(t), -t.size))
     values = {
-        each: filters.interpolate(t, x, at, filters.longest_step_ns(t, settings.align))
+        each: filters.interpolate_in_stretches(t, x, at, filters.longest_step_ns(t, settings.align))
         if not np.array_equal(t, at)
         else x
         for each, (t, x) in own.items()
@@ -158,7 +164,7 @@ def _arithmetic(
     return at[known], x[known]
 
 
-def read_measured(
+def read_measured_channels(
     placed: Mapping[str, pl.DataFrame], machine: Machine
 ) -> tuple[dict[str, mounting.Series], list[Loss]]:
     """Read every channel that comes from a topic: SI units, finite, one sample a stamp.
@@ -177,13 +183,13 @@ def read_measured(
         if channel.sources or (name in HINTS and topic not in placed):
             continue
         if channel.angle_of:
-            read[name] = _angle(name, channel, placed[topic], machine, losses)
+            read[name] = _angle_from_orientation(name, channel, placed[topic], machine, losses)
         else:
-            read[name] = pick_field(name, channel, placed[topic], losses)
+            read[name] = pick_field_of_channel(name, channel, placed[topic], losses)
     return read, losses
 
 
-def _low_passed(
+def _low_pass_channel(
     read: Mapping[str, mounting.Series], settings: Settings, notes: list[str]
 ) -> dict[str, mounting.Series]:
     """The low-pass of the settings on every channel of which the rate allows it.
@@ -208,7 +214,7 @@ def _low_passed(
     return out
 
 
-def _angle(
+def _angle_from_orientation(
     name: str,
     channel: Channel,
     frame: pl.DataFrame,
@@ -218,24 +224,28 @@ def _angle(
     """An angle of the machine from the orientation of its IMU."""
     assert channel.angle_of is not None
     angle, quaternion = channel.angle_of
-    parts = np.stack([_field_numbers(name, channel, field, frame) for field in channel.fields])
-    x = mounting.inclination(parts, machine.machine.imu)[angle]
+    parts = np.stack([_numbers_of_field(name, channel, field, frame) for field in channel.fields])
+    x = mounting.pitch_and_roll(parts, machine.machine.imu)[angle]
     return usable_readings(name, channel, quaternion, frame, x, losses)
 
 
-def pick_field(
+def pick_field_of_channel(
     name: str, channel: Channel, frame: pl.DataFrame, losses: list[Loss]
 ) -> tuple[filters.Ints, filters.Floats]:
     """A field in SI units."""
     field = str(channel.field)
-    gain, offset = to_si(channel.unit, unit_of(name)) if channel.unit else (1.0, 0.0)
+    gain, offset = (
+        gain_and_offset_to_si(channel.unit, unit_of_name(name)) if channel.unit else (1.0, 0.0)
+    )
     with np.errstate(over="ignore"):  # what does not fit is no reading
-        x = _field_numbers(name, channel, field, frame) * channel.scale + channel.offset
+        x = _numbers_of_field(name, channel, field, frame) * channel.scale + channel.offset
         x = x * gain + offset
     return usable_readings(name, channel, field, frame, x, losses)
 
 
-def _field_numbers(name: str, channel: Channel, field: str, frame: pl.DataFrame) -> filters.Floats:
+def _numbers_of_field(
+    name: str, channel: Channel, field: str, frame: pl.DataFrame
+) -> filters.Floats:
     dtype = frame[field].dtype
     if not (dtype.is_numeric() or dtype == pl.Boolean or dtype == pl.Null):
         where = f"{field} of {channel.topic or 'the table'}"
@@ -262,7 +272,7 @@ def usable_readings(
     if not finite.any():
         raise DataError(f"{name}: {where} holds no number in {x.size} samples")
     told = finite & (np.abs(x) <= _LARGEST_SI)
-    limit = f"beyond {_LARGEST_SI:g} {unit_of(name)}, which is no reading"
+    limit = f"beyond {_LARGEST_SI:g} {unit_of_name(name)}, which is no reading"
     if not told.any():
         raise DataError(f"{name}: {where} holds nothing but numbers {limit}: check its unit, scale")
     for left_out, why in ((~finite, "missing or not finite"), (finite & ~told, limit)):
@@ -298,7 +308,7 @@ def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series
 
 
 def flush_unresolved(x: filters.Floats) -> filters.Floats:
-    """The same with 0 for what no sensor resolves: a filter rings out down to the last number."""
+    """Set to 0 what no sensor resolves: a filter rings on down to the smallest number."""
     return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
 
 
@@ -337,7 +347,7 @@ def sample_known_times(
     }
     known: dict[str, filters.Ints] = {}
     for name, own in filtered.items():
-        beside = mounting.axes_mixed_with(name, picked, machine.machine.imu)
+        beside = mounting.axes_turned_with(name, picked, machine.machine.imu)
         at = series[name][0]
         each = [
             filters.interpolation_ready_ns(picked[other][0], filtered[other], at)

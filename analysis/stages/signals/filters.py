@@ -5,7 +5,7 @@ from typing import Final, cast
 import numpy as np
 
 from analysis.model.settings import AlignSettings
-from analysis.stages.signals.resample import interpolate
+from analysis.stages.signals.resample import interpolate_in_stretches
 from estimators.arrays import Floats, Ints
 
 #: Rates that differ by less are one rate.
@@ -40,7 +40,7 @@ def longest_step_ns(t_ns: Ints, settings: AlignSettings) -> float:
     return settings.gap_periods * float(np.fmax(period_ns(t_ns), 1e9 / settings.rate_hz))
 
 
-def stretches(t_ns: Ints, longest_ns: float) -> list[slice]:
+def slices_between_gaps(t_ns: Ints, longest_ns: float) -> list[slice]:
     """Slices between steps longer than `longest_ns`."""
     edges = np.flatnonzero(np.diff(t_ns) > longest_ns) + 1
     return [slice(a, b) for a, b in zip([0, *edges], [*edges, t_ns.size], strict=True)]
@@ -72,7 +72,7 @@ def low_pass(
     settle = 3 * (2 * sos.shape[0] + 1)
     times: list[Ints] = []
     outputs: list[Floats] = []
-    for part in stretches(t_ns, longest_ns):
+    for part in slices_between_gaps(t_ns, longest_ns):
         t, y = _resample_uniformly(t_ns[part], x[part], period)
         if t.size <= settle:
             continue
@@ -97,7 +97,7 @@ def low_pass_power_gain(at: Floats, *, causal: bool) -> Floats:
     return one_pass if causal else one_pass**2
 
 
-def derivative(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> tuple[Ints, Floats]:
+def differentiate(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> tuple[Ints, Floats]:
     """Differentiate between steps longer than `longest_ns`, centrally: nothing is delayed.
 
     When `causal`, the ends of a stretch have no derivative: they would be one-sided, and on board
@@ -106,7 +106,7 @@ def derivative(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> tup
     """
     times: list[Ints] = []
     rates: list[Floats] = []
-    for part in stretches(t_ns, longest_ns):
+    for part in slices_between_gaps(t_ns, longest_ns):
         t, y = t_ns[part], x[part]
         if t.size < 3:
             continue
@@ -132,7 +132,7 @@ def interpolate_line(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> t
     """
     if np.array_equal(t_ns, at_ns):
         return at_ns, x
-    values = interpolate(t_ns, x, at_ns, longest_ns)
+    values = interpolate_in_stretches(t_ns, x, at_ns, longest_ns)
     found = ~np.isnan(values)
     return at_ns[found], values[found]
 

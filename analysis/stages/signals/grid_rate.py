@@ -23,7 +23,9 @@ _MEAN_S: Final[float] = SmoothSettings.model_fields["samples"].default / PAPER_H
 FEWEST_READINGS: Final = 20
 
 
-def at_own_rate(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[Machine, list[str]]:
+def machine_at_rate_of_log(
+    read: Mapping[str, mounting.Series], machine: Machine
+) -> tuple[Machine, list[str]]:
     """Fill in what the machine file does not set: the grid's rate, the window and the moving mean.
 
     Args:
@@ -42,9 +44,9 @@ def at_own_rate(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[
         chosen["align.rate_hz"] = rate_hz
     if "window_samples" not in settings.gate.model_fields_set:
         readings = math.ceil(FEWEST_READINGS * rate_hz / own_hz)
-        chosen["gate.window_samples"] = rows_in(_WINDOW_S, rate_hz, readings)
+        chosen["gate.window_samples"] = rows_in_duration(_WINDOW_S, rate_hz, readings)
     if "samples" not in settings.smooth.model_fields_set:
-        chosen["smooth.samples"] = rows_in(_MEAN_S, rate_hz)
+        chosen["smooth.samples"] = rows_in_duration(_MEAN_S, rate_hz)
     differs = any(settings.value(name) != value for name, value in chosen.items())
     settings = settings.with_changes(chosen)
     said = f"{slowest} comes at {own_hz:.4g} Hz, so without a setting " + ", ".join(
@@ -59,7 +61,7 @@ def at_own_rate(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[
     return machine.model_copy(update={"settings": settings}), [said] if differs else []
 
 
-def rows_in(seconds: float, rate_hz: float, least: int = 1) -> int:
+def rows_in_duration(seconds: float, rate_hz: float, least: int = 1) -> int:
     """How many rows of the grid stand for so long."""
     return max(round(seconds * rate_hz), least)
 
@@ -68,7 +70,7 @@ def slowest_channel(read: Mapping[str, mounting.Series], machine: Machine) -> tu
     """The channel that comes least often of those that the regressor is made of, and its rate."""
     names = {
         source
-        for regressor in rates.regressors(machine)
+        for regressor in rates.channels_of_each_equation(machine)
         for name in regressor - {"direction_x_1"}
         for source in rates.source_channels(name, machine)
         if source in read

@@ -16,7 +16,7 @@ _SPECIFIC_FORCE = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_f
 _RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
 
 
-def rotation(imu: ImuMounting) -> Floats:
+def rotation_to_machine_axes(imu: ImuMounting) -> Floats:
     """(3, 3) from IMU axes to machine axes: R = Rz(yaw) Ry(pitch) Rx(roll), right-handed."""
     r, p, y = np.deg2rad([imu.roll_deg, imu.pitch_deg, imu.yaw_deg])
     Rx = np.array([[1, 0, 0], [0, np.cos(r), -np.sin(r)], [0, np.sin(r), np.cos(r)]])
@@ -29,10 +29,10 @@ def is_rotated(imu: ImuMounting) -> bool:
     """Whether the IMU's axes are not the machine's; less than 1e-12 rad counts as none."""
     if not (imu.roll_deg or imu.pitch_deg or imu.yaw_deg):
         return False
-    return not np.allclose(rotation(imu), np.eye(3), rtol=0.0, atol=1e-12)
+    return not np.allclose(rotation_to_machine_axes(imu), np.eye(3), rtol=0.0, atol=1e-12)
 
 
-def inclination(quaternion: Floats, imu: ImuMounting) -> dict[str, Floats]:
+def pitch_and_roll(quaternion: Floats, imu: ImuMounting) -> dict[str, Floats]:
     """`pitch` and `roll` of the machine, each (n,) in rad, from its IMU's orientation (4, n).
 
     The quaternion (x, y, z, w) turns IMU axes into the world's: x forward, y left, z up (REP-103).
@@ -42,11 +42,11 @@ def inclination(quaternion: Floats, imu: ImuMounting) -> dict[str, Floats]:
         x, y, z, w = quaternion / np.linalg.norm(quaternion, axis=0)
     # the world's vertical in IMU axes, then in those of the machine
     up = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x**2 + y**2)], -1)
-    up_x, up_y, up_z = (up @ rotation(imu).T).T
+    up_x, up_y, up_z = (up @ rotation_to_machine_axes(imu).T).T
     return {"pitch": np.arcsin(np.clip(up_x, -1.0, 1.0)), "roll": np.arctan2(up_y, up_z)}
 
 
-def to_machine_axes(
+def rotate_to_machine_axes(
     series: Mapping[str, Series], imu: ImuMounting, settings: AlignSettings
 ) -> dict[str, Series]:
     """Rotate the accelerometer and the gyroscope, each at its own rate, before any derivative.
@@ -62,7 +62,7 @@ def to_machine_axes(
     out = dict(series)
     if not is_rotated(imu):
         return out
-    R = rotation(imu)
+    R = rotation_to_machine_axes(imu)
     for triple in (_SPECIFIC_FORCE, _RATES):
         given = [name for name in triple if name in series]
         if not given:
@@ -78,7 +78,7 @@ def to_machine_axes(
     return out
 
 
-def axes_mixed_with(name: str, given: Iterable[str], imu: ImuMounting) -> tuple[str, ...]:
+def axes_turned_with(name: str, given: Iterable[str], imu: ImuMounting) -> tuple[str, ...]:
     """The axes that an axis is turned with, itself among them; none where nothing is turned."""
     for triple in (_SPECIFIC_FORCE, _RATES):
         if name in triple and is_rotated(imu):

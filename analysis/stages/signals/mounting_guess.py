@@ -12,9 +12,9 @@ import polars as pl
 
 from analysis.model.machine import ImuMounting, Machine
 from analysis.model.schema import values
-from analysis.stages.signals.filters import stretches
-from analysis.stages.signals.mounting import rotation
-from analysis.stages.signals.resample import average
+from analysis.stages.signals.filters import slices_between_gaps
+from analysis.stages.signals.mounting import rotation_to_machine_axes
+from analysis.stages.signals.resample import average_about_instants
 from estimators.arrays import Bools, Floats, Ints
 
 _AXES: Final = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
@@ -93,8 +93,13 @@ def guess_mounting(
     roll_deg = 0.0 if upright else float(np.degrees(np.arctan2(y, z)))
     pitch_deg = float(np.degrees(np.arctan2(-x, z if upright else np.hypot(y, z))))
     roll_deg, pitch_deg = (round_angle(angle, _TILT_STEP_DEG) for angle in (roll_deg, pitch_deg))
-    levelled = specific_force @ rotation(ImuMounting(roll_deg=roll_deg, pitch_deg=pitch_deg)).T
-    yaw_deg, std_deg = _yaw(t_ns, levelled, speed) if speed is not None else (np.nan, np.nan)
+    levelled = (
+        specific_force
+        @ rotation_to_machine_axes(ImuMounting(roll_deg=roll_deg, pitch_deg=pitch_deg)).T
+    )
+    yaw_deg, std_deg = (
+        _guess_yaw_deg(t_ns, levelled, speed) if speed is not None else (np.nan, np.nan)
+    )
     step_deg = next((step for step in _YAW_STEPS_DEG if 2 * std_deg <= step), None)
     return MountingGuess(
         roll_deg=roll_deg,
@@ -168,14 +173,14 @@ def long_standstills(t_ns: Ints, still: Bools) -> Bools:
     # a moving sample between two standing ones ends a stretch
     edges = np.flatnonzero(np.diff(index) > 1) + 1
     for run in np.split(index, edges):
-        for part in stretches(t_ns[run], _STANDING_NS):
+        for part in slices_between_gaps(t_ns[run], _STANDING_NS):
             each = run[part]
             if t_ns[each[-1]] - t_ns[each[0]] >= _STANDING_NS:
                 kept[each] = True
     return kept
 
 
-def _yaw(t_ns: Ints, levelled: Floats, speed: tuple[Ints, Floats]) -> tuple[float, float]:
+def _guess_yaw_deg(t_ns: Ints, levelled: Floats, speed: tuple[Ints, Floats]) -> tuple[float, float]:
     """Yaw and its standard deviation in degrees; NaN where driving does not tell it.
 
     The horizontal specific force is regressed on the change of the wheels' speed, both over the
@@ -191,7 +196,9 @@ def _yaw(t_ns: Ints, levelled: Floats, speed: tuple[Ints, Floats]) -> tuple[floa
     longest_ns = float(_SPAN_NS)
     seen = np.stack(
         [
-            average(t_ns, levelled[:, axis], edges[:-1] + _SPAN_NS // 2, _SPAN_NS, longest_ns)
+            average_about_instants(
+                t_ns, levelled[:, axis], edges[:-1] + _SPAN_NS // 2, _SPAN_NS, longest_ns
+            )
             for axis in (0, 1)
         ],
         axis=1,

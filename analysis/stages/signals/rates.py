@@ -10,7 +10,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters
-from analysis.stages.signals.resample import average, interpolate
+from analysis.stages.signals.resample import average_about_instants, interpolate_in_stretches
 from estimators.arrays import Floats, Ints
 
 _TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
@@ -39,19 +39,21 @@ class ChannelSeries:
     period_ns: float
     width_ns: int
 
-    def at(self, instants_ns: Ints) -> Floats:
+    def values_at(self, instants_ns: Ints) -> Floats:
         """The values (rows,) at ascending instants, NaN in gaps."""
         if self.width_ns:
-            return average(self.t_ns, self.x, instants_ns, self.width_ns, self.longest_ns)
-        return interpolate(self.t_ns, self.x, instants_ns, self.longest_ns)
+            return average_about_instants(
+                self.t_ns, self.x, instants_ns, self.width_ns, self.longest_ns
+            )
+        return interpolate_in_stretches(self.t_ns, self.x, instants_ns, self.longest_ns)
 
-    def known_at(self, instants_ns: Ints) -> Ints:
+    def when_known_ns(self, instants_ns: Ints) -> Ints:
         """When the values at ascending instants are known, (rows,)."""
         return filters.interpolation_ready_ns(
             self.t_ns, self.known_ns, instants_ns + self.width_ns // 2
         )
 
-    def newest(self, now_ns: Ints) -> Ints:
+    def newest_known_instant(self, now_ns: Ints) -> Ints:
         """The latest instant whose value is known at each time, (rows,); far past before any."""
         last = np.searchsorted(self.known_ns, now_ns, side="right") - 1
         return np.where(last >= 0, self.t_ns[last] - self.width_ns // 2, np.int64(-(2**62)))
@@ -62,7 +64,7 @@ class ChannelSeries:
         return float(np.median(self.known_ns - self.t_ns)) + self.width_ns / 2
 
 
-def series_of(name: str, frame: pl.DataFrame, settings: AlignSettings) -> ChannelSeries:
+def make_channel_series(name: str, frame: pl.DataFrame, settings: AlignSettings) -> ChannelSeries:
     """Take a channel as `derive` gives it; a topic faster than the grid is averaged."""
     t_ns = frame["unix_ns"].to_numpy()
     x = frame[name].to_numpy()
@@ -92,14 +94,14 @@ def mean_step_ns(t_ns: Ints, longest_ns: float, step_ns: float) -> float:
 
 
 def wrap_angle(name: str, x: Floats) -> Floats:
-    """Undo the unwrapping of an angle that `series_of` took."""
+    """Undo the unwrapping of an angle that `make_channel_series` took."""
     if name not in _WHOLE_TURN:
         return x
     turn = _WHOLE_TURN[name]
     return np.where(np.abs(x) > turn / 2, x - turn * np.round(x / turn), x)
 
 
-def regressors(machine: Machine) -> list[frozenset[str]]:
+def channels_of_each_equation(machine: Machine) -> list[frozenset[str]]:
     """The channels that share an equation: of straight motion (7), of spins (8), or of both."""
     channels = set(machine.channels)
     kinematic = machine.settings.forces.acceleration == "kinematic"
@@ -141,15 +143,15 @@ class ReducedRegressor:
     span_ns: int
 
     def __str__(self) -> str:
-        """What a reader of the answer should know of it."""
+        """Note for the reader of the answer."""
         return (
-            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_names_text(self.names)} "
+            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_join_names(self.names)} "
             f"are taken at its stamps, averaged over {self.span_ns / 1e9:.3g} s, since a slow "
             "channel among faster ones biases the estimate"
         )
 
 
-def find_reduced_regressors(
+def find_rate_limited_regressors(
     series: Mapping[str, ChannelSeries], machine: Machine
 ) -> list[ReducedRegressor]:
     """The regressors of which one channel is slower than another one, or a slow derivative.
@@ -159,7 +161,7 @@ def find_reduced_regressors(
     """
     step_ns = 1e9 / machine.settings.align.rate_hz
     found: list[ReducedRegressor] = []
-    for names in regressors(machine):
+    for names in channels_of_each_equation(machine):
         # the sign of the speed comes with the speed
         own = sorted((names & set(series)) - {"direction_x_1"})
         least_ns = step_ns
@@ -184,7 +186,9 @@ def find_reduced_regressors(
     return found
 
 
-def reduce(series: Mapping[str, ChannelSeries], each: ReducedRegressor) -> dict[str, ChannelSeries]:
+def reduce_to_slowest_channel(
+    series: Mapping[str, ChannelSeries], each: ReducedRegressor
+) -> dict[str, ChannelSeries]:
     """Take a regressor's channels at the stamps of the slowest, where all of them are known.
 
     There they are means over one span, alike: single samples of a fast channel would let its
@@ -197,9 +201,11 @@ def reduce(series: Mapping[str, ChannelSeries], each: ReducedRegressor) -> dict[
     for name in each.names:
         wait_ns = 0 if name in each.derived else each.span_ns // 2
         values[name] = (
-            _mean(series[name], at_ns, 2 * wait_ns) if wait_ns else series[name].at(at_ns)
+            _average_curved_signal(series[name], at_ns, 2 * wait_ns)
+            if wait_ns
+            else series[name].values_at(at_ns)
         )
-        known.append(series[name].known_at(at_ns + wait_ns))
+        known.append(series[name].when_known_ns(at_ns + wait_ns))
     kept = ~np.isnan(np.stack(list(values.values()))).any(axis=0)
     if kept.sum() < 2:
         # they share no time: for `align` to say
@@ -211,18 +217,18 @@ def reduce(series: Mapping[str, ChannelSeries], each: ReducedRegressor) -> dict[
     }
 
 
-def _mean(series: ChannelSeries, at_ns: Ints, span_ns: int) -> Floats:
+def _average_curved_signal(series: ChannelSeries, at_ns: Ints, span_ns: int) -> Floats:
     """The mean over a span about each instant, (rows,), of a signal that curves between samples.
 
     With the curvature x'', the line through samples lies T²/12 x'' too high on average, and the
     middle lies span²/24 x'' below the mean: this mixture of both is right (of three samples over a
     span of two steps, Simpson's rule).
     """
-    line = average(series.t_ns, series.x, at_ns, span_ns, series.longest_ns)
+    line = average_about_instants(series.t_ns, series.x, at_ns, span_ns, series.longest_ns)
     share = span_ns**2 / (2 * series.period_ns**2 + span_ns**2)
-    return share * line + (1.0 - share) * series.at(at_ns)
+    return share * line + (1.0 - share) * series.values_at(at_ns)
 
 
-def _names_text(names: frozenset[str]) -> str:
+def _join_names(names: frozenset[str]) -> str:
     *first, last = sorted(names - {"direction_x_1"})
     return f"{', '.join(first)} and {last}"

@@ -9,7 +9,7 @@ from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
 
 
-def interpolate(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> Floats:
+def interpolate_in_stretches(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> Floats:
     """Read the line through the samples (rows,); the sample itself at its stamp.
 
     Args:
@@ -22,15 +22,17 @@ def interpolate(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> Floats
         (rows,), NaN between such neighbours, before the first sample and after the last.
     """
     out = np.full(at_ns.size, np.nan)
-    _interpolate(t_ns, np.ascontiguousarray(x), at_ns, int(longest_ns), out)
+    _fill_interpolated(t_ns, np.ascontiguousarray(x), at_ns, int(longest_ns), out)
     return out
 
 
-def average(t_ns: Ints, x: Floats, at_ns: Ints, width_ns: int, longest_ns: float) -> Floats:
+def average_about_instants(
+    t_ns: Ints, x: Floats, at_ns: Ints, width_ns: int, longest_ns: float
+) -> Floats:
     """Average the line through the samples over a width about each instant, by its exact integral.
 
     Beside a gap, the first sample and the last, the width shrinks on both sides alike, so that
-    nothing is delayed. A value is known where `interpolate` knows it.
+    nothing is delayed. A value is known where `interpolate_in_stretches` knows it.
 
     Args:
         t_ns: (n,) stamps, strictly ascending.
@@ -40,12 +42,12 @@ def average(t_ns: Ints, x: Floats, at_ns: Ints, width_ns: int, longest_ns: float
         longest_ns: neighbours further apart have nothing between them.
     """
     out = np.full(at_ns.size, np.nan)
-    _average(t_ns, np.ascontiguousarray(x), at_ns, width_ns // 2, int(longest_ns), out)
+    _fill_averages(t_ns, np.ascontiguousarray(x), at_ns, width_ns // 2, int(longest_ns), out)
     return out
 
 
 @compiled_ahead
-def _interpolate(t: Ints, x: Floats, at: Ints, longest: int, out: Floats) -> None:
+def _fill_interpolated(t: Ints, x: Floats, at: Ints, longest: int, out: Floats) -> None:
     last = t.size - 1
     i = 0
     for k in range(at.size):
@@ -59,7 +61,7 @@ def _interpolate(t: Ints, x: Floats, at: Ints, longest: int, out: Floats) -> Non
 
 
 @compiled_ahead
-def _average(t: Ints, x: Floats, at: Ints, half: int, longest: int, out: Floats) -> None:
+def _fill_averages(t: Ints, x: Floats, at: Ints, half: int, longest: int, out: Floats) -> None:
     last = t.size - 1
     i = 0
     for k in range(at.size):

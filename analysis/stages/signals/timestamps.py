@@ -49,7 +49,7 @@ def assign_timestamps(
                     Loss(
                         source="stamps",
                         topic=topic,
-                        what="header stamps are of another clock than the other topics' stamps "
+                        what="header stamps come from another clock than the other topics' "
                         f"({abs(behind_ns[topic]) / 1e9:.3g} s from log time), so log time places "
                         "it",
                     )

@@ -36,9 +36,9 @@ _STYLE: Final = "verifier.css"
 
 def verifier_page() -> bytes:
     """The page, the same bytes whenever this version makes it."""
-    style = f"\n{_read_part(_STYLE)}"
-    script = "\n".join(('"use strict";', *(_read_part(name) for name in _SCRIPTS)))
-    page = _read_part(_PAGE)
+    style = f"\n{_read_page_part(_STYLE)}"
+    script = "\n".join(('"use strict";', *(_read_page_part(name) for name in _SCRIPTS)))
+    page = _read_page_part(_PAGE)
     parts = {
         "version": version("payscope"),
         "style_hash": _policy_digest(style),
@@ -56,7 +56,7 @@ def verifier_sha256() -> str:
     return hashlib.sha256(verifier_page()).hexdigest()
 
 
-def _read_part(name: str) -> str:
+def _read_page_part(name: str) -> str:
     return Path(__file__).with_name(name).read_text(encoding="utf-8")
 
 

@@ -27,8 +27,8 @@ from replay.logs.blocks import (
     Describe,
     Grammar,
     LooseRecords,
+    describe_end_of_reading,
     resync,
-    text_until,
     torn_end,
 )
 from replay.logs.storage import Connection
@@ -59,9 +59,9 @@ class BagFile(BlockFile):
         self._connections: dict[int, Connection] = {}
         self._connections_at: dict[int, int] = {}
         header = read_record(self._file, len(head))
-        index = self._index(header)
+        index = self._read_index(header)
         if index is not None:
-            self._take(index)
+            self._take_index_records(index)
         else:
             self._walk(len(head), header)
         return tuple(self._connections.values())
@@ -78,20 +78,20 @@ class BagFile(BlockFile):
         self._compare(walk.chunks(), walk.store)
         return self._store.crcs
 
-    def _index(self, header: BagRecord | None) -> BagIndex | None:
+    def _read_index(self, header: BagRecord | None) -> BagIndex | None:
         names = (b"index_pos", b"conn_count", b"chunk_count")
         if header is None or header.op != BAG_HEADER or not header.fields.keys() >= set(names):
             return None
-        position, connections, chunks = (header.number(name) for name in names)
+        position, connections, chunks = (header.unsigned_field(name) for name in names)
         if not header.end <= position <= self._file.size or (position == self._file.size) != (
             connections == chunks == 0
         ):
             return None
         return read_index(self._file, position, connections, chunks)
 
-    def _take(self, index: BagIndex) -> None:
+    def _take_index_records(self, index: BagIndex) -> None:
         for record, data in index.connections:
-            self._connect(record.fields, data, -1)
+            self._note_connection(record.fields, data, -1)
         unknown: list[Block] = []
         for offset in sorted(index.chunks):
             counts = index.chunks[offset]
@@ -99,7 +99,7 @@ class BagFile(BlockFile):
             # the index stands behind all chunks, so that the end of the file tears none of them
             if block is None or (block.is_torn and counts):
                 lost = Block(offset, 0, 0, "", 0, counts=counts)
-                self._store.damage.lose(lost, "it is not where the index says")
+                self._store.damage.note_lost_block(lost, "it is not where the index says")
                 continue
             times = read_indexed_times(self._file, block, counts)
             if times is None:
@@ -120,16 +120,16 @@ class BagFile(BlockFile):
         torn = torn_end(self._file.size - walk.whole, self._store.torn_messages)
         damage.note(
             f"{why}: scanned from start to end, all whole messages are read"
-            f"{text_until(self._store.last_ns)}{torn}"
+            f"{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
     def _describe(self, op: int, content: bytes, at: int) -> None:
         """A record of a connection, header and data."""
         del op
         size = int.from_bytes(content[:4], "little")
-        self._connect(parse_fields(content[4 : 4 + size]) or {}, content[8 + size :], at)
+        self._note_connection(parse_fields(content[4 : 4 + size]) or {}, content[8 + size :], at)
 
-    def _connect(self, fields: dict[bytes, bytes], data: bytes, at: int) -> None:
+    def _note_connection(self, fields: dict[bytes, bytes], data: bytes, at: int) -> None:
         connection = make_connection(fields, data)
         if connection is None:
             self._store.damage.note("the record of a connection is damaged")
@@ -187,6 +187,6 @@ class BagWalk:
                 found = resync(file, at, self.store.grammar.find)
                 if found is None:
                     return
-                self.store.damage.skip(at, found)
+                self.store.damage.note_unreadable_bytes(at, found)
                 end = found
             self.whole = at = end

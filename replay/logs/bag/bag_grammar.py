@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from estimators.interpreted import compiled, compiled_by_turns
 from replay.logs.bag.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
 from replay.logs.blocks import Grammar
-from replay.logs.decoding.bytes_at import load32, load64, scan_turns
+from replay.logs.decoding.bytes_at import count_scan_turns, load32, load64
 
 #: Where records are looked for after damage.
 _USUAL_HEADER: Final = 1024
@@ -21,7 +21,7 @@ _3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
 
 
 @compiled
-def _parse(
+def _parse_record(
     data: NDArray[np.uint8], at: int, end: int, longest: int
 ) -> tuple[int, int, int, int, int]:
     """Op, connection and time of the record at `at`, where its data begins, and where it ends.
@@ -53,8 +53,8 @@ def _parse(
     return op, connection, time, body, body + load32(data, fields_end)
 
 
-@compiled_by_turns(scan_turns)
-def _scan(
+@compiled_by_turns(count_scan_turns)
+def _scan_records(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
     """Rows of messages and connections; see `records.Scan`.
@@ -65,7 +65,7 @@ def _scan(
     at = begin
     room = rows.shape[1]
     while at + 8 <= end:
-        op, connection, time, body, stop = _parse(data, at, end, LONGEST_HEADER)
+        op, connection, time, body, stop = _parse_record(data, at, end, LONGEST_HEADER)
         if (op not in (MESSAGE, CONNECTION)) or stop > end:
             break
         if row < room:
@@ -79,13 +79,13 @@ def _scan(
     return found, at
 
 
-@compiled_by_turns(scan_turns)
+@compiled_by_turns(count_scan_turns)
 def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     for first in range(begin, end - 7):
         at = first
         links = 0
         while links < _PROVEN and at + 8 <= end:
-            op, _, _, _, stop = _parse(data, at, end, _USUAL_HEADER)
+            op, _, _, _, stop = _parse_record(data, at, end, _USUAL_HEADER)
             if op < MESSAGE or op > CONNECTION or stop > limit:
                 links = 0
                 break
@@ -97,4 +97,4 @@ def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> i
     return -1
 
 
-GRAMMAR: Final = Grammar(_scan, _find_record)
+GRAMMAR: Final = Grammar(_scan_records, _find_record)

@@ -28,7 +28,7 @@ _COUNT: Final = np.dtype([("connection", "<u4"), ("messages", "<u4")])
 
 @dataclass(frozen=True, slots=True)
 class BagIndex:
-    """What stands behind a bag's chunks."""
+    """Index behind a bag's chunks."""
 
     #: the records of connections: header and data
     connections: tuple[tuple[BagRecord, bytes], ...]
@@ -51,7 +51,7 @@ def read_index(file: FileBytes, offset: int, connections: int, chunks: int) -> B
             described.append((record, data))
         elif record.op == CHUNK_INFO and b"chunk_pos" in record.fields and len(data) % 8 == 0:
             pairs = np.frombuffer(data, _COUNT).tolist()
-            counts[record.number(b"chunk_pos")] = dict(pairs)
+            counts[record.unsigned_field(b"chunk_pos")] = dict(pairs)
         else:
             return None
         at = record.end
@@ -69,7 +69,7 @@ def chunk_block(file: FileBytes, offset: int, record: BagRecord | None) -> Block
     if record is None or record.op != CHUNK:
         return None
     compression = record.fields.get(b"compression", b"none").decode(errors="replace")
-    unpacked = record.number(b"size") if b"size" in record.fields else 0
+    unpacked = record.unsigned_field(b"size") if b"size" in record.fields else 0
     left = file.size - record.data_offset
     behind = read_record(file, record.end) if record.data_bytes == unpacked == 0 else None
     is_open = record.data_bytes == unpacked == 0 and (
@@ -102,7 +102,7 @@ def read_indexed_times(
             return None
         entries = np.frombuffer(data, _ENTRY)
         stamps = entries["s"].astype(np.int64) * 10**9 + entries["ns"]
-        times[record.number(b"conn")] = stamps
+        times[record.unsigned_field(b"conn")] = stamps
         at = record.end
     whole = {key: stamps.size for key, stamps in times.items()} == counts
     return times if whole else None

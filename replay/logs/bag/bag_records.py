@@ -39,7 +39,7 @@ class BagRecord(NamedTuple):
         value = self.fields.get(b"op", b"")
         return value[0] if len(value) == 1 else -1
 
-    def number(self, name: bytes) -> int:
+    def unsigned_field(self, name: bytes) -> int:
         """A field that is an unsigned integer, of 8 bytes at most.
 
         Raises:

@@ -31,7 +31,7 @@ class BagTail(BlockTail):
 
         return GRAMMAR
 
-    def _step(self) -> list[RawBatch] | None:
+    def _take_next_record(self) -> list[RawBatch] | None:
         file = self._file
         if self._at == 0:
             return self._begin()
@@ -49,7 +49,7 @@ class BagTail(BlockTail):
             self._at = record.end
             return self._take_block(block)
         if record.op == MESSAGE:
-            return self._take_loose(record.end - self._at)
+            return self._take_unchunked_messages(record.end - self._at)
         if record.op == CONNECTION:
             self._describe(CONNECTION, file.read(self._at, record.end - self._at))
         self._at = record.end
@@ -72,7 +72,7 @@ class BagTail(BlockTail):
         header = read_record(self._file, len(_HEAD))
         if header is None or header.op != BAG_HEADER or b"index_pos" not in header.fields:
             return 0
-        return header.number(b"index_pos")
+        return header.unsigned_field(b"index_pos")
 
     def _describe(self, op: int, content: bytes) -> None:
         del op

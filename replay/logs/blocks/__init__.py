@@ -5,7 +5,7 @@ from replay.logs.blocks.block_file import BlockFile
 from replay.logs.blocks.block_messages import BlockStore, Describe
 from replay.logs.blocks.block_tail import BlockTail
 from replay.logs.blocks.loose_records import LooseRecords, resync
-from replay.logs.blocks.lost_blocks import text_until, torn_end
+from replay.logs.blocks.lost_blocks import describe_end_of_reading, torn_end
 from replay.logs.blocks.slabs import Grammar
 
 __all__ = [
@@ -16,7 +16,7 @@ __all__ = [
     "Describe",
     "Grammar",
     "LooseRecords",
+    "describe_end_of_reading",
     "resync",
-    "text_until",
     "torn_end",
 ]

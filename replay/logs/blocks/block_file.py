@@ -62,7 +62,7 @@ class BlockFile(ABC):
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         return self._store.damage.losses(self._topics)
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
@@ -71,7 +71,7 @@ class BlockFile(ABC):
 
     def message_count(self, connection_id: int) -> int:
         """How many log times a connection has."""
-        return self._store.messages_of(connection_id)
+        return self._store.message_count_of(connection_id)
 
     def groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None

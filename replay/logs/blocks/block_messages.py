@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.lost_blocks import BlockDamage
 from replay.logs.blocks.slabs import Grammar, Slab, read_slabs
-from replay.logs.storage import END_NS, KEY, TIME, FileBytes, Group, group_by_key, no_times
+from replay.logs.storage import END_NS, KEY, TIME, FileBytes, Group, group_by_key, make_empty_times
 
 if TYPE_CHECKING:
     from replay.logs.blocks.select_messages import ChunkStats
@@ -117,20 +117,22 @@ class BlockStore:
         self._counts.update(block.counts)
         self._unread.append((block, read_times))
 
-    def lose(self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str) -> None:
+    def note_lost_block(
+        self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str
+    ) -> None:
         """Note that a block, whose messages are known, cannot be read."""
         described, _ = describe_block(block, times)
-        self.damage.lose(described, why)
+        self.damage.note_lost_block(described, why)
 
     def survey(self, blocks: Iterable[Block]) -> None:
         """Add blocks that no index describes: they are unpacked to see what they hold."""
         for slab in read_slabs(self.file, blocks, self.grammar):
             for block, why in slab.damaged:
-                self.damage.lose(block, why)
+                self.damage.note_lost_block(block, why)
             for block, first, last, unread in slab.parts:
                 self.add_rows(block, slab.data, slab.rows[:, first:last])
                 self._judge_unread(block, unread)
-                self._seal(block)
+                self._seal_block(block)
 
     def add_rows(self, block: Block, data: NDArray[np.uint8], rows: NDArray[np.int64]) -> None:
         """Add a block with the rows that scanning it gave."""
@@ -159,14 +161,14 @@ class BlockStore:
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
         """Log times of a connection, (n,) in ns."""
-        self._read_times()
-        return np.concatenate([no_times(), *self._times.get(connection_id, [])])
+        self._read_indexed_times()
+        return np.concatenate([make_empty_times(), *self._times.get(connection_id, [])])
 
-    def messages_of(self, connection_id: int) -> int:
+    def message_count_of(self, connection_id: int) -> int:
         """How many log times a connection has."""
         return self._counts[connection_id] - self._late.get(connection_id, 0)
 
-    def _read_times(self) -> None:
+    def _read_indexed_times(self) -> None:
         """Read the log times of indexed blocks; unpack those whose index does not give them."""
         with self._reading:
             found: dict[int, list[NDArray[np.int64]]] = {}
@@ -193,7 +195,7 @@ class BlockStore:
     ) -> Iterator[Group]:
         """See `Container.groups`."""
         # compiled code, which describing a log does not wait for
-        from replay.logs.blocks.select_messages import select
+        from replay.logs.blocks.select_messages import select_messages_of_connections
 
         wanted = frozenset(connection_ids)
         first = 0 if start_ns is None else max(start_ns, 0)
@@ -210,14 +212,14 @@ class BlockStore:
         floors = np.minimum.accumulate(begins[::-1])[::-1]
         done = 0
         for slab in read_slabs(self.file, touched, self.grammar):
-            self._judge(slab)
+            self._judge_slab(slab)
             done += len(slab.parts) + len(slab.damaged)
-            found = list(select(slab.data, slab.rows, chosen, first, last))
+            found = list(select_messages_of_connections(slab.data, slab.rows, chosen, first, last))
             yield Group(found, int(floors[done]))
 
-    def _judge(self, slab: Slab) -> None:
+    def _judge_slab(self, slab: Slab) -> None:
         for block, why in slab.damaged:
-            self.damage.lose(block, why)
+            self.damage.note_lost_block(block, why)
         # compiled code, which describing a log does not wait for
         from replay.logs.blocks.select_messages import chunk_stats
 
@@ -227,7 +229,7 @@ class BlockStore:
         found = chunk_stats(slab, np.array(keys, np.int64))
         for (block, _, _, unread), held in zip(slab.parts, found, strict=True):
             self._judge_unread(block, unread)
-            self._seal(block)
+            self._seal_block(block)
             said = [*(block.counts.get(key, 0) for key in keys), 0]
             if held.counts != said:
                 self._judge_counts(block, held.counts, said, topics)
@@ -257,7 +259,7 @@ class BlockStore:
                 "that its index gives"
             )
 
-    def _seal(self, block: Block) -> None:
+    def _seal_block(self, block: Block) -> None:
         if block.crc and not block.is_torn:
             self._sealed.add(block.record_offset)
 
@@ -276,8 +278,8 @@ def describe_block(
 
     Those beyond the year 2262 cannot; their 64 bits are a negative number here.
     """
-    everything = np.concatenate([no_times(), *times.values()])
-    counts = _count_times(times)
+    everything = np.concatenate([make_empty_times(), *times.values()])
+    counts = _count_times_by_connection(times)
     first, last = (everything.min(), everything.max()) if everything.size else (0, -1)
     if first < 0:
         times = {key: values[values >= 0] for key, values in times.items()}
@@ -288,10 +290,10 @@ def describe_block(
 
 def _are_times_of(block: Block, times: Mapping[int, NDArray[np.int64]]) -> bool:
     """Whether an index counts as many messages as its block, all of them in its span."""
-    whole = np.concatenate([no_times(), *times.values()])
+    whole = np.concatenate([make_empty_times(), *times.values()])
     in_span = block.first_ns <= whole.min() and whole.max() <= block.last_ns if whole.size else True
-    return bool(in_span) and _count_times(times) == block.counts
+    return bool(in_span) and _count_times_by_connection(times) == block.counts
 
 
-def _count_times(times: Mapping[int, NDArray[np.int64]]) -> dict[int, int]:
+def _count_times_by_connection(times: Mapping[int, NDArray[np.int64]]) -> dict[int, int]:
     return {key: values.size for key, values in times.items() if values.size}

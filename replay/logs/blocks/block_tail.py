@@ -53,21 +53,21 @@ class BlockTail(ABC):
         """Take a record that is no message."""
 
     @abstractmethod
-    def _step(self) -> list[RawBatch] | None:
+    def _take_next_record(self) -> list[RawBatch] | None:
         """Take what begins at `_at` and move on; None where it is not whole."""
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         return [*self._losses]
 
     def poll(self) -> list[RawBatch]:
         """See `Tail.poll`."""
-        self._file.look()
+        self._file.update_size()
         batches: list[RawBatch] = []
         self._is_torn = False
         while not self.is_finished and sum(batch.data.size for batch in batches) < _POLL_BYTES:
-            found = self._step()
+            found = self._take_next_record()
             if found is None:
                 self._is_torn = self._at < self._file.size
                 break
@@ -99,7 +99,7 @@ class BlockTail(ABC):
         batches, _ = self._take_records(data)
         return batches
 
-    def _take_loose(self, record_bytes: int) -> list[RawBatch]:
+    def _take_unchunked_messages(self, record_bytes: int) -> list[RawBatch]:
         """Messages that stand outside chunks, from `_at` on; the first of them is whole."""
         data = self._file.read_array(self._at, max(record_bytes, _LOOSE_BYTES))
         batches, whole = self._take_records(data)

@@ -1,4 +1,4 @@
-"""What a file of blocks lost: blocks, and gaps between them."""
+"""Lost blocks of a file, and gaps between them."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
@@ -20,11 +20,11 @@ class BlockDamage(Damage):
         #: stretches that hold no records: from, to
         self._gaps: dict[int, int] = {}
 
-    def lose(self, block: Block, why: str) -> None:
+    def note_lost_block(self, block: Block, why: str) -> None:
         """Note that a block is not used."""
         self._blocks[block.record_offset] = (block, why)
 
-    def skip(self, start: int, end: int) -> None:
+    def note_unreadable_bytes(self, start: int, end: int) -> None:
         """Note that between two offsets nothing can be read."""
         self._gaps[start] = end
 
@@ -42,10 +42,10 @@ class BlockDamage(Damage):
         return bool(self._blocks or self._gaps) or super().__bool__()
 
     def _of_places(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:
-        for what in (*self._of_blocks(topics), *self._of_gaps()):
+        for what in (*self._describe_lost_blocks(topics), *self._describe_gaps()):
             yield "", what
 
-    def _of_blocks(self, topics: Mapping[int, str]) -> Iterable[str]:
+    def _describe_lost_blocks(self, topics: Mapping[int, str]) -> Iterable[str]:
         damaged = [self._blocks[offset] for offset in sorted(self._blocks)]
         if len(damaged) > _MOST_SINGLE:
             blocks = [block for block, _ in damaged]
@@ -61,7 +61,7 @@ class BlockDamage(Damage):
                 f"damaged and not read: {why}; {content_text([block], topics)}"
             )
 
-    def _of_gaps(self) -> Iterable[str]:
+    def _describe_gaps(self) -> Iterable[str]:
         if self._gaps:
             size = sum(end - start for start, end in self._gaps.items())
             yield (
@@ -71,18 +71,18 @@ class BlockDamage(Damage):
             )
 
 
-def in_seconds(log_time_ns: int) -> str:
+def format_log_time(log_time_ns: int) -> str:
     """A log time as `info` writes the start of a log; to the ns, since it may be looked for."""
     return f"{log_time_ns // 10**9}.{log_time_ns % 10**9:09} s"
 
 
-def text_until(last_ns: int | None) -> str:
+def describe_end_of_reading(last_ns: int | None) -> str:
     """Up to where everything is read, as a part of a sentence."""
-    return "" if last_ns is None else f", the last at log time {in_seconds(last_ns)}"
+    return "" if last_ns is None else f", the last at log time {format_log_time(last_ns)}"
 
 
 def torn_end(size: int, messages: int) -> str:
-    """What stands behind the last whole record, as a part of a sentence.
+    """Describe the bytes behind the last whole record, as part of a sentence.
 
     Args:
         size: its bytes.
@@ -96,7 +96,7 @@ def torn_end(size: int, messages: int) -> str:
 
 
 def content_text(blocks: list[Block], topics: Mapping[int, str]) -> str:
-    """What damaged blocks held, as far as an index tells."""
+    """Contents of damaged blocks, as far as an index tells."""
     counts: dict[str, int] = {}
     for block in blocks:
         for key, count in block.counts.items():
@@ -105,9 +105,9 @@ def content_text(blocks: list[Block], topics: Mapping[int, str]) -> str:
     listed = ", ".join(f"{count:,} of {topic}" for topic, count in sorted(counts.items()))
     timed = [block for block in blocks if block.last_ns >= block.first_ns]
     if not timed:
-        return f"lost: {listed}" if listed else "nothing tells how many messages it held"
+        return f"lost: {listed}" if listed else "the number of messages in it is unknown"
     first, last = min(b.first_ns for b in timed), max(b.last_ns for b in timed)
-    span = f"from log time {in_seconds(first)}, {(last - first) / 1e9:.3f} s"
+    span = f"from log time {format_log_time(first)}, {(last - first) / 1e9:.3f} s"
     return (
-        f"lost {span}: {listed}" if listed else f"it held messages {span}; nothing tells how many"
+        f"lost {span}: {listed}" if listed else f"it held messages {span}; their number is unknown"
     )

@@ -16,7 +16,7 @@ from replay.logs.storage import KEY, LENGTH, OFFSET, TIME
 _INT64_MAX: Final = 2**63 - 1
 
 
-def select(
+def select_messages_of_connections(
     data: NDArray[np.uint8], rows: Ints, wanted: Ints, first: int, last: int
 ) -> Iterator[RawBatch]:
     """Select messages of a slab: a batch for each connection that has some, in their order.
@@ -30,7 +30,7 @@ def select(
     """
     ends = np.zeros(wanted.size, np.int64)
     found = np.empty((3, rows.shape[1]), np.int64)
-    _part(rows, key_index(rows[KEY], wanted), first, last, ends, found)
+    _append_wanted_messages(rows, key_index(rows[KEY], wanted), first, last, ends, found)
     begin = 0
     for key, end in zip(wanted.tolist(), ends.tolist(), strict=True):
         if end > begin:
@@ -40,7 +40,9 @@ def select(
 
 
 @compiled
-def _part(rows: Ints, owners: Ints, first: int, last: int, ends: Ints, found: Ints) -> None:
+def _append_wanted_messages(
+    rows: Ints, owners: Ints, first: int, last: int, ends: Ints, found: Ints
+) -> None:
     """Put offset, length and time of each wanted message behind those of its connection.
 
     Args:
@@ -100,7 +102,7 @@ def _search(found: Ints, keys: Ints, places: Ints) -> None:
 
 
 class ChunkStats(NamedTuple):
-    """What a block holds."""
+    """Statistics of a block."""
 
     #: by connection, in the order of the keys that were asked for; then those of all others
     counts: list[int]
@@ -117,13 +119,15 @@ def chunk_stats(slab: Slab, keys: Ints) -> list[ChunkStats]:
     counts = np.zeros((len(bounds), keys.size + 1), np.int64)
     spans = np.tile(np.array([_INT64_MAX, -1, 0]), (len(bounds), 1))
     # -1, of a key that nobody asked for, is the last: that of all others
-    _count(slab.rows, bounds, key_index(slab.rows[KEY], keys), counts, spans)
+    _count_wanted_messages(slab.rows, bounds, key_index(slab.rows[KEY], keys), counts, spans)
     pairs = zip(counts.tolist(), spans.tolist(), strict=True)
     return [ChunkStats(held, *span) for held, span in pairs]
 
 
 @compiled
-def _count(rows: Ints, bounds: Ints, owners: Ints, counts: Ints, spans: Ints) -> None:
+def _count_wanted_messages(
+    rows: Ints, bounds: Ints, owners: Ints, counts: Ints, spans: Ints
+) -> None:
     for part in range(bounds.shape[0]):
         for row in range(bounds[part, 0], bounds[part, 1]):
             time = rows[TIME, row]

@@ -24,7 +24,7 @@ class SourceFile(_Record):
 
 
 class ConvertedField(_Record):
-    """What a column holds beside what its Parquet type says."""
+    """Metadata of a column beside its Parquet type."""
 
     name: str
     #: of the lists on the way, from the outside in; None where a length varies

@@ -1,7 +1,8 @@
 """Messages to columns: many stored messages at once, without an object for any of them.
 
-A definition is compiled once into a program (`program`, `located`). Over a batch of messages
-`walk` runs it and notes where things lie. What every message has is gathered while its bytes are at
-hand (`direct`, `one_pass`), all else from what was noted, a column at a time (`columns`). A type
-that no program can express goes through a library, message by message (`fallback`).
+A definition is compiled once into a program (`decode_program`). `walk_program` runs the program
+over a batch of messages and notes where each field lies. Fields that every message has are gathered
+while their bytes are at hand (`direct_fields`, `one_pass`), all others from those notes, a column
+at a time (`field_columns`). A type that no program can express is decoded by a library, message by
+message (`decoder_choice`).
 """

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, Tally, at_once
+from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, Tally, submit_at_once
 from replay.logs.decoding.gather_values import concatenate
 from replay.logs.messages.raw_batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 
@@ -40,7 +40,7 @@ class Stream:
     def take(self, batch: RawBatch, submit: Submit) -> None:
         """Take the next messages; their memory may be used again once they are settled."""
         self._look_back(batch)
-        for part in batch.parts():
+        for part in batch.split_to_batches():
             if part.rows < _FEW_ROWS:
                 self._few.append(_copy_batch(part))
                 self._rows += part.rows
@@ -49,7 +49,7 @@ class Stream:
                     continue
             self._begin_few(submit)
             if part.rows >= _FEW_ROWS:
-                self._begin(part, submit)
+                self._begin_batch(part, submit)
 
     def settle(self) -> None:
         """End the decoding of what was taken."""
@@ -69,13 +69,13 @@ class Stream:
             floor_ns: no message that is still to be taken has an earlier log time.
         """
         if not self.tally.rows:  # whoever wants the first rows does not wait for a batch of them
-            self._begin_few(at_once)
+            self._begin_few(submit_at_once)
             self.settle()
         waiting = [int(batch.log_times.min()) for batch in self._few]
         frame = joined_frames(self._frames)
         if not frame.height:
             return frame
-        ready = _rows_until(frame, min([floor_ns, *waiting]))
+        ready = _count_rows_until(frame, min([floor_ns, *waiting]))
         if ready == frame.height:
             self._frames = [self._empty]
             return frame
@@ -85,7 +85,7 @@ class Stream:
 
     def finish(self) -> pl.DataFrame:
         """Everything that was taken."""
-        self._begin_few(at_once)
+        self._begin_few(submit_at_once)
         self.settle()
         frame = joined_frames(self._frames)
         self._frames.clear()
@@ -102,10 +102,10 @@ class Stream:
 
     def _begin_few(self, submit: Submit) -> None:
         if self._few:
-            self._begin(_join_batches(self._few), submit)
+            self._begin_batch(_join_batches(self._few), submit)
             self._few, self._rows, self._bytes = [], 0, 0
 
-    def _begin(self, batch: RawBatch, submit: Submit) -> None:
+    def _begin_batch(self, batch: RawBatch, submit: Submit) -> None:
         self._begun.append(self._decoder.begin(sorted_batch(batch), submit))
 
 
@@ -174,7 +174,7 @@ TIME = "log_time_ns"
 
 
 def sorted_batch(batch: RawBatch) -> RawBatch:
-    """The same messages by their log times; the bytes stay where they are."""
+    """Sort messages by their log times, without moving their bytes."""
     times = batch.log_times
     if (times[1:] >= times[:-1]).all():
         return batch
@@ -190,20 +190,20 @@ def joined_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
     found = list(frames)
     placed: list[pl.DataFrame] = []
     for frame in filter(len, found):
-        placed += _meeting(placed.pop(), frame) if placed else [frame]
+        placed += _merge_overlap(placed.pop(), frame) if placed else [frame]
     placed = placed or found[:1]
     whole = pl.concat(placed, rechunk=False) if len(placed) > 1 else placed[0]
     # a frame that begins before those in front of the last
     return whole if whole[TIME].is_sorted() else whole.sort(TIME, maintain_order=True)
 
 
-def _rows_until(frame: pl.DataFrame, last_ns: int) -> int:
+def _count_rows_until(frame: pl.DataFrame, last_ns: int) -> int:
     """How many rows of a frame, which is in order, are no later."""
     # the same method of a series goes through polars' engine, which takes longer than all the rest
     return int(np.searchsorted(frame[TIME].to_numpy(), last_ns, side="right"))
 
 
-def _meeting(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:
+def _merge_overlap(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:
     """Two frames in parts that follow each other: where their times overlap the rows are merged."""
     begin, end = second[TIME][0], first[TIME][-1]
     if begin >= end:

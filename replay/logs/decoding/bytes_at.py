@@ -19,7 +19,7 @@ def _unsigned_reader(size: int) -> Callable[[Bytes, int], np.int64]:
     return load
 
 
-def _load64(data: Bytes, at: int) -> np.int64:
+def _load_64_bits(data: Bytes, at: int) -> np.int64:
     return np.int64(int.from_bytes(data[at : at + 8].tobytes(), "little", signed=True))
 
 
@@ -32,7 +32,7 @@ def _widen(bits: int) -> np.int64:
     return np.int64(single.astype(np.float64).view(np.int64))
 
 
-def _fetch(data: Bytes, at: int) -> None:
+def _prefetch(data: Bytes, at: int) -> None:
     pass
 
 
@@ -40,12 +40,12 @@ def _fetch(data: Bytes, at: int) -> None:
 _RECORD_BYTES: Final = 256
 
 
-def scan_turns(_: Bytes, begin: int, end: int, *__: Any) -> int:
+def count_scan_turns(_: Bytes, begin: int, end: int, *__: Any) -> int:
     """The turns of a loop over the records between two places."""
     return (end - begin) // _RECORD_BYTES
 
 
-def _primitive(name: str, interpreted: Callable[..., Any]) -> Any:
+def _make_primitive(name: str, interpreted: Callable[..., Any]) -> Any:
     def load() -> Any:
         from replay.logs.decoding import unaligned  # imports numba, which is slow
 
@@ -55,12 +55,12 @@ def _primitive(name: str, interpreted: Callable[..., Any]) -> Any:
 
 
 #: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8
-load16 = cast("Callable[[Bytes, int], int]", _primitive("load16", _unsigned_reader(2)))
-load32 = cast("Callable[[Bytes, int], int]", _primitive("load32", _unsigned_reader(4)))
-load64 = cast("Callable[[Bytes, int], int]", _primitive("load64", _load64))
+load16 = cast("Callable[[Bytes, int], int]", _make_primitive("load16", _unsigned_reader(2)))
+load32 = cast("Callable[[Bytes, int], int]", _make_primitive("load32", _unsigned_reader(4)))
+load64 = cast("Callable[[Bytes, int], int]", _make_primitive("load64", _load_64_bits))
 #: (data, at, target, to, size): copy so many bytes
-copy = cast("Callable[[Bytes, int, Bytes, int, int], None]", _primitive("copy", _copy))
+copy = cast("Callable[[Bytes, int, Bytes, int, int], None]", _make_primitive("copy", _copy))
 #: (the bits of a number of single precision) -> those of the double that equals it
-widened = cast("Callable[[int], int]", _primitive("widened", _widen))
+widened = cast("Callable[[int], int]", _make_primitive("widened", _widen))
 #: (data, at): the processor may bring what lies there nearer
-fetch = cast("Callable[[Bytes, int], None]", _primitive("fetch", _fetch))
+fetch = cast("Callable[[Bytes, int], None]", _make_primitive("fetch", _prefetch))

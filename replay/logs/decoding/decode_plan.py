@@ -10,12 +10,17 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from estimators.arrays import Bytes, Ints
-from replay.logs.decoding.arrays import of_times
+from replay.logs.decoding.arrow_arrays import array_of_times
 from replay.logs.decoding.decode_program import Program, Wanted, compile_program
-from replay.logs.decoding.decoder import DecodedBatch, Submit, at_once, schema_of
+from replay.logs.decoding.decoder import (
+    DecodedBatch,
+    Submit,
+    frame_schema_of_fields,
+    submit_at_once,
+)
 from replay.logs.decoding.direct_fields import DirectFields, direct_fields
 from replay.logs.decoding.field_columns import Columns
-from replay.logs.decoding.one_pass import one_pass, room_for
+from replay.logs.decoding.one_pass import reserve_rows, walk_and_gather
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.walk_program import (
     FAULTS,
@@ -24,8 +29,8 @@ from replay.logs.decoding.walk_program import (
     Messages,
     Outcome,
     WalkNotes,
-    encapsulations,
-    no_template,
+    make_empty_template,
+    read_encapsulations,
 )
 from replay.logs.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
 from replay.logs.messages.message_fields import ALL, OWN_COLUMNS, Field, resolve
@@ -77,7 +82,7 @@ class BatchPass:
         rows = int(np.count_nonzero(sizes >= program.least_bytes))
         self._program, self._direct, self._swap = program, direct, swap
         self._messages = Messages(data, begins, sizes)
-        self._gathered = room_for(direct.gathering, rows)
+        self._gathered = reserve_rows(direct.gathering, rows)
         self._outcome = Outcome(np.empty(begins.size, np.int8), np.empty(begins.size, np.int64))
         self._room = room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
         room[0] = rows
@@ -87,9 +92,9 @@ class BatchPass:
         """Walk and gather; once more where there was too little memory for the marks."""
         program, wire = self._program, self._program.wire
         while True:
-            one_pass(
+            walk_and_gather(
                 self._messages, Encoding(wire.cdr, self._swap, wire.counted),
-                program.steps, self._noted, no_template(program.nodes),
+                program.steps, self._noted, make_empty_template(program.nodes),
                 self._direct.gathering, self._gathered, self._outcome,
             )  # fmt: skip
             filled = self._noted.filled
@@ -99,8 +104,8 @@ class BatchPass:
             self._noted = _room_for_marks(program, filled)
             self._gathered.long_bytes[:] = 0
 
-    def result(self) -> WalkedBatch:
-        """What it found, once it is done."""
+    def finish_batch(self) -> WalkedBatch:
+        """Finish the batch and return what was found."""
         table, marks, filled, *_ = self._noted
         noted = tuple(marks[base : base + filled[node]] for node, base, _ in table)
         root, rows = self._program.root, int(filled[0])
@@ -130,7 +135,7 @@ def _room_for_marks(program: Program, room: Ints) -> WalkNotes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """What came of the messages of one encapsulation, by their places among them."""
+    """Decoded messages of one encapsulation, with their places in the batch."""
 
     frame: pl.DataFrame
     whole: NDArray[np.int64]
@@ -150,7 +155,7 @@ class Plan:
         self._stamp = resolve("header.stamp", record) if record.has_header else None
         wanted: Wanted = {}
         for field in (*self._fields, *filter(None, [self._stamp])):
-            _want(wanted, field)
+            _mark_wanted(wanted, field)
         self._ros1 = ros1
         self._asked = self._fields if self._stamp is None else (self._stamp, *self._fields)
         self._names = [*OWN_COLUMNS, *(field.name for field in self._fields)]
@@ -159,9 +164,9 @@ class Plan:
         self._record, self._wanted = record, wanted
         self._programs: dict[Wire, _CompiledProgram] = {}
         # what has no plan in the first encoding is decoded by a library
-        self._program(next(iter(self._wires.values())))
+        self._program_for_encoding(next(iter(self._wires.values())))
 
-    def _program(self, wire: Wire) -> "_CompiledProgram":
+    def _program_for_encoding(self, wire: Wire) -> "_CompiledProgram":
         """The program of an encoding, which is compiled when a message has it."""
         if wire not in self._programs:
             program = compile_program(self._record, self._wanted, wire)
@@ -173,14 +178,14 @@ class Plan:
 
     def decode(self, batch: RawBatch) -> DecodedBatch:
         """Decode messages at once; one that is not whole costs its row."""
-        return self.begin(batch, at_once)()
+        return self.begin(batch, submit_at_once)()
 
     def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
         """See `Decoder.begin`."""
         if self._ros1:
             kinds = np.zeros(batch.rows, np.int64)
         else:
-            kinds = encapsulations(batch.data, batch.offsets, batch.lengths)
+            kinds = read_encapsulations(batch.data, batch.offsets, batch.lengths)
         if not batch.rows or (kinds[0] != kinds).any() or int(kinds[0]) not in self._wires:
             return lambda: self._decode_mixed(batch, kinds)
         finish = self._begin_part(batch, int(kinds[0]), submit)
@@ -195,18 +200,21 @@ class Plan:
         """Decode messages of several encapsulations, or of none that is known."""
         chosen = [np.flatnonzero(kinds == kind) for kind in self._wires]
         parts = [
-            (at, self._begin_part(batch.select(at), kind, at_once)())
+            (at, self._begin_part(batch.select(at), kind, submit_at_once)())
             for kind, at in zip(self._wires, chosen, strict=True)
             if at.size
         ]
-        frames = [pl.DataFrame(schema=schema_of(self._fields)), *(part.frame for _, part in parts)]
+        frames = [
+            pl.DataFrame(schema=frame_schema_of_fields(self._fields)),
+            *(part.frame for _, part in parts),
+        ]
         # back into the order of the batch
         rows = [at[part.whole] for at, part in parts]
         order = np.argsort(np.concatenate([np.empty(0, np.int64), *rows]))
         faults = [(at[part.faulty], part.first_fault) for at, part in parts if part.faulty.size]
         unknown = np.flatnonzero(~np.isin(kinds, list(self._wires)))
         if unknown.size:
-            faults.append((unknown, _why_not(int(kinds[unknown[0]]))))
+            faults.append((unknown, _reason_for_no_plan(int(kinds[unknown[0]]))))
         _, first_fault = min(faults, key=lambda fault: int(fault[0][0]), default=(unknown, ""))
         return DecodedBatch(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
 
@@ -214,10 +222,10 @@ class Plan:
         """Begin to decode messages of one encapsulation."""
         wire = self._wires[kind]
         try:
-            program, direct, places = self._program(wire)
+            program, direct, places = self._program_for_encoding(wire)
         except NoPlanError as error:
             faulty = _Part(
-                pl.DataFrame(schema=schema_of(self._fields)),
+                pl.DataFrame(schema=frame_schema_of_fields(self._fields)),
                 np.empty(0, np.int64),
                 np.arange(batch.rows),
                 str(error),
@@ -235,11 +243,11 @@ class Plan:
 
         def finish() -> _Part:
             wait()
-            return self._part(batch_pass.result(), places, batch.log_times)
+            return self._make_decoded_part(batch_pass.finish_batch(), places, batch.log_times)
 
         return finish
 
-    def _part(
+    def _make_decoded_part(
         self, walked: WalkedBatch, places: tuple[int | None, ...], log_times: NDArray[np.int64]
     ) -> _Part:
         columns, whole = walked.columns, walked.whole
@@ -247,12 +255,12 @@ class Plan:
         log_times = log_times[whole] if faulty.size else log_times
         gathered = list(columns.gathered_on_the_way())
         arrays: list[Any] = [
-            columns.column(field) if place is None else gathered[place]
+            columns.make_column(field) if place is None else gathered[place]
             for field, place in zip(self._asked, places, strict=True)
         ]
         if self._stamp is None:
             arrays.insert(0, pa.nulls(log_times.size, pa.int64()))
-        table: Any = pa.RecordBatch.from_arrays([of_times(log_times), *arrays], self._names)
+        table: Any = pa.RecordBatch.from_arrays([array_of_times(log_times), *arrays], self._names)
         return _Part(pl.DataFrame(table), np.flatnonzero(whole), faulty, walked.first_fault)
 
 
@@ -260,14 +268,14 @@ class Plan:
 _CompiledProgram: TypeAlias = tuple[Program, DirectFields, tuple[int | None, ...]]
 
 
-def _want(wanted: Wanted, field: Field) -> None:
+def _mark_wanted(wanted: Wanted, field: Field) -> None:
     for step in field.steps:
         if isinstance(step.element, str) and step.element != ALL:
             wanted.setdefault("name", {})
         wanted = wanted.setdefault(step.name, {})
 
 
-def _why_not(kind: int) -> str:
+def _reason_for_no_plan(kind: int) -> str:
     if kind == TOO_SHORT:
         return "it is too short for its encapsulation"
     return f"no decoder for the encapsulation {REFUSED.get(kind, 'it begins with')} (0x{kind:04x})"

@@ -1,4 +1,4 @@
-"""A message definition as a program for `walk`: what follows what, and what is to be noted.
+"""A message definition as a program for `walk_messages`: the order of fields, and which to note.
 
 Only what is asked for is noted. Everything is walked, since whether a message is whole must not
 depend on the fields that somebody wants from it; numbers that follow one another are one step.
@@ -26,9 +26,9 @@ from replay.logs.decoding.spans import (
     fixed_size,
     is_delimited,
     mean_stride,
-    members,
-    place_in,
+    place_in_span,
     smallest_size,
+    stored_members,
 )
 from replay.logs.decoding.wire import Wire
 from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Scalar
@@ -38,7 +38,7 @@ Wanted: TypeAlias = dict[str, "Wanted"]
 
 
 class Op(IntEnum):
-    """What a step does."""
+    """Operation of a step."""
 
     SPAN = 0
     TEXT = 1
@@ -91,7 +91,7 @@ def compile_program(record: RecordType, wanted: Wanted, wire: Wire) -> Program:
     """
     least_bytes = smallest_size(record, wire)
     compiler = _Compiler(wire)
-    root = compiler.record(record, wanted)
+    root = compiler.compile_record(record, wanted)
     steps = np.array(compiler.steps, np.int64).reshape(-1, len(Operand))
     return Program(
         wire,
@@ -117,72 +117,72 @@ class _Compiler:
     #: the last step's span, while more can be appended to it
     span: Span | None = None
 
-    def record(self, record: RecordType, wanted: Wanted | None) -> NestedMessage:
+    def compile_record(self, record: RecordType, wanted: Wanted | None) -> NestedMessage:
         """Compile the fields of a message."""
         fields: dict[str, Located] = {}
-        for name, kind in members(record, self.wire):
-            located = self._field(kind, None if wanted is None else wanted.get(name))
+        for name, kind in stored_members(record, self.wire):
+            located = self._compile_field(kind, None if wanted is None else wanted.get(name))
             if located is not None:
                 fields[name] = located
         return NestedMessage(fields)
 
-    def _field(self, kind: FieldType, wanted: Wanted | None) -> Located | None:
+    def _compile_field(self, kind: FieldType, wanted: Wanted | None) -> Located | None:
         if isinstance(kind, RecordType):
-            return self.record(kind, wanted)
+            return self.compile_record(kind, wanted)
         if kind == Scalar("string"):
-            self._step(Op.TEXT)
-            return None if wanted is None else Text(self._note(2))
+            self._append_step(Op.TEXT)
+            return None if wanted is None else Text(self._reserve_marks(2))
         if fixed_size(kind, self.wire) is not None:
-            return self._in_span(kind, wanted)
+            return self._place_in_span(kind, wanted)
         assert isinstance(kind, ListOf), "what is no list and no string is fixed"
-        return self._list(kind, wanted)
+        return self._compile_list(kind, wanted)
 
-    def _in_span(self, kind: FieldType, wanted: Wanted | None) -> InSpan | None:
+    def _place_in_span(self, kind: FieldType, wanted: Wanted | None) -> InSpan | None:
         """A number or an array of a fixed size: in the open span, or else in a new one."""
-        value = None if self.span is None else place_in(self.span, kind, self.wire)
+        value = None if self.span is None else place_in_span(self.span, kind, self.wire)
         if value is None:
             # the first byte of a message is aligned to everything
             alignment = first_alignment(kind, self.wire) if self.steps else self.wire.max_alignment
             span = Span(alignment)
-            value = place_in(span, kind, self.wire)
+            value = place_in_span(span, kind, self.wire)
             assert value is not None
-            self._step(Op.SPAN, alignment=alignment)
+            self._append_step(Op.SPAN, alignment=alignment)
             self.span = span
         assert self.span is not None
         self.steps[-1][Operand.SIZE] = self.span.size
-        return None if wanted is None else InSpan(self._note(1), value)
+        return None if wanted is None else InSpan(self._reserve_marks(1), value)
 
-    def _list(self, kind: ListOf, wanted: Wanted | None) -> Located | None:
+    def _compile_list(self, kind: ListOf, wanted: Wanted | None) -> Located | None:
         if kind.length == 0:
             # rosbags pads before it; and lists of what takes no bytes would be walked without bound
             raise NoPlanError("no plan for an array of length 0 whose elements vary in size")
         if is_delimited(kind, self.wire):
-            self._in_span(Scalar("uint32"), None)
+            self._place_in_span(Scalar("uint32"), None)
         least = smallest_size(kind.element, self.wire)
         length = -1 if kind.length is None else kind.length
         fixed = fixed_size(kind.element, self.wire)
         if fixed is None:
-            return self._walked_list(kind.element, length, least, wanted)
+            return self._compile_walked_list(kind.element, length, least, wanted)
         # arrays of a fixed size lie in spans
         assert kind.length is None
         if not least:
-            return self._in_span(Scalar("uint32"), None)
+            return self._place_in_span(Scalar("uint32"), None)
         one, value = fixed
         stride = mean_stride(one)
-        self._step(Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride)
-        return None if wanted is None else StridedList(self._note(2), stride, value)
+        self._append_step(Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride)
+        return None if wanted is None else StridedList(self._reserve_marks(2), stride, value)
 
-    def _walked_list(
+    def _compile_walked_list(
         self, element: FieldType, length: int, least: int, wanted: Wanted | None
     ) -> WalkedList | None:
-        head = self._step(Op.LIST, size=least, length=length)
-        mark = -1 if wanted is None else self._note(1)
+        head = self._append_step(Op.LIST, size=least, length=length)
+        mark = -1 if wanted is None else self._reserve_marks(1)
         above, self.node = self.node, -1 if wanted is None else self.nodes
         self.nodes += wanted is not None
         self.depth += 1
         self.most_depth = max(self.depth, self.most_depth)
-        located = self._field(element, wanted)
-        end = self._step(Op.NEXT, jump=head + 1)
+        located = self._compile_field(element, wanted)
+        end = self._append_step(Op.NEXT, jump=head + 1)
         self.steps[head][Operand.JUMP] = end + 1
         self.depth -= 1
         inner, self.node = self.node, above
@@ -190,7 +190,7 @@ class _Compiler:
             return None
         return WalkedList(mark, inner, located)
 
-    def _step(
+    def _append_step(
         self,
         op: Op,
         *,
@@ -205,7 +205,7 @@ class _Compiler:
         self.steps.append([op, alignment, size, stride, length, -1, self.node, jump])
         return len(self.steps) - 1
 
-    def _note(self, count: int) -> int:
+    def _reserve_marks(self, count: int) -> int:
         """The first mark of the last step, which notes so many."""
         step = self.steps[-1]
         if step[Operand.MARK] < 0:

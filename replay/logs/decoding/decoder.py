@@ -13,7 +13,7 @@ from replay.logs.messages.raw_batch import RawBatch
 Submit: TypeAlias = Callable[[Callable[[], None]], Callable[[], object]]
 
 
-def at_once(work: Callable[[], None]) -> Callable[[], object]:
+def submit_at_once(work: Callable[[], None]) -> Callable[[], object]:
     """Do the work, and wait for nothing: a `Submit`."""
     work()
     return lambda: None
@@ -51,7 +51,7 @@ class Decoder(Protocol):
         ...
 
 
-def schema_of(fields: Sequence[Field]) -> pl.Schema:
+def frame_schema_of_fields(fields: Sequence[Field]) -> pl.Schema:
     """The columns that reading `fields` gives."""
     return pl.Schema(
         {**dict.fromkeys(OWN_COLUMNS, pl.Int64()), **{field.name: field.dtype for field in fields}}

@@ -7,7 +7,7 @@ from typing import Any
 import polars as pl
 
 from replay.logs.decoding.decode_program import compile_program
-from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, schema_of
+from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, frame_schema_of_fields
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.wire import CDR
 from replay.logs.messages.broken_bytes import BrokenBytesError
@@ -33,15 +33,15 @@ class PerMessageDecoder:
         rows: list[tuple[Any, ...]] = []
         faults: list[str] = []
         times = batch.log_times.tolist()
-        for time, data in zip(times, batch.messages(), strict=True):
+        for time, data in zip(times, batch.iter_messages(), strict=True):
             try:
-                rows.append((time, *self._values(data)))
+                rows.append((time, *self._decode_values(data)))
             except BrokenBytesError as error:
                 faults.append(str(error))
-        frame = pl.DataFrame(rows, schema=schema_of(self._fields), orient="row")
+        frame = pl.DataFrame(rows, schema=frame_schema_of_fields(self._fields), orient="row")
         return DecodedBatch(frame, len(faults), faults[0] if faults else "")
 
-    def _values(self, data: bytes) -> tuple[Any, ...]:
+    def _decode_values(self, data: bytes) -> tuple[Any, ...]:
         message = self._kind.decode(data)
         library = self._kind.library
         stamp = None
@@ -63,14 +63,14 @@ def _value_at_path(library: Library, message: Any, steps: Sequence[PathStep], ki
         if step.element is not None:
             is_by_name = isinstance(step.element, str)
             names = library.elements(library.get(message, "name")) if is_by_name else ()
-            value = _pick(names, library.elements(value), step.element)
+            value = _pick_element(names, library.elements(value), step.element)
         if value is None:
             return None
         message = value
     return library.stamp_ns(message) if kind == "stamp" else library.convert(message, kind)
 
 
-def _pick(names: Sequence[Any], values: Sequence[Any], element: int | str) -> Any:
+def _pick_element(names: Sequence[Any], values: Sequence[Any], element: int | str) -> Any:
     if isinstance(element, int):
         number = element
     elif element in names:

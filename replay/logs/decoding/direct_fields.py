@@ -23,7 +23,7 @@ Steps: TypeAlias = tuple[PathStep, ...]
 
 
 class Gathering(NamedTuple):
-    """What a compiled pass gathers beside the marks, as numbers.
+    """Plan of the values that a compiled pass gathers beside the marks.
 
     `value_*`: single values, by the mark of their span, their distance from it, and how they are
     loaded (`gather.LOADS`). `array_*`: arrays of numbers, with their bytes. `text_marks`: strings.
@@ -51,7 +51,7 @@ class DirectFields:
 
     @property
     def steps(self) -> tuple[Steps, ...]:
-        """Of all of them, in that order."""
+        """Steps of all fields, in order."""
         return (*(v[0] for v in self.values), *(a[0] for a in self.arrays), *self.texts)
 
 
@@ -66,7 +66,7 @@ class _Found:
 
 def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
     """Find those of some fields that are direct."""
-    places = {field.steps: _place(root, field.steps) for field in fields}
+    places = {field.steps: _find_fixed_place(root, field.steps) for field in fields}
     values: list[tuple[Steps, str]] = []
     arrays: list[tuple[Steps, str, int]] = []
     texts: list[Steps] = []
@@ -92,7 +92,7 @@ def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
     return DirectFields(gathering, tuple(values), tuple(arrays), tuple(texts))
 
 
-def _place(root: NestedMessage, steps: Steps) -> _Found | None:
+def _find_fixed_place(root: NestedMessage, steps: Steps) -> _Found | None:
     """Where a field lies, if every message has it there."""
     here: NestedMessage | InlineRecord = root
     mark, offset = -1, 0

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Ints
-from replay.logs.decoding.arrays import (
+from replay.logs.decoding.arrow_arrays import (
     ELEMENT_TYPES,
     Array,
-    of_elements,
-    of_lists,
-    of_strings,
-    of_values,
+    array_of_elements,
+    array_of_lists,
+    array_of_strings,
+    array_of_values,
 )
 from replay.logs.decoding.direct_fields import DirectFields
 from replay.logs.decoding.field_places import (
@@ -33,7 +33,14 @@ from replay.logs.decoding.field_places import (
     Text,
     WalkedList,
 )
-from replay.logs.decoding.gather_values import DTYPES, concatenate, find, numbers, values, views
+from replay.logs.decoding.gather_values import (
+    DTYPES,
+    concatenate,
+    find_name,
+    gather_string_views,
+    gather_values,
+    numbers_from_bytes,
+)
 from replay.logs.decoding.one_pass import GatheredRows
 from replay.logs.decoding.wire import WIDTHS
 from replay.logs.messages.message_fields import ALL, Field
@@ -51,7 +58,7 @@ class _Elements:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Positions:
-    """What is `offset` bytes behind some positions."""
+    """Values `offset` bytes behind some positions."""
 
     value: InlineValue
     at: Ints
@@ -81,70 +88,74 @@ class Columns:
         direct, gathered = self.direct, self.gathered
         rows, room = self.rows, gathered.values.shape[1]
         for (_, kind), bits in zip(direct.values, gathered.values, strict=True):
-            yield of_values(bits[:rows], kind)
+            yield array_of_values(bits[:rows], kind)
         above = 0
         sizes = direct.gathering.array_bytes.tolist()
         for (_, kind, length), size in zip(direct.arrays, sizes, strict=True):
             stored = gathered.arrays[above : above + rows * size]
-            elements = of_elements(numbers(stored, kind, swap=self.swap), kind)
-            yield of_lists(np.full(rows, length), elements)
+            elements = array_of_elements(numbers_from_bytes(stored, kind, swap=self.swap), kind)
+            yield array_of_lists(np.full(rows, length), elements)
             above += room * size
         for k, mark in enumerate(direct.gathering.text_marks.tolist()):
             if gathered.long_bytes[k]:
-                yield of_strings(*views(self.data, self.noted[mark], self.noted[mark + 1]))
+                yield array_of_strings(
+                    *gather_string_views(self.data, self.noted[mark], self.noted[mark + 1])
+                )
             else:
-                yield of_strings(gathered.views[k, :rows], _NO_TEXT)
+                yield array_of_strings(gathered.views[k, :rows], _NO_TEXT)
 
-    def column(self, wanted: Field) -> Array:
+    def make_column(self, wanted: Field) -> Array:
         """The values of a field, one for every whole message."""
         place: _Place = _Elements(self.root, None)
         spreads: list[Ints] = []
         for step in wanted.steps:
-            above, place = place, self._child(place, step.name)
+            above, place = place, self._place_of_member(place, step.name)
             if step.element is None:
                 continue
             if step.element == ALL:
-                counts = self._counts(place)
+                counts = self._count_elements(place)
                 spreads.append(counts)
                 if step is wanted.steps[-1] and _is_contiguous(place):
-                    return _wrap_in_lists(self._contiguous(place, counts), spreads)
-                place = self._spread(place, counts)
+                    return _wrap_in_lists(self._gather_contiguous_elements(place, counts), spreads)
+                place = self._place_of_all_elements(place, counts)
             elif isinstance(step.element, int):
-                place = self._pick(place, step.element)
+                place = self._place_of_one_element(place, step.element)
             else:
-                place = self._pick(place, self._by_name(above, step.element))
-        found = self._values(place)
+                place = self._place_of_one_element(
+                    place, self._find_element_by_name(above, step.element)
+                )
+        found = self._gather_values(place)
         if spreads and wanted.kind in ELEMENT_TYPES:
             found = found.cast(ELEMENT_TYPES[wanted.kind], safe=False)
         return _wrap_in_lists(found, spreads)
 
-    def _child(self, place: _Place, name: str) -> _Place:
+    def _place_of_member(self, place: _Place, name: str) -> _Place:
         if isinstance(place, _Positions):
             assert isinstance(place.value, InlineRecord)
             return replace(place, value=place.value.fields[name])
         assert isinstance(place.located, NestedMessage)
         located = place.located.fields[name]
         if isinstance(located, InSpan):
-            return _Positions(located.value, self._mark_of(located.mark, place.chosen))
+            return _Positions(located.value, self._select_marks(located.mark, place.chosen))
         return _Elements(located, place.chosen)
 
-    def _mark_of(self, mark: int, chosen: Ints | None, absent: int = -1) -> Ints:
+    def _select_marks(self, mark: int, chosen: Ints | None, absent: int = -1) -> Ints:
         """A mark of chosen elements, `absent` for those that are not there."""
         if chosen is None:
             return self.noted[mark]
         # one more, which is what -1 picks
         return np.append(self.noted[mark], absent)[chosen]
 
-    def _counts(self, place: _Place) -> Ints:
+    def _count_elements(self, place: _Place) -> Ints:
         """How many elements each list has, -1 for a list that is not there."""
         if isinstance(place, _Positions):
             assert isinstance(place.value, InlineArray)
             return np.where(place.at < 0, -1, place.value.length)
         assert isinstance(place.located, WalkedList | StridedList)
         mark = place.located.mark + isinstance(place.located, StridedList)
-        return self._mark_of(mark, place.chosen)
+        return self._select_marks(mark, place.chosen)
 
-    def _pick(self, place: _Place, number: int | Ints) -> _Place:
+    def _place_of_one_element(self, place: _Place, number: int | Ints) -> _Place:
         """One element of each list: the same of all, or another of each."""
         if isinstance(place, _Positions) and isinstance(number, int):
             assert isinstance(place.value, InlineArray)
@@ -152,10 +163,10 @@ class Columns:
             return _Positions(
                 array.element, place.at, place.offset + array.offset + number * array.stride
             )
-        there = (number >= np.int64(0)) & (number < self._counts(place))
-        return self._element(place, np.where(there, number, -1))
+        there = (number >= np.int64(0)) & (number < self._count_elements(place))
+        return self._place_of_existing_element(place, np.where(there, number, -1))
 
-    def _element(self, place: _Place, number: Ints) -> _Place:
+    def _place_of_existing_element(self, place: _Place, number: Ints) -> _Place:
         """An element of each list, which has it unless the number is -1."""
         if isinstance(place, _Positions):
             assert isinstance(place.value, InlineArray)
@@ -163,7 +174,7 @@ class Columns:
             at = place.at + array.offset + number * array.stride
             return _Positions(array.element, np.where(number < 0, -1, at), place.offset)
         if isinstance(place.located, StridedList):
-            starts = self._mark_of(place.located.mark, place.chosen)
+            starts = self._select_marks(place.located.mark, place.chosen)
             at = np.where(number < 0, -1, starts + number * place.located.stride)
             return _Positions(place.located.element, at)
         assert isinstance(place.located, WalkedList)
@@ -173,7 +184,7 @@ class Columns:
             begins = np.append(begins, -1)[place.chosen]
         return _Elements(place.located.element, np.where(number < 0, -1, begins + number))
 
-    def _spread(self, place: _Place, counts: Ints) -> _Place:
+    def _place_of_all_elements(self, place: _Place, counts: Ints) -> _Place:
         """Every element of each list."""
         match place:
             case _Elements(located=WalkedList(element=element), chosen=None):
@@ -188,9 +199,9 @@ class Columns:
         else:
             chosen = owner if place.chosen is None else place.chosen[owner]
             place = replace(place, chosen=chosen)
-        return self._element(place, number)
+        return self._place_of_existing_element(place, number)
 
-    def _by_name(self, place: _Place, name: str) -> Ints:
+    def _find_element_by_name(self, place: _Place, name: str) -> Ints:
         """Where the list `name` of a message has a name, -1 where it does not."""
         assert isinstance(place, _Elements)
         assert isinstance(place.located, NestedMessage)
@@ -199,7 +210,7 @@ class Columns:
         assert isinstance(names.element, Text)
         if (names.mark, name) not in self._found:
             text = names.element.mark
-            self._found[names.mark, name] = find(
+            self._found[names.mark, name] = find_name(
                 self.data,
                 self.noted[text],
                 self.noted[text + 1],
@@ -209,7 +220,7 @@ class Columns:
         found = self._found[names.mark, name]
         return found if place.chosen is None else np.append(found, -1)[place.chosen]
 
-    def _contiguous(self, place: _Place, counts: Ints) -> Array:
+    def _gather_contiguous_elements(self, place: _Place, counts: Ints) -> Array:
         """The elements of lists of numbers, which follow one another in the data."""
         counts = np.maximum(counts, 0)
         if isinstance(place, _Positions):
@@ -219,23 +230,25 @@ class Columns:
         else:
             array = place.located
             assert isinstance(array, StridedList)
-            starts = self._mark_of(array.mark, place.chosen)
+            starts = self._select_marks(array.mark, place.chosen)
         assert isinstance(array.element, Inline)
         kind = array.element.kind
         stored = concatenate(self.data, starts, counts * DTYPES[kind].itemsize)
-        return of_elements(numbers(stored, kind, swap=self.swap), kind)
+        return array_of_elements(numbers_from_bytes(stored, kind, swap=self.swap), kind)
 
-    def _values(self, place: _Place) -> Array:
+    def _gather_values(self, place: _Place) -> Array:
         if isinstance(place, _Elements):
             assert isinstance(place.located, Text)
-            starts = self._mark_of(place.located.mark, place.chosen)
-            sizes = self._mark_of(place.located.mark + 1, place.chosen, absent=0)
-            return of_strings(*views(self.data, starts, sizes), absent=starts < 0)
+            starts = self._select_marks(place.located.mark, place.chosen)
+            sizes = self._select_marks(place.located.mark + 1, place.chosen, absent=0)
+            return array_of_strings(
+                *gather_string_views(self.data, starts, sizes), absent=starts < 0
+            )
         value = place.value
         assert isinstance(value, Inline)
         offset = place.offset + value.offset
-        bits = values(self.data, place.at, offset, value.kind, swap=self.swap)
-        return of_values(bits, value.kind, absent=place.at < 0)
+        bits = gather_values(self.data, place.at, offset, value.kind, swap=self.swap)
+        return array_of_values(bits, value.kind, absent=place.at < 0)
 
 
 def _is_contiguous(place: _Place) -> bool:
@@ -250,5 +263,5 @@ def _is_contiguous(place: _Place) -> bool:
 def _wrap_in_lists(found: Array, spreads: list[Ints]) -> Array:
     """Values in the lists that they are elements of, from the inside out."""
     for counts in reversed(spreads):
-        found = of_lists(counts, found)
+        found = array_of_lists(counts, found)
     return found

@@ -48,7 +48,7 @@ def load(data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: I
     """
     size = abs(how)
     if size == 8:
-        _load8(data, positions, offset, swap, out)
+        _load_8_byte_values(data, positions, offset, swap, out)
         return
     for k in range(positions.size):
         at = positions[k]
@@ -57,25 +57,25 @@ def load(data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: I
             continue
         at += offset
         if how == _STAMP:
-            seconds = _swapped4(load32(data, at)) if swap else load32(data, at)
-            rest = _swapped4(load32(data, at + 4)) if swap else load32(data, at + 4)
-            out[k] = _signed(seconds, 32) * np.int64(10**9) + rest
+            seconds = _swap_4_bytes(load32(data, at)) if swap else load32(data, at)
+            rest = _swap_4_bytes(load32(data, at + 4)) if swap else load32(data, at + 4)
+            out[k] = _sign_extend(seconds, 32) * np.int64(10**9) + rest
         elif how == _FLOAT32:
-            out[k] = widened(_swapped4(load32(data, at)) if swap else load32(data, at))
+            out[k] = widened(_swap_4_bytes(load32(data, at)) if swap else load32(data, at))
         else:
             if size == 4:
-                value = _swapped4(load32(data, at)) if swap else load32(data, at)
+                value = _swap_4_bytes(load32(data, at)) if swap else load32(data, at)
             elif size == 2:
                 value = load16(data, at)
                 if swap:
                     value = (value & 0xFF) << 8 | value >> 8
             else:
                 value = int(data[at])
-            out[k] = _signed(value, 8 * size) if how < 0 else value
+            out[k] = _sign_extend(value, 8 * size) if how < 0 else value
 
 
 @compiled
-def _load8(data: Bytes, positions: Ints, offset: int, swap: bool, out: Ints) -> None:
+def _load_8_byte_values(data: Bytes, positions: Ints, offset: int, swap: bool, out: Ints) -> None:
     """Values of 8 bytes, which nearly all are, in a loop with no other case in it."""
     for k in range(positions.size):
         at = positions[k]
@@ -83,22 +83,22 @@ def _load8(data: Bytes, positions: Ints, offset: int, swap: bool, out: Ints) -> 
             out[k] = 0
         else:
             eight = load64(data, at + offset)
-            out[k] = _swapped8(eight) if swap else eight
+            out[k] = _swap_8_bytes(eight) if swap else eight
 
 
 @compiled
-def _signed(value: int, bits: int) -> int:
+def _sign_extend(value: int, bits: int) -> int:
     return int(np.int64(value) << 64 - bits >> 64 - bits)
 
 
 @compiled
-def _swapped4(value: int) -> int:
+def _swap_4_bytes(value: int) -> int:
     return (value & 0xFF) << 24 | (value & 0xFF00) << 8 | value >> 8 & 0xFF00 | value >> 24 & 0xFF
 
 
 @compiled
-def _swapped8(value: int) -> int:
-    return _swapped4(value) << 32 | _swapped4(value >> 32)
+def _swap_8_bytes(value: int) -> int:
+    return _swap_4_bytes(value) << 32 | _swap_4_bytes(value >> 32)
 
 
 @compiled
@@ -117,7 +117,7 @@ def copy_equal(data: Bytes, positions: Ints, offset: int, size: int, out: Bytes)
 
 
 @compiled
-def view(
+def make_string_view(
     data: Bytes,
     starts: Ints,
     sizes: Ints,
@@ -166,7 +166,7 @@ def _copy(data: Bytes, starts: Ints, sizes: Ints, out: Bytes) -> None:
 
 
 @compiled
-def _find_names(
+def _find_name_in_messages(
     data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: Bytes, found: Ints
 ) -> None:
     first = 0
@@ -185,7 +185,7 @@ def _find_names(
         first += counts[row]
 
 
-def find(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Ints:
+def find_name(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Ints:
     """Where in each list of strings a name comes first, -1 where it does not.
 
     Args:
@@ -198,22 +198,22 @@ def find(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Int
     found = np.empty(counts.size, np.int64)
     # a copy, since numba would compile anew for an array that cannot be written
     encoded = np.array(bytearray(name.encode()))
-    _find_names(data, starts, sizes, counts, encoded, found)
+    _find_name_in_messages(data, starts, sizes, counts, encoded, found)
     return found
 
 
-def values(data: Bytes, positions: Ints, offset: int, kind: str, *, swap: bool) -> Ints:
+def gather_values(data: Bytes, positions: Ints, offset: int, kind: str, *, swap: bool) -> Ints:
     """Values of one kind, 64 bits each, at `positions + offset`."""
     out = np.empty(positions.size, np.int64)
     load(data, positions, offset, LOADS[kind], swap, out)
     return out
 
 
-def views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], Bytes]:
+def gather_string_views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], Bytes]:
     """Strings as Arrow's views (n, 4), with the text of those that do not fit into theirs."""
     out = np.empty((starts.size, 4), np.uint32)
     text = np.empty(int(sizes[sizes > _INLINE].sum()), np.uint8)
-    view(data, starts, sizes, out, out.view(np.uint8), text)
+    make_string_view(data, starts, sizes, out, out.view(np.uint8), text)
     return out, text
 
 
@@ -224,7 +224,7 @@ def concatenate(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
     return out
 
 
-def numbers(stored: Bytes, kind: str, *, swap: bool) -> NDArray[Any]:
+def numbers_from_bytes(stored: Bytes, kind: str, *, swap: bool) -> NDArray[Any]:
     """Numbers of one kind, from their bytes."""
     dtype = DTYPES[kind]
     bits = stored.view(f"u{dtype.itemsize}")

@@ -12,15 +12,22 @@ from numpy.typing import NDArray
 from estimators.arrays import Bytes, Ints
 from estimators.interpreted import uncounted
 from replay.logs.decoding.direct_fields import Gathering
-from replay.logs.decoding.gather_values import copy_equal, load, view
-from replay.logs.decoding.walk_program import Encoding, Messages, Outcome, Template, WalkNotes, walk
+from replay.logs.decoding.gather_values import copy_equal, load, make_string_view
+from replay.logs.decoding.walk_program import (
+    Encoding,
+    Messages,
+    Outcome,
+    Template,
+    WalkNotes,
+    walk_messages,
+)
 
 #: Messages that a thread takes at once.
 _ROWS_AT_ONCE: Final = 1024
 
 
 class GatheredRows(NamedTuple):
-    """What a pass gathers; of `n` rows those of whole messages are filled, the first ones."""
+    """Rows gathered by a pass; the first of `n` are filled, one for each whole message."""
 
     #: (values, n) 64 bits each
     values: Ints
@@ -35,7 +42,7 @@ class GatheredRows(NamedTuple):
     nowhere: Bytes
 
 
-def room_for(gathering: Gathering, rows: int) -> GatheredRows:
+def reserve_rows(gathering: Gathering, rows: int) -> GatheredRows:
     """Memory for so many rows."""
     texts = gathering.text_marks.size
     views = np.empty((texts, rows, 4), np.uint32)
@@ -50,7 +57,7 @@ def room_for(gathering: Gathering, rows: int) -> GatheredRows:
 
 
 @uncounted
-def one_pass(
+def walk_and_gather(
     messages: Messages,
     encoding: Encoding,
     steps: Ints,
@@ -77,7 +84,7 @@ def one_pass(
     for first in range(0, count, _ROWS_AT_ONCE):
         row = filled[0]
         end = min(first + _ROWS_AT_ONCE, count)
-        walk(messages, first, end, encoding, steps, noted, template, outcome)
+        walk_messages(messages, first, end, encoding, steps, noted, template, outcome)
         _gather(messages.data, noted, gathering, gathered, encoding.swap, row, filled[0])
 
 
@@ -109,7 +116,7 @@ def _gather(
         above += rows * size
     for k in range(text_marks.size):
         base, sizes = table[text_marks[k], 1], table[text_marks[k] + 1, 1]
-        long_bytes[k] += view(
+        long_bytes[k] += make_string_view(
             data,
             marks[base + first : base + end],
             marks[sizes + first : sizes + end],

@@ -22,7 +22,7 @@ class Span:
     alignment: int
     size: int = 0
 
-    def place(self, alignment: int, size: int) -> int | None:
+    def append_field(self, alignment: int, size: int) -> int | None:
         """Append `size` bytes and return their offset; None where padding would vary."""
         if alignment > self.alignment:
             return None
@@ -31,12 +31,12 @@ class Span:
         return offset
 
 
-def alignment_of(kind: str, wire: Wire) -> int:
+def alignment_of_kind(kind: str, wire: Wire) -> int:
     """The alignment of a number or a stamp."""
-    return min(4 if kind == "stamp" else width_of(kind), wire.max_alignment)
+    return min(4 if kind == "stamp" else width_of_kind(kind), wire.max_alignment)
 
 
-def width_of(kind: str) -> int:
+def width_of_kind(kind: str) -> int:
     """The bytes of a number or a stamp.
 
     Raises:
@@ -49,29 +49,29 @@ def width_of(kind: str) -> int:
     return WIDTHS[kind]
 
 
-def members(record: RecordType, wire: Wire) -> tuple[tuple[str, FieldType], ...]:
+def stored_members(record: RecordType, wire: Wire) -> tuple[tuple[str, FieldType], ...]:
     """The fields as stored: an empty message takes a byte in CDR."""
     return record.fields or ((("", Scalar("uint8")),) if wire.cdr else ())
 
 
-def place_in(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None:
+def place_in_span(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None:
     """Put a field into a span; None where it has no fixed place there."""
     if isinstance(kind, Scalar):
         if kind.kind == "string":
             return None
-        offset = span.place(alignment_of(kind.kind, wire), width_of(kind.kind))
+        offset = span.append_field(alignment_of_kind(kind.kind, wire), width_of_kind(kind.kind))
         return None if offset is None else Inline(offset, kind.kind)
     if isinstance(kind, RecordType):
         fields: dict[str, InlineValue] = {}
-        for name, field in members(kind, wire):
-            placed = place_in(span, field, wire)
+        for name, field in stored_members(kind, wire):
+            placed = place_in_span(span, field, wire)
             if placed is None:
                 return None
             fields[name] = placed
         return InlineRecord(fields)
     if kind.length is None or fixed_size(kind.element, wire) is None:
         return None
-    if is_delimited(kind, wire) and span.place(4, 4) is None:
+    if is_delimited(kind, wire) and span.append_field(4, 4) is None:
         return None
     return _place_array(span, kind.element, kind.length, wire)
 
@@ -81,14 +81,14 @@ def _place_array(span: Span, element: FieldType, length: int, wire: Wire) -> Inl
     assert fixed is not None
     one, value = fixed
     size = (length - 1) * mean_stride(one) + one.size if length else 0
-    offset = span.place(one.alignment, size)
+    offset = span.append_field(one.alignment, size)
     return None if offset is None else InlineArray(offset, length, mean_stride(one), value)
 
 
 def fixed_size(element: FieldType, wire: Wire) -> tuple[Span, InlineValue] | None:
     """An element as a span of its own; None where its size depends on the message."""
     span = Span(first_alignment(element, wire))
-    value = place_in(span, element, wire)
+    value = place_in_span(span, element, wire)
     return None if value is None else (span, value)
 
 
@@ -100,11 +100,11 @@ def mean_stride(span: Span) -> int:
 def first_alignment(kind: FieldType, wire: Wire) -> int:
     """The alignment of the first number in a field, be it the length of a string."""
     if isinstance(kind, RecordType):
-        filled = (f for _, f in members(kind, wire) if smallest_size(f, wire))
+        filled = (f for _, f in stored_members(kind, wire) if smallest_size(f, wire))
         first = next(filled, None)
         return 1 if first is None else first_alignment(first, wire)
     if isinstance(kind, Scalar) and kind.kind != "string":
-        return alignment_of(kind.kind, wire)
+        return alignment_of_kind(kind.kind, wire)
     if isinstance(kind, ListOf) and kind.length is not None and not is_delimited(kind, wire):
         return first_alignment(kind.element, wire)
     return wire.counted
@@ -123,9 +123,9 @@ def smallest_size(kind: FieldType, wire: Wire) -> int:
         NoPlanError: they are more than a message can have.
     """
     if isinstance(kind, Scalar):
-        size = 4 if kind.kind == "string" else width_of(kind.kind)
+        size = 4 if kind.kind == "string" else width_of_kind(kind.kind)
     elif isinstance(kind, RecordType):
-        size = sum(smallest_size(field, wire) for _, field in members(kind, wire))
+        size = sum(smallest_size(field, wire) for _, field in stored_members(kind, wire))
     elif kind.length is None:
         smallest_size(kind.element, wire)
         size = 4

@@ -17,41 +17,43 @@ from numba.extending import intrinsic
 from estimators.arrays import Bytes
 
 
-def _are_bytes(*arrays: Any) -> bool:
+def _are_arrays_of_bytes(*arrays: Any) -> bool:
     return all(
         isinstance(each, types.Array) and each.dtype == types.uint8 and each.layout == "C"
         for each in arrays
     )
 
 
-def _address(context: Any, builder: Any, kind: Any, array: Any, at: Any) -> Any:
+def _emit_address(context: Any, builder: Any, kind: Any, array: Any, at: Any) -> Any:
     return builder.gep(context.make_array(kind)(context, builder, array).data, [at])
 
 
-def _load(number: Any) -> Any:
+def _emit_load(number: Any) -> Any:
     def typed(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            address = _address(context, builder, signature.args[0], *arguments)
+            address = _emit_address(context, builder, signature.args[0], *arguments)
             pointer = builder.bitcast(address, context.get_data_type(number).as_pointer())
             return context.cast(builder, builder.load(pointer, align=1), number, types.int64)
 
-        return (types.int64(data, at), generate) if _are_bytes(data) else None
+        return (types.int64(data, at), generate) if _are_arrays_of_bytes(data) else None
 
     return typed
 
 
-def _copy(_: Any, data: Any, at: Any, target: Any, to: Any, size: Any) -> tuple[Any, Any] | None:
+def _emit_copy(
+    _: Any, data: Any, at: Any, target: Any, to: Any, size: Any
+) -> tuple[Any, Any] | None:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        source = _address(context, builder, signature.args[0], *arguments[:2])
-        sink = _address(context, builder, signature.args[2], *arguments[2:4])
+        source = _emit_address(context, builder, signature.args[0], *arguments[:2])
+        sink = _emit_address(context, builder, signature.args[2], *arguments[2:4])
         cgutils.raw_memcpy(builder, sink, source, arguments[4], 1)
         return context.get_dummy_value()
 
     signature = types.void(data, at, target, to, size)
-    return (signature, generate) if _are_bytes(data, target) else None
+    return (signature, generate) if _are_arrays_of_bytes(data, target) else None
 
 
-def _widen(_: Any, bits: Any) -> tuple[Any, Any]:
+def _emit_widen(_: Any, bits: Any) -> tuple[Any, Any]:
     def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
         word = builder.trunc(arguments[0], context.get_data_type(types.uint32))
         single = builder.bitcast(word, context.get_data_type(types.float32))
@@ -61,9 +63,9 @@ def _widen(_: Any, bits: Any) -> tuple[Any, Any]:
     return types.int64(bits), generate
 
 
-def _fetch(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
+def _prefetch_cache_line(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        address = _address(context, builder, signature.args[0], *arguments)
+        address = _emit_address(context, builder, signature.args[0], *arguments)
         word = ir.IntType(32)
         kind = ir.FunctionType(ir.VoidType(), [address.type, word, word, word])
         prefetch = builder.module.declare_intrinsic("llvm.prefetch", [address.type], kind)
@@ -71,16 +73,16 @@ def _fetch(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
         builder.call(prefetch, [address, word(0), word(3), word(1)])
         return context.get_dummy_value()
 
-    return (types.void(data, at), generate) if _are_bytes(data) else None
+    return (types.void(data, at), generate) if _are_arrays_of_bytes(data) else None
 
 
 #: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8
-load16: Callable[[Bytes, int], int] = cast("Any", intrinsic(_load(types.uint16)))
-load32: Callable[[Bytes, int], int] = cast("Any", intrinsic(_load(types.uint32)))
-load64: Callable[[Bytes, int], int] = cast("Any", intrinsic(_load(types.int64)))
+load16: Callable[[Bytes, int], int] = cast("Any", intrinsic(_emit_load(types.uint16)))
+load32: Callable[[Bytes, int], int] = cast("Any", intrinsic(_emit_load(types.uint32)))
+load64: Callable[[Bytes, int], int] = cast("Any", intrinsic(_emit_load(types.int64)))
 #: (data, at, target, to, size): copy so many bytes
-copy: Callable[[Bytes, int, Bytes, int, int], None] = cast("Any", intrinsic(_copy))
+copy: Callable[[Bytes, int, Bytes, int, int], None] = cast("Any", intrinsic(_emit_copy))
 #: (the bits of a number of single precision) -> those of the double that equals it
-widened: Callable[[int], int] = cast("Any", intrinsic(_widen))
+widened: Callable[[int], int] = cast("Any", intrinsic(_emit_widen))
 #: (data, at): the processor may bring what lies there nearer
-fetch: Callable[[Bytes, int], None] = cast("Any", intrinsic(_fetch))
+fetch: Callable[[Bytes, int], None] = cast("Any", intrinsic(_prefetch_cache_line))

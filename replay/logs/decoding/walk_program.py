@@ -31,10 +31,10 @@ _SPAN, _TEXT, _STRIDED, _LIST, _NEXT = (int(op) for op in Op)
 FAULTS: Final = (
     "",
     "it ends before its fields do",
-    "a string is longer than what is left of it",
+    "a string is longer than the rest of the message",
     "a string lacks its terminator",
     "a string is no UTF-8",
-    "a list is longer than what is left of it",
+    "a list is longer than the rest of the message",
     "it goes on behind its last field",
 )
 _ENDS, _LONG_TEXT, _NO_NUL, _NO_UTF8, _LONG_LIST, _GOES_ON = range(1, len(FAULTS))
@@ -66,7 +66,7 @@ class Messages(NamedTuple):
 
 
 class Encoding(NamedTuple):
-    """What of an encoding the walk needs."""
+    """Properties of an encoding that the walk needs."""
 
     #: strings end in a NUL, and up to 3 bytes may pad a message
     cdr: bool
@@ -77,7 +77,7 @@ class Encoding(NamedTuple):
 
 
 class WalkNotes(NamedTuple):
-    """What a walk notes."""
+    """Notes of a walk."""
 
     #: (marks, 3) of each mark: its node, where its values begin in `marks`, and for how many
     #: elements there is room; more are only counted
@@ -109,7 +109,7 @@ class Template(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What became of messages."""
+    """Outcome of messages."""
 
     #: (n,) what is wrong with each, see `FAULTS`
     faults: NDArray[np.int8]
@@ -117,7 +117,7 @@ class Outcome(NamedTuple):
     places: Ints
 
 
-def no_template(nodes: int) -> Template:
+def make_empty_template(nodes: int) -> Template:
     """Memory for a template, none remembered."""
     state = np.array([-1, 0, 0, 0, 0, 0])
     checks, notes = np.empty((_MOST_CHECKS, 2), np.int64), np.empty((_MOST_NOTES, 4), np.int64)
@@ -125,7 +125,7 @@ def no_template(nodes: int) -> Template:
 
 
 @uncounted
-def walk(
+def walk_messages(
     messages: Messages,
     first: int,
     end: int,
@@ -154,10 +154,10 @@ def walk(
     check_count, note_count, other, other_size, other_end, walked = state
     for message in range(first, end):
         begin, size = begins[message], sizes[message]
-        _fetch_ahead(data, begins, sizes, message)
+        _prefetch_message(data, begins, sizes, message)
         is_known = check_count >= 0 and size == other_size
-        if is_known and _repeats(data, begin, other, checks, check_count):
-            _note_again(table, marks, filled, notes, note_count, begin)
+        if is_known and _has_same_layout(data, begin, other, checks, check_count):
+            _repeat_marks(table, marks, filled, notes, note_count, begin)
             _add_elements(filled, elements)
             faults[message] = 0
             places[message] = other_end
@@ -173,16 +173,16 @@ def walk(
             )
             if fault != 0:
                 break
-            check_count = _check(checks, check_count, told, stop)
+            check_count = _add_bytes_to_compare(checks, check_count, told, stop)
             mark = steps[step, _MARK]
             if mark >= 0:
                 node = steps[step, _NODE]
                 element = int(filled[node])
-                check_count, note_count = _remember(
+                check_count, note_count = _add_note_to_template(
                     notes, check_count, note_count, mark, element - int(kept[node]), place, count
                 )
-                _write(table, marks, mark, element, place, count, begin)
-            step, depth = _follow(steps, step, filled, left, depth, count)
+                _write_marks(table, marks, mark, element, place, count, begin)
+            step, depth = _follow_step(steps, step, filled, left, depth, count)
         if fault == 0 and size - at > (3 if encoding.cdr else 0):
             fault = _GOES_ON
         faults[message] = fault
@@ -198,7 +198,7 @@ def walk(
 
 
 @inlined
-def _fetch_ahead(data: Bytes, begins: Ints, sizes: Ints, message: int) -> None:
+def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message: int) -> None:
     """Tell the processor of a message to come."""
     if message + _AHEAD < begins.size:
         begin = begins[message + _AHEAD]
@@ -207,7 +207,7 @@ def _fetch_ahead(data: Bytes, begins: Ints, sizes: Ints, message: int) -> None:
 
 
 @inlined
-def _repeats(data: Bytes, begin: int, other: int, checks: Ints, count: int) -> bool:
+def _has_same_layout(data: Bytes, begin: int, other: int, checks: Ints, count: int) -> bool:
     """Whether a message has the bytes of another of its size wherever these tell the layout."""
     gap = other - begin
     same = True
@@ -226,18 +226,18 @@ def _repeats(data: Bytes, begin: int, other: int, checks: Ints, count: int) -> b
 
 
 @inlined
-def _note_again(
+def _repeat_marks(
     table: Ints, marks: Ints, filled: Ints, notes: Ints, count: int, begin: int
 ) -> None:
     """Note the marks of a message that repeats another's layout."""
     for number in range(count):
         mark = notes[number, 0]
         element = filled[table[mark, 0]] + notes[number, 1]
-        _write(table, marks, mark, element, notes[number, 2], notes[number, 3], begin)
+        _write_marks(table, marks, mark, element, notes[number, 2], notes[number, 3], begin)
 
 
 @inlined
-def _write(
+def _write_marks(
     table: Ints, marks: Ints, mark: int, element: int, place: int, count: int, begin: int
 ) -> None:
     """Note the position and the count of an element, each unless it is -1, if there is room."""
@@ -250,7 +250,7 @@ def _write(
 
 
 @inlined
-def _remember(
+def _add_note_to_template(
     notes: Ints, checks: int, count: int, mark: int, element: int, place: int, value: int
 ) -> tuple[int, int]:
     """Add a note to the template: how many checks and notes it has, -1 checks for too many."""
@@ -288,7 +288,7 @@ def _count_elements(filled: Ints, kept: Ints, elements: Ints) -> None:
 
 
 @inlined
-def _follow(
+def _follow_step(
     steps: Ints, step: int, filled: Ints, left: Ints, depth: int, count: int
 ) -> tuple[int, int]:
     """The step that follows, and how many lists it is in."""
@@ -328,14 +328,14 @@ def _read_step(
         if steps[step, _SIZE] > size - at:
             return -1, -1, at, at, at, _ENDS
         return at, -1, at, at, at + steps[step, _SIZE], 0
-    count, told, at, fault = _length(data, begin, at, size, encoding, steps[step, _LENGTH])
+    count, told, at, fault = _read_length(data, begin, at, size, encoding, steps[step, _LENGTH])
     if fault != 0:
         return -1, -1, told, at, at, fault
     if op == _TEXT:
         place, count, end, fault = _walk_text(data, begin, at, size, count, encoding.cdr)
         return place, count, told, end, end, fault
     if op == _STRIDED:
-        place, end, fault = _strided(steps, step, at, size, count)
+        place, end, fault = _walk_strided_list(steps, step, at, size, count)
         return place, count, told, at, end if fault == 0 else at, fault
     # each element has at least a byte; the first comparison keeps the product from overflowing
     is_long = count > size - at or count * steps[step, _SIZE] > size - at
@@ -343,7 +343,7 @@ def _read_step(
 
 
 @inlined
-def _length(
+def _read_length(
     data: Bytes, begin: int, at: int, size: int, encoding: Encoding, known: int
 ) -> tuple[int, int, int, int]:
     """The length of a string or list; where that stands and ends unless it is known; a fault."""
@@ -382,7 +382,9 @@ def _walk_text(
 
 
 @inlined
-def _strided(steps: Ints, step: int, at: int, size: int, count: int) -> tuple[int, int, int]:
+def _walk_strided_list(
+    steps: Ints, step: int, at: int, size: int, count: int
+) -> tuple[int, int, int]:
     """Where the elements of a list begin that have one size, where they end, and a fault."""
     span = 0
     if count > 0:
@@ -396,7 +398,7 @@ def _strided(steps: Ints, step: int, at: int, size: int, count: int) -> tuple[in
 
 
 @inlined
-def _check(checks: Ints, count: int, begin: int, end: int) -> int:
+def _add_bytes_to_compare(checks: Ints, count: int, begin: int, end: int) -> int:
     """Add bytes to compare, a length or a string; how many such there are, -1 for too many."""
     if count < 0 or end == begin:
         return count
@@ -407,7 +409,7 @@ def _check(checks: Ints, count: int, begin: int, end: int) -> int:
     return count + 1
 
 
-def encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Ints:
+def read_encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Ints:
     """The two bytes (n,) that name each message's encoding, most significant first."""
     kinds = np.empty(offsets.size, np.int64)
     _name_encodings(data, offsets, lengths, kinds)

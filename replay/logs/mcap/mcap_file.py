@@ -20,11 +20,16 @@ from replay.logs.blocks import (
     Describe,
     Grammar,
     LooseRecords,
+    describe_end_of_reading,
     resync,
-    text_until,
     torn_end,
 )
-from replay.logs.mcap.mcap_index import Summary, damaged_block, indexed_counts, indexed_times
+from replay.logs.mcap.mcap_index import (
+    Summary,
+    count_indexed_messages,
+    make_damaged_block,
+    read_indexed_times_of_chunk,
+)
 from replay.logs.mcap.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -87,7 +92,7 @@ class McapWalk:
                 end = resync(file, at, self.store.grammar.find)
                 if end is None:
                     break
-                self.store.damage.skip(at, end)
+                self.store.damage.note_unreadable_bytes(at, end)
             elif opcode in (DATA_END, FOOTER):
                 self.data_ended = True
                 self.data_end = at if opcode == DATA_END else self.data_end
@@ -117,7 +122,7 @@ class McapFile(BlockFile):
         self._channels_at = dict.fromkeys(self._channels, -1)
         self._schemas_at = dict.fromkeys(self._schemas, -1)
         self._is_sealed = summary.is_sealed
-        self._take_index(summary)
+        self._take_summary_index(summary)
         said = summary.message_count
         indexed, lost = self._store.message_count, self._store.damage.lost_messages
         is_enough = indexed > 0 if said is None else lost is None or indexed + lost == said
@@ -157,7 +162,7 @@ class McapFile(BlockFile):
         said = int.from_bytes(self._file.read(end + RECORD_HEAD.size, 4), "little") if end else 0
         if not said:  # 0 says that the writer computed none
             return False
-        agrees = self._file.crc32(end) == said
+        agrees = self._file.crc32_before(end) == said
         if not agrees:
             self._store.damage.note(
                 f"the CRC of its data is wrong: some of their {end:,} bytes are not as they were "
@@ -165,20 +170,22 @@ class McapFile(BlockFile):
             )
         return agrees
 
-    def _take_index(self, summary: Summary) -> None:
+    def _take_summary_index(self, summary: Summary) -> None:
         described = all(c.schema_id in {0, *summary.schemas} for c in summary.channels.values())
         unknown: list[Block] = []
         chunks = {chunk.chunk_start_offset: chunk for chunk in summary.chunks}
         for offset in sorted(chunks):
             chunk = chunks[offset]
-            counts = indexed_counts(chunk)
+            counts = count_indexed_messages(chunk)
             block = chunk_block(self._file, offset, counts)
-            read_times = partial(indexed_times, self._file, chunk)
+            read_times = partial(read_indexed_times_of_chunk, self._file, chunk)
             is_described = described and self._channels.keys() >= counts.keys()
             # the index stands behind all chunks, so that the end of the file tears none of them
             if block is None or block.is_torn:
-                lost = damaged_block(chunk)
-                self._store.lose(lost, read_times() or {}, "it is not where the index says")
+                lost = make_damaged_block(chunk)
+                self._store.note_lost_block(
+                    lost, read_times() or {}, "it is not where the index says"
+                )
             elif counts and is_described and _has_same_times(chunk, block):
                 self._store.add_indexed(block, read_times)
             else:
@@ -208,7 +215,7 @@ class McapFile(BlockFile):
         torn = torn_end(size - walk.whole, self._store.torn_messages)
         self._store.damage.note(
             f"breaks off after byte {walk.whole} of {size}, without a footer: all whole messages "
-            f"are read{text_until(self._store.last_ns)}{torn}"
+            f"are read{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
     def _describe(self, op: int, content: bytes, at: int) -> None:

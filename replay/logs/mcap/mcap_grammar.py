@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from estimators.interpreted import compiled, compiled_by_turns
 from replay.logs.blocks import Grammar
-from replay.logs.decoding.bytes_at import load16, load32, load64, scan_turns
+from replay.logs.decoding.bytes_at import count_scan_turns, load16, load32, load64
 from replay.logs.mcap.mcap_records import CHANNEL, CHUNK, DATA_END, MESSAGE, RECORD_HEAD, SCHEMA
 
 _HEAD: Final = RECORD_HEAD.size
@@ -22,8 +22,8 @@ _LONGEST_NAME: Final = 32
 _PROVEN: Final = 4
 
 
-@compiled_by_turns(scan_turns)
-def _scan(
+@compiled_by_turns(count_scan_turns)
+def _scan_records(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
     """Rows of messages, schemas and channels; see `records.Scan`.
@@ -64,7 +64,7 @@ def _scan(
 
 
 @compiled
-def _link(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, int]:
+def _link_records(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, int]:
     """Where the record at `at` ends, and how much its looks prove; 0 that it is none."""
     opcode = np.int64(data[at])
     length = load64(data, at + 1)
@@ -86,13 +86,13 @@ def _link(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, 
     return at + _HEAD + length, proof
 
 
-@compiled_by_turns(scan_turns)
+@compiled_by_turns(count_scan_turns)
 def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     for first in range(begin, end - _HEAD + 1):
         at = first
         proof = 0
         while proof < _PROVEN and at + _HEAD <= end:
-            at, more = _link(data, at, end, limit)
+            at, more = _link_records(data, at, end, limit)
             if more == 0:
                 proof = 0
                 break
@@ -103,4 +103,4 @@ def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> i
     return -1
 
 
-GRAMMAR: Final = Grammar(_scan, _find_record)
+GRAMMAR: Final = Grammar(_scan_records, _find_record)

@@ -59,11 +59,11 @@ class Summary:
         #: whether it has a CRC, which agrees
         self.is_sealed = False
         try:
-            section = self._section(file)
+            section = self._read_section(file)
         except SummaryError as fault:
             self.fault = str(fault)
             return
-        self.chunks, rest = _chunk_indexes(section)
+        self.chunks, rest = _parse_chunk_indexes(section)
         stream = BytesIO(rest + MAGIC)
         reader = StreamReader(stream, skip_magic=True, record_size_limit=len(section))
         try:
@@ -84,7 +84,7 @@ class Summary:
             elif isinstance(record, Statistics):
                 self.message_count = record.message_count
 
-    def _section(self, file: FileBytes) -> bytes:
+    def _read_section(self, file: FileBytes) -> bytes:
         """The bytes from the summary up to the magic; none where there is no summary."""
         end = file.size - len(MAGIC)
         footer = file.read(end - _FOOTER.size, _FOOTER.size)
@@ -101,7 +101,7 @@ class Summary:
         return section
 
 
-def _chunk_indexes(section: bytes) -> tuple[list[ChunkIndex], bytes]:
+def _parse_chunk_indexes(section: bytes) -> tuple[list[ChunkIndex], bytes]:
     """The indexes of chunks in a summary, and the bytes of all other records.
 
     A shift has thousands of them; the library takes 60 µs for each. Where one is not as it should
@@ -117,7 +117,7 @@ def _chunk_indexes(section: bytes) -> tuple[list[ChunkIndex], bytes]:
             if end > len(section):
                 return [], section
             if opcode == CHUNK_INDEX:
-                chunks.append(_chunk_index(section[at + RECORD_HEAD.size : end]))
+                chunks.append(_parse_chunk_index(section[at + RECORD_HEAD.size : end]))
             else:
                 others.append(section[at:end])
             at = end
@@ -126,7 +126,7 @@ def _chunk_indexes(section: bytes) -> tuple[list[ChunkIndex], bytes]:
     return chunks, b"".join(others)
 
 
-def _chunk_index(content: bytes) -> ChunkIndex:
+def _parse_chunk_index(content: bytes) -> ChunkIndex:
     first, last, start, length, size = _CHUNK_INDEX_HEAD.unpack_from(content)
     at = _CHUNK_INDEX_HEAD.size
     offsets = dict(_INDEX_OFFSET.iter_unpack(content[at : at + size]))
@@ -148,12 +148,12 @@ def _chunk_index(content: bytes) -> ChunkIndex:
     )
 
 
-def damaged_block(chunk: ChunkIndex) -> Block:
+def make_damaged_block(chunk: ChunkIndex) -> Block:
     """A chunk that is not where its index says."""
     return Block(chunk.chunk_start_offset, 0, chunk.compressed_size, chunk.compression, 0)
 
 
-def indexed_counts(chunk: ChunkIndex) -> dict[int, int]:
+def count_indexed_messages(chunk: ChunkIndex) -> dict[int, int]:
     """Messages by channel, from where the message indexes of a chunk begin: nothing is read.
 
     Empty where they do not follow each other, and the chunk, without gaps.
@@ -173,7 +173,9 @@ def indexed_counts(chunk: ChunkIndex) -> dict[int, int]:
     return counts
 
 
-def indexed_times(file: FileBytes, chunk: ChunkIndex) -> Mapping[int, NDArray[np.int64]] | None:
+def read_indexed_times_of_chunk(
+    file: FileBytes, chunk: ChunkIndex
+) -> Mapping[int, NDArray[np.int64]] | None:
     """Log times (as 64 bits) by channel, from the message indexes of a chunk.
 
     None where they are not whole, or share bytes, or there are none.

@@ -41,7 +41,7 @@ class McapTail(BlockTail):
 
         return GRAMMAR
 
-    def _step(self) -> list[RawBatch] | None:
+    def _take_next_record(self) -> list[RawBatch] | None:
         file = self._file
         if self._at == 0:
             return self._begin()
@@ -55,7 +55,7 @@ class McapTail(BlockTail):
             self.is_finished = True
             return []
         if opcode in _LOOSE:
-            return self._take_loose(RECORD_HEAD.size + length)
+            return self._take_unchunked_messages(RECORD_HEAD.size + length)
         block = chunk_block(file, self._at) if opcode == CHUNK else None
         self._at += RECORD_HEAD.size + length
         return [] if block is None else self._take_block(block)

@@ -13,7 +13,7 @@ from replay.logs.messages.broken_bytes import BrokenBytesError
 
 
 def int64(value: int) -> int:
-    """The same number.
+    """Return a number unchanged.
 
     Raises:
         BrokenBytesError: a column of 64-bit integers cannot hold it.
@@ -23,7 +23,7 @@ def int64(value: int) -> int:
     return value
 
 
-def _same(values: Any) -> Any:
+def _return_same(values: Any) -> Any:
     return values
 
 
@@ -37,7 +37,7 @@ class Library:
     #: a time or duration in ns
     stamp_ns: Callable[[Any], int]
     #: what a list holds
-    elements: Callable[[Any], Sequence[Any]] = _same
+    elements: Callable[[Any], Sequence[Any]] = _return_same
     #: a value as a column of a kind holds it
     convert: Callable[[Any, str], Any] = lambda value, kind: CONVERT.get(kind, int)(value)
 

@@ -13,7 +13,7 @@ from replay.logs.messages.message_types import (
     ListOf,
     RecordType,
     Scalar,
-    leaves,
+    iter_leaf_names,
 )
 
 #: What every frame has beside the fields.
@@ -68,14 +68,17 @@ def resolve(name: str, record: RecordType) -> Field:
         FieldError: there is no such field, or it is not a single value.
     """
     if name in OWN_COLUMNS:
-        raise FieldError(f"'{name}' is a column of every topic; a field of that name is not read")
-    steps = _parse(name)
+        raise FieldError(
+            f"'{name}' is a reserved column of every topic; a message field with this name cannot "
+            "be read"
+        )
+    steps = _parse_field_path(name)
     here = Scalar("") if not steps else record
     walked = ""
     for step in steps:
-        kind = here.get(step.name) if isinstance(here, RecordType) else None
+        kind = here.type_of_field(step.name) if isinstance(here, RecordType) else None
         if kind is None:
-            raise FieldError(f"no field {name!r}; {nearest(name, leaves(record))}")
+            raise FieldError(f"no field {name!r}; {nearest(name, iter_leaf_names(record))}")
         walked = f"{walked}.{step.name}".lstrip(".")
         if isinstance(kind, ListOf):
             assert isinstance(here, RecordType)
@@ -86,12 +89,12 @@ def resolve(name: str, record: RecordType) -> Field:
         walked += "" if step.element is None else f"[{step.element}]"
         here = kind
     if isinstance(here, RecordType):
-        inside = ", ".join(f"{walked}.{leaf}" for leaf in leaves(here))
+        inside = ", ".join(f"{walked}.{leaf}" for leaf in iter_leaf_names(here))
         raise FieldError(f"'{name}' is a {here.name}; name one of {inside}")
     return Field(name, here.kind, steps)
 
 
-def _parse(name: str) -> tuple[PathStep, ...]:
+def _parse_field_path(name: str) -> tuple[PathStep, ...]:
     steps: list[PathStep] = []
     at = 0
     while at < len(name) or not steps:
@@ -101,12 +104,12 @@ def _parse(name: str) -> tuple[PathStep, ...]:
                 f"{name!r} is not a field name; write angular_velocity.z, covariance[0] or "
                 "effort[left]"
             )
-        steps.append(PathStep(match["name"], _element(match["element"])))
+        steps.append(PathStep(match["name"], _parse_element(match["element"])))
         at = match.end()
     return tuple(steps)
 
 
-def _element(text: str | None) -> int | str | None:
+def _parse_element(text: str | None) -> int | str | None:
     if text is None or not (text.isascii() and text.isdigit()):
         return text
     # lists count in 32 bits; Python refuses to read numbers of thousands of digits

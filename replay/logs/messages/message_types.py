@@ -70,24 +70,24 @@ class RecordType:
     #: by the fields that are enumerations: their values with the names that the definition gives
     value_names: tuple[tuple[str, "ValueNames"], ...] = field(default=(), compare=False)
 
-    def get(self, name: str) -> "FieldType | None":
+    def type_of_field(self, name: str) -> "FieldType | None":
         """The type of a field, or None."""
         return dict(self.fields).get(name)
 
     @property
     def has_header(self) -> bool:
         """Whether its messages carry a header stamp."""
-        header = self.get("header")
+        header = self.type_of_field("header")
         return (
             isinstance(header, RecordType)
             and header.name == HEADER_TYPE
-            and header.get("stamp") == Scalar("stamp")
+            and header.type_of_field("stamp") == Scalar("stamp")
         )
 
     @property
     def has_names(self) -> bool:
         """Whether elements of its lists can be picked by the names in its list `name`."""
-        return self.get("name") == ListOf(Scalar("string"), None)
+        return self.type_of_field("name") == ListOf(Scalar("string"), None)
 
 
 FieldType = Scalar | ListOf | RecordType
@@ -139,6 +139,6 @@ def leaf_fields(
         yield LeafField(path, dtype, around, named.get(name, ()), is_stamp)
 
 
-def leaves(record: RecordType) -> Iterator[str]:
+def iter_leaf_names(record: RecordType) -> Iterator[str]:
     """Dotted names of everything that can be a column; a list shows as `effort[]`."""
     return (leaf.name for leaf in leaf_fields(record))

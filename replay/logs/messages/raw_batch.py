@@ -66,8 +66,8 @@ class RawBatch:
             is_part=True,
         )
 
-    def parts(self) -> Iterator["RawBatch"]:
-        """The same in batches of at most `BATCH_ROWS` messages and, with several, `BATCH_BYTES`."""
+    def split_to_batches(self) -> Iterator["RawBatch"]:
+        """Split into batches of at most `BATCH_ROWS` messages and, with several, `BATCH_BYTES`."""
         if 0 < self.rows <= BATCH_ROWS and self.lengths.sum() <= BATCH_BYTES:
             yield self
             return
@@ -80,7 +80,7 @@ class RawBatch:
             yield self.select(slice(begin, end))
             begin = end
 
-    def messages(self) -> Iterator[bytes]:
+    def iter_messages(self) -> Iterator[bytes]:
         """The messages one by one."""
         for start, size in zip(self.offsets.tolist(), self.lengths.tolist(), strict=True):
             yield self.data[start : start + size].tobytes()

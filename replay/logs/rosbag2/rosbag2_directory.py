@@ -31,7 +31,7 @@ from replay.logs.storage import (
     Container,
     Group,
     LossList,
-    no_times,
+    make_empty_times,
     prefetch,
 )
 
@@ -57,13 +57,13 @@ class Rosbag2Directory:
         self._scratch = TemporaryDirectory(prefix="payscope-")
         try:
             metadata = self._read_metadata()
-            self.files: tuple[Path, ...] = self._open_parts(metadata)
+            self.files: tuple[Path, ...] = self._open_storage_files(metadata)
         except BaseException:
             self.close()
             raise
         self._metadata = metadata
         self._is_compared = False
-        self._merge(metadata)
+        self._merge_connections(metadata)
 
     @property
     def losses(self) -> Sequence[Loss]:
@@ -101,13 +101,13 @@ class Rosbag2Directory:
             if name.removesuffix(".zstd") not in known:
                 self._losses.note(self._path / name, f"not read: {METADATA} does not name it")
 
-    def _open_parts(self, metadata: Metadata) -> tuple[Path, ...]:
+    def _open_storage_files(self, metadata: Metadata) -> tuple[Path, ...]:
         opened: list[Path] = []
         faults: list[str] = []
         for name in dict.fromkeys(metadata.names):
             path = self._path / name
             try:
-                self._parts.append(self._open_part(path))
+                self._parts.append(self._open_storage_file(path))
                 opened.append(path)
             except (LogError, OSError) as error:
                 # a file that was unpacked is known by the name that it has here
@@ -125,7 +125,7 @@ class Rosbag2Directory:
         yaml = self._path / METADATA
         return (yaml, *opened) if yaml.exists() else tuple(opened)
 
-    def _open_part(self, path: Path) -> Container:
+    def _open_storage_file(self, path: Path) -> Container:
         if not path.exists():
             raise LogError(f"{METADATA} names {path.name}, which is not there")
         if path.stat().st_size == 0:
@@ -142,7 +142,7 @@ class Rosbag2Directory:
             raise LogError(f"{path.name} is neither .mcap nor .db3")
         return opener(stored)
 
-    def _merge(self, metadata: Metadata) -> None:
+    def _merge_connections(self, metadata: Metadata) -> None:
         """Number the connections of all parts in one row."""
         self._origin: list[tuple[int, int]] = []
         merged: list[Connection] = []
@@ -162,7 +162,7 @@ class Rosbag2Directory:
         """The log times of a connection of one of the files."""
         self._compare_counts()
         if connection_id >= len(self._origin):
-            return no_times()
+            return make_empty_times()
         part_number, inner = self._origin[connection_id]
         return self._parts[part_number].log_times(inner)
 
@@ -190,12 +190,12 @@ class Rosbag2Directory:
                 continue
             stored = part.groups(list(outer), start_ns, end_ns)
             if self._metadata.message_zstd:
-                stored = prefetch(self._unpack(part, stored))
+                stored = prefetch(self._decompress_part(part, stored))
             for batches, floor_ns in stored:
                 renamed = [replace(b, connection_id=outer[b.connection_id]) for b in batches]
                 yield Group(renamed, min(floor_ns, behind))
 
-    def _unpack(self, part: Container, stored: Iterator[Group]) -> Iterator[Group]:
+    def _decompress_part(self, part: Container, stored: Iterator[Group]) -> Iterator[Group]:
         lost: Counter[int] = Counter()
         floor_ns = UNKNOWN_NS
         for batches, next_floor_ns in stored:
@@ -236,7 +236,9 @@ class Rosbag2Directory:
         """Say which files hold the same time: parts of one recording follow each other."""
         spans: list[tuple[int, int, str]] = []
         for part in self._parts:
-            times = np.concatenate([no_times(), *(part.log_times(c.id) for c in part.connections)])
+            times = np.concatenate(
+                [make_empty_times(), *(part.log_times(c.id) for c in part.connections)]
+            )
             if times.size:
                 spans.append((int(times.min()), int(times.max()), part.files[0].name))
         for (_, end, first), (start, _, second) in pairwise(sorted(spans)):
@@ -274,7 +276,7 @@ def _part_number(name: str) -> list[tuple[int, str]]:
 
 
 def unpack_file(packed: Path, target: Path) -> str | None:
-    """Unpack a file, and say why not all of it where it is damaged; what came before stays."""
+    """Decompress a file; if it is damaged, keep what precedes the damage and return the reason."""
     import pyarrow as pa  # slow to import, and most logs are not compressed so
 
     # half of what is free is left to others
@@ -298,9 +300,9 @@ def unpack_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
     messages: list[bytes] = []
     times: list[int] = []
     failed = size = 0
-    for time, packed in zip(batch.log_times.tolist(), batch.messages(), strict=True):
+    for time, packed in zip(batch.log_times.tolist(), batch.iter_messages(), strict=True):
         try:
-            message = _unpack(unpacker, packed)
+            message = _decompress_file(unpacker, packed)
         except (zstandard.ZstdError, MemoryError):
             failed += 1
             continue
@@ -313,7 +315,7 @@ def unpack_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
     yield join_messages(batch.connection_id, times, messages), failed
 
 
-def _unpack(unpacker: zstandard.ZstdDecompressor, packed: bytes) -> bytes:
+def _decompress_file(unpacker: zstandard.ZstdDecompressor, packed: bytes) -> bytes:
     room = min(_MOST_GROWTH * len(packed) + _ANY_MESSAGE, LARGEST_BYTES)
     declared = zstandard.frame_content_size(packed)
     if declared > room:

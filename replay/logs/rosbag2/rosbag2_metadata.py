@@ -33,7 +33,7 @@ class AnnouncedTopic:
 
 @dataclass(frozen=True, slots=True)
 class Metadata:
-    """What metadata.yaml says."""
+    """Content of metadata.yaml."""
 
     names: tuple[str, ...]
     #: each message is compressed by itself
@@ -57,7 +57,7 @@ def read_metadata(folder: Path) -> Metadata:
     if path.stat().st_size > _LARGEST_BYTES:
         raise MetadataError(f"it has more than {_LARGEST_BYTES:,} bytes")
     try:
-        return _parse(_load(path), folder)
+        return _parse_metadata(_load_yaml(path), folder)
     except BrokenBytesError as error:
         raise MetadataError(str(error)) from error
 
@@ -80,8 +80,8 @@ def custom_data(data: bytes) -> Mapping[str, str]:
     return {key: text for key, text in texts if isinstance(key, str) and isinstance(text, str)}
 
 
-def _load(path: Path) -> Any:
-    """What the file holds.
+def _load_yaml(path: Path) -> Any:
+    """Load the file's content.
 
     Raises:
         BrokenBytesError: it is no YAML, or cannot be read.
@@ -96,7 +96,7 @@ def _load(path: Path) -> Any:
 
 
 def parse_yaml(text: str) -> Any:
-    """What a text of YAML holds.
+    """Parse a text of YAML.
 
     Raises:
         BrokenBytesError: it is none.
@@ -117,7 +117,7 @@ def _other_layout_error() -> BrokenBytesError:
     return BrokenBytesError("it is not laid out as rosbag2 does")
 
 
-def _parse(content: Any, folder: Path) -> Metadata:
+def _parse_metadata(content: Any, folder: Path) -> Metadata:
     information = _require_value(content, _HEADING)
     if not isinstance(information, dict):
         raise _other_layout_error()
@@ -133,14 +133,14 @@ def _parse(content: Any, folder: Path) -> Metadata:
         ),
         mode == "message",
         tuple(
-            _announced_count(entry)
+            _read_topic_entry(entry)
             for entry in _require_list(_require_value(information, "topics_with_message_count"))
         ),
         None if messages is None else message_count(messages),
     )
 
 
-def _announced_count(entry: Any) -> AnnouncedTopic:
+def _read_topic_entry(entry: Any) -> AnnouncedTopic:
     topic = _require_value(entry, "topic_metadata")
     return AnnouncedTopic(
         require_text(_require_value(topic, "name")),

@@ -83,7 +83,7 @@ def page_layout(file: FileBytes, database: sqlite3.Connection) -> PageLayout | N
         and head[24:28] == head[92:96]
         and pages * page_bytes == file.size
     )
-    record = _record(database)
+    record = _find_messages_table(database)
     if not whole or record is None or not 1 < record[0] <= pages:
         return None
     return PageLayout(page_bytes, usable, pages, _LOCKED_BYTE // page_bytes + 1, *record)
@@ -95,7 +95,7 @@ def _is_unfinished(path: Path) -> bool:
     return any(each.exists() and each.stat().st_size > 0 for each in beside)
 
 
-def _record(database: sqlite3.Connection) -> tuple[int, int, int, int, int] | None:
+def _find_messages_table(database: sqlite3.Connection) -> tuple[int, int, int, int, int] | None:
     """The root of table `messages`, its columns, and where topic, time and message stand."""
     found = fetch_all(
         database, "SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = 'messages'"

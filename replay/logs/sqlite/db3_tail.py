@@ -10,7 +10,7 @@ from analysis.model.loss import Loss
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.messages.raw_batch import RawBatch, join_messages
 from replay.logs.sqlite.row_query import LEAST_ID, Row, fetch_all, guard_sqlite_call
-from replay.logs.sqlite.sqlite_file import connect, read_connections
+from replay.logs.sqlite.sqlite_file import connect_to_read, read_connections
 from replay.logs.storage import Connection, LossList
 
 #: Rows of one poll.
@@ -35,17 +35,17 @@ class Db3Tail:
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         return [*self._losses]
 
     def poll(self) -> list[RawBatch]:
         """See `Tail.poll`; a database that is locked or half written is left for a later call."""
-        looks = self._looks()
+        looks = self._file_states()
         if looks == self._seen:
             return []
         try:
-            with closing(connect(self._path, unfinished=True)) as database:
-                rows = self._rows(database)
+            with closing(connect_to_read(self._path, unfinished=True)) as database:
+                rows = self._read_new_rows(database)
         except (BrokenBytesError, sqlite3.Error):
             return []
         if len(rows) < _POLL_ROWS:
@@ -67,13 +67,13 @@ class Db3Tail:
     def close(self) -> None:
         """Nothing stays open between two polls: a recorder may checkpoint and truncate."""
 
-    def _looks(self) -> tuple[tuple[int, int], ...]:
+    def _file_states(self) -> tuple[tuple[int, int], ...]:
         return tuple(
             (stat.st_size, stat.st_mtime_ns)
             for stat in (path.stat() for path in (self._path, self._journal) if path.exists())
         )
 
-    def _rows(self, database: sqlite3.Connection) -> list[Row]:
+    def _read_new_rows(self, database: sqlite3.Connection) -> list[Row]:
         known = len(self.connections)
         (count,) = fetch_all(database, "SELECT count(*) FROM topics")[0]
         if count > known:

@@ -32,7 +32,7 @@ def big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
 
 
 @uncounted
-def _signed(data: NDArray[np.uint8], at: int, size: int) -> int:
+def _read_signed(data: NDArray[np.uint8], at: int, size: int) -> int:
     """A two's complement integer of 1 to 8 bytes."""
     value = np.int64(data[at])
     if value > 127:
@@ -43,7 +43,7 @@ def _signed(data: NDArray[np.uint8], at: int, size: int) -> int:
 
 
 @uncounted
-def _varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
+def _read_varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
     """An integer of 1 to 9 bytes, and where it ends: -1 where not before `end`."""
     value, bits, stop = np.int64(0), 0, -1
     # with several ways out numba would count references to the data, which takes longer than this
@@ -62,7 +62,7 @@ def _varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
 
 
 @uncounted
-def _value_bytes(kind: int) -> int:
+def _count_value_bytes(kind: int) -> int:
     """Bytes of a value of a record's type; -1 for what is no type."""
     if kind >= _BLOB:
         return (kind - _BLOB) // 2
@@ -76,7 +76,7 @@ def _value_bytes(kind: int) -> int:
 
 
 @uncounted
-def _local_bytes(payload: int, usable: int) -> int:
+def _count_local_bytes(payload: int, usable: int) -> int:
     """How much of a record stands in its leaf; the rest is on overflow pages."""
     if payload <= usable - 35:
         return payload
@@ -99,15 +99,15 @@ def parse_cell(
     payload, row_id, at, stop = _open_cell(data, at, begin, end, layout)
     if stop < 0:
         return damaged
-    head, field = _varint(data, at, stop)
+    head, field = _read_varint(data, at, stop)
     if field < 0 or head < 0 or head > stop - at:
         return damaged
     what = MESSAGE if payload <= LARGEST_BYTES else UNUSUAL
     head_end = body = at + head
     column, topic, time, message, length = 0, 0, 0, 0, 0
     while field < head_end:
-        kind, field = _varint(data, field, head_end)
-        size = _value_bytes(kind)
+        kind, field = _read_varint(data, field, head_end)
+        size = _count_value_bytes(kind)
         if field < 0 or size < 0 or size > at + payload - body:
             return damaged
         if column == layout.data:
@@ -142,13 +142,13 @@ def _open_cell(
     damaged = (0, 0, 0, -1)
     if at < begin or at >= end:
         return damaged
-    payload, at = _varint(data, at, end)
+    payload, at = _read_varint(data, at, end)
     if at < 0 or payload < 0 or payload > layout.pages * layout.page_bytes:
         return damaged
-    row_id, at = _varint(data, at, end)
+    row_id, at = _read_varint(data, at, end)
     if at < 0:
         return damaged
-    here = _local_bytes(payload, layout.usable_bytes)
+    here = _count_local_bytes(payload, layout.usable_bytes)
     stop = at + here
     if stop + (4 if here < payload else 0) > end:
         return damaged
@@ -164,4 +164,4 @@ def _read_integer(
         return 0, NO_MESSAGE
     if at + size > stop:
         return 0, UNUSUAL
-    return (kind - _ZERO if size == 0 else _signed(data, at, size)), MESSAGE
+    return (kind - _ZERO if size == 0 else _read_signed(data, at, size)), MESSAGE

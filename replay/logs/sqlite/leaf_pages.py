@@ -39,7 +39,7 @@ AT_LEAF, AT_CELL, LAST_ID, GAPS, IN_GAP, ODD, FIRST_ODD = range(7)
 
 
 class Tables(NamedTuple):
-    """What a scan finds."""
+    """Result of a scan."""
 
     #: (5, n) rows of messages as in `storage.rows`, and their ids
     rows: NDArray[np.int64]
@@ -220,7 +220,7 @@ def scan_leaves(
                 _close_gap(gaps, state, row_id)
                 return found, spilled, used, False
             in_time = wanted.first_ns <= time <= wanted.last_ns
-            if what == MESSAGE and in_time and (wanted.every_topic or _holds(keys, topic)):
+            if what == MESSAGE and in_time and (wanted.every_topic or _contains_key(keys, topic)):
                 if found == rows.shape[1]:
                     return found, spilled, used, True
                 offset = begin
@@ -242,7 +242,7 @@ def scan_leaves(
                 rows[ID, found] = row_id
                 found += 1
             elif what == NO_MESSAGE:
-                _count_odd(state, row_id)
+                _count_odd_cells(state, row_id)
             if what == DAMAGED:
                 _open_gap(gaps, state)
             else:
@@ -256,7 +256,7 @@ def scan_leaves(
 
 
 @uncounted
-def _holds(keys: NDArray[np.int64], key: int) -> bool:
+def _contains_key(keys: NDArray[np.int64], key: int) -> bool:
     """Whether a key is among some that ascend."""
     first, last = 0, keys.size
     while first < last:
@@ -269,7 +269,7 @@ def _holds(keys: NDArray[np.int64], key: int) -> bool:
 
 
 @uncounted
-def _count_odd(state: NDArray[np.int64], row_id: int) -> None:
+def _count_odd_cells(state: NDArray[np.int64], row_id: int) -> None:
     """Count a row that holds no message."""
     if state[ODD] == 0:
         state[FIRST_ODD] = row_id

@@ -47,33 +47,33 @@ class MessageTable:
         self._note = note
         self._layout = page_layout(file, database)
 
-    def times(self) -> Iterator[TableRows]:
+    def iter_times(self) -> Iterator[TableRows]:
         """Rows without their messages."""
         everything = RowFilter(np.empty(0, np.int64), True, _LEAST_NS, _MOST_NS, False)
         by_sqlite = self._file.size < _LEAST_BYTES and not is_compiler_loaded()
         if self._layout is not None and by_sqlite:
             faults: list[str] = []
-            found = list(self._from_sqlite(LEAST_ID, everything, faults.append))
+            found = list(self._iter_rows_from_sqlite(LEAST_ID, everything, faults.append))
             # what is damaged is told once, as the messages' pages tell it
-            return iter(found) if not faults else self._rows(everything)
-        return self._rows(everything)
+            return iter(found) if not faults else self._iter_rows(everything)
+        return self._iter_rows(everything)
 
-    def messages(
+    def iter_messages(
         self, topic_ids: Collection[int], first_ns: int, last_ns: int
     ) -> Iterator[TableRows]:
         """Rows of some topics, from one log time to another, both inclusive."""
         keys = np.array(sorted(topic_ids), np.int64)
         first, last = (max(_LEAST_NS, min(each, _MOST_NS)) for each in (first_ns, last_ns))
-        return self._rows(RowFilter(keys, False, first, last, True))
+        return self._iter_rows(RowFilter(keys, False, first, last, True))
 
-    def _rows(self, wanted: RowFilter) -> Iterator[TableRows]:
+    def _iter_rows(self, wanted: RowFilter) -> Iterator[TableRows]:
         after: int | None = LEAST_ID
         if self._layout is not None:
-            after = yield from self._from_pages(self._layout, wanted)
+            after = yield from self._iter_rows_from_pages(self._layout, wanted)
         if after is not None:
-            yield from self._from_sqlite(after, wanted, self._note)
+            yield from self._iter_rows_from_sqlite(after, wanted, self._note)
 
-    def _from_pages(
+    def _iter_rows_from_pages(
         self, layout: PageLayout, wanted: RowFilter
     ) -> Generator[TableRows, None, int | None]:
         from replay.logs.sqlite.page_walk import PageWalk  # compiled code
@@ -82,19 +82,19 @@ class MessageTable:
         yield from prefetch(iter(walk))
         return walk.left_after
 
-    def _from_sqlite(
+    def _iter_rows_from_sqlite(
         self, after: int, wanted: RowFilter, note: Callable[[str], None]
     ) -> Iterator[TableRows]:
         query = _MESSAGES if wanted.with_data else _TIMES
         has_blob = wanted.with_data
         for rows in read_rows(self._database, query, after, note, has_blob=has_blob):
             try:
-                found = _columns(rows, has_blob=has_blob)
+                found = _make_row_columns(rows, has_blob=has_blob)
             except _NoMessageError:  # SQLite asks nobody for types
                 whole = [row for row in rows if _is_message(row)]
                 lost = len(rows) - len(whole)
                 note(f"{lost:,} rows from row {rows[0][0]} on hold no message")
-                found = _columns(whole, has_blob=has_blob)
+                found = _make_row_columns(whole, has_blob=has_blob)
             time = found.rows[TIME]
             use = (time >= wanted.first_ns) & (time <= wanted.last_ns)
             if not wanted.every_topic:
@@ -102,7 +102,7 @@ class MessageTable:
             yield found if use.all() else TableRows(found.data, found.rows[:, use])
 
 
-def _columns(rows: list[Row], *, has_blob: bool) -> TableRows:
+def _make_row_columns(rows: list[Row], *, has_blob: bool) -> TableRows:
     messages = [row[3] for row in rows] if has_blob else []
     if {*map(type, messages)} - {bytes}:
         raise _NoMessageError("a message that is not a blob")

@@ -90,12 +90,12 @@ class PageWalk:
         try:
             leaves = leaf_pages(self._file, self._layout)
             if leaves is not None:
-                yield from self._steps(leaves)
+                yield from self._walk_leaves(leaves)
         except (OSError, MemoryError):
             pass  # SQLite says what is the matter, or has another way
         self._note_losses()
 
-    def _steps(self, leaves: NDArray[np.uint32]) -> Iterator[TableRows]:
+    def _walk_leaves(self, leaves: NDArray[np.uint32]) -> Iterator[TableRows]:
         memories = (_Memory(), _Memory())
         at, step, reach = 0, 0, _FIRST_LEAVES
         is_usual = True
@@ -135,10 +135,10 @@ class PageWalk:
                 data = np.empty(tail + joined_bytes, np.uint8)
                 data[:tail] = memory.data[:tail]
             self._chains.join(data, ranges, memory.rows, self._spills, spilled)
-            rows = self._without_torn(rows, self._spills[:, :spilled])
+            rows = self._drop_torn_rows(rows, self._spills[:, :spilled])
         return TableRows(data, rows), is_usual
 
-    def _without_torn(
+    def _drop_torn_rows(
         self, rows: NDArray[np.int64], spills: NDArray[np.int64]
     ) -> NDArray[np.int64]:
         torn = spills[ROW, spills[PAGE] == 0]
@@ -152,7 +152,7 @@ class PageWalk:
     def _note_losses(self) -> None:
         found, odd, first_odd = self._state[[GAPS, ODD, FIRST_ODD]].tolist()
         for before, until in self._gaps[:, :found].T.tolist():
-            self._note(f"the database is damaged: {_lost(before, until)} lost")
+            self._note(f"the database is damaged: {_describe_lost_rows(before, until)} lost")
         if found > _MOST_GAPS:
             self._note(f"{found - _MOST_GAPS:,} more places of the database are damaged")
         if self._torn:
@@ -162,7 +162,7 @@ class PageWalk:
             self._note(f"{odd:,} rows from row {first_odd} on hold no message")
 
 
-def _lost(before: int, until: int) -> str:
+def _describe_lost_rows(before: int, until: int) -> str:
     """The rows between two ids, as far as these tell."""
     if until == MOST_ID:
         return "all rows are" if before == LEAST_ID else f"rows from {before + 1} on are"
@@ -216,7 +216,7 @@ class Chains:
         order = np.argsort(ranges.first, kind="stable")
         at_hand = np.stack([each[order] for each in ranges])
         state = np.array([0, 0, 0, 0, self._used], np.int64)
-        while _join(data, at_hand, self._near, self._layout, rows, spills, count, state):
+        while _join_chains(data, at_hand, self._near, self._layout, rows, spills, count, state):
             # where pages do not follow each other, reading many at once is for nothing
             progress = int(state[_USED]) - self._used
             self._at_once = min(self._most, max(_FEWEST_PAGES, 2 * progress))
@@ -246,7 +246,7 @@ def _find_page(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
 
 
 @compiled
-def _join(
+def _join_chains(
     data: NDArray[np.uint8],
     at_hand: NDArray[np.int64],
     near: Near,

@@ -81,8 +81,12 @@ def read_rows(
     while True:
         fault: BrokenBytesError | None = None
         try:
-            for rows in _batches(database, query, after, has_blob=has_blob):
-                whole = rows if _increases(after, rows) else list(_increasing(after, rows))
+            for rows in _iter_batches(database, query, after, has_blob=has_blob):
+                whole = (
+                    rows
+                    if _may_ids_be_distinct(after, rows)
+                    else list(_iter_while_ids_increase(after, rows))
+                )
                 if whole:
                     yield whole
                     after = whole[-1][0]
@@ -94,11 +98,11 @@ def read_rows(
         if fault is None:
             return
         # the rows before the fault that were on their way are lost with it: take them singly
-        rows = list(_singly(database, query, after))
+        rows = list(_read_one_by_one(database, query, after))
         if rows:
             yield rows
             after = rows[-1][0]
-        following = _behind_damage(database, query, after)
+        following = _find_id_behind_damage(database, query, after)
         until = "on" if following is None else f"to {following}"
         note(f"the database is damaged ({fault}): rows from {after + 1} {until} are lost")
         if following is None:
@@ -106,7 +110,7 @@ def read_rows(
         after = following
 
 
-def _batches(
+def _iter_batches(
     database: sqlite3.Connection, query: str, after: int, *, has_blob: bool
 ) -> Iterator[list[Row]]:
     """Rows in batches up to damage, which is raised once the rows before it were given."""
@@ -134,7 +138,7 @@ def _batches(
             rows, size = [], 0
 
 
-def first_row_after(database: sqlite3.Connection, query: str, after: int) -> Row | None:
+def find_first_row_after(database: sqlite3.Connection, query: str, after: int) -> Row | None:
     """The first row behind an id.
 
     Raises:
@@ -147,11 +151,11 @@ def first_row_after(database: sqlite3.Connection, query: str, after: int) -> Row
     return row
 
 
-def _singly(database: sqlite3.Connection, query: str, after: int) -> Iterator[Row]:
+def _read_one_by_one(database: sqlite3.Connection, query: str, after: int) -> Iterator[Row]:
     """Rows up to a fault, at most a batch."""
     for _ in range(_MOST_ROWS):
         try:
-            row = first_row_after(database, query, after)
+            row = find_first_row_after(database, query, after)
         except BrokenBytesError:
             return
         if row is None:
@@ -160,7 +164,7 @@ def _singly(database: sqlite3.Connection, query: str, after: int) -> Iterator[Ro
         after = row[0]
 
 
-def _increases(after: int, rows: list[Row]) -> bool:
+def _may_ids_be_distinct(after: int, rows: list[Row]) -> bool:
     """Whether ids can be as many different ones as there are rows.
 
     A damaged tree may lead to the same page again and again.
@@ -168,7 +172,7 @@ def _increases(after: int, rows: list[Row]) -> bool:
     return rows[0][0] > after and rows[-1][0] - rows[0][0] >= len(rows) - 1
 
 
-def _increasing(after: int, rows: list[Row]) -> Iterator[Row]:
+def _iter_while_ids_increase(after: int, rows: list[Row]) -> Iterator[Row]:
     """Rows up to one whose id is not behind the one before."""
     for row in rows:
         if row[0] <= after:
@@ -177,11 +181,11 @@ def _increasing(after: int, rows: list[Row]) -> Iterator[Row]:
         yield row
 
 
-def _behind_damage(database: sqlite3.Connection, query: str, after: int) -> int | None:
+def _find_id_behind_damage(database: sqlite3.Connection, query: str, after: int) -> int | None:
     """The id behind which a row can be read again, None where there is none."""
 
     def first(gap: int) -> int | None:
-        row = first_row_after(database, query, min(after + gap, MOST_ID))
+        row = find_first_row_after(database, query, min(after + gap, MOST_ID))
         return None if row is None else row[0]
 
     fails, works, found = 0, 0, None

@@ -29,7 +29,7 @@ from replay.logs.storage import (
     FileBytes,
     Group,
     group_by_key,
-    no_times,
+    make_empty_times,
 )
 
 #: magic, format, page size, number of checkpoints, two salts, two checksums
@@ -67,7 +67,7 @@ class Db3File:
             self._size = file.size
             #: by how much log times go back from the latest so far, at most; None until known
             self._back_ns: int | None = None
-            self._database = connect(path, unfinished=unfinished)
+            self._database = connect_to_read(path, unfinished=unfinished)
             opened.callback(self._database.close)
             try:
                 self.connections: tuple[Connection, ...] = read_connections(
@@ -83,21 +83,21 @@ class Db3File:
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         return self._damage.losses({})
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
         """The log times of a topic; the first call goes through the whole table."""
         if self._times is None:
             parts: dict[int, list[NDArray[np.int64]]] = {}
-            for found in self._table.times():
+            for found in self._table.iter_times():
                 for key, at in group_by_key(found.rows[KEY]):
                     parts.setdefault(key, []).append(found.rows[TIME, at])
             self._times = {key: self._since_1970(key, np.concatenate(parts[key])) for key in parts}
             for key in self._times.keys() - {c.id for c in self.connections}:
                 count = self._times[key].size
                 self._damage.note(f"{count:,} messages of topic {key}, which has no definition")
-        return self._times.get(connection_id, no_times())
+        return self._times.get(connection_id, make_empty_times())
 
     def message_count(self, connection_id: int) -> int:
         """How many messages a topic has; the first call goes through the whole table."""
@@ -118,7 +118,7 @@ class Db3File:
         first = 0 if start_ns is None else max(start_ns, 0)
         last = 2**63 - 1 if end_ns is None else end_ns
         latest = UNKNOWN_NS
-        for found in self._table.messages(connection_ids, first, last):
+        for found in self._table.iter_messages(connection_ids, first, last):
             rows = found.rows
             batches = [
                 RawBatch(key, found.data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
@@ -137,7 +137,7 @@ class Db3File:
             return UNKNOWN_NS
         if self._back_ns is None:
             most, back = UNKNOWN_NS, 0
-            for found in self._table.times():
+            for found in self._table.iter_times():
                 times = found.rows[TIME]
                 if times.size:
                     highest = np.maximum(np.maximum.accumulate(times), most)
@@ -204,7 +204,7 @@ def read_connections(
     if len(whole) < len(topics):
         note(f"{len(topics) - len(whole):,} of its topics are damaged")
     if not whole and fetch_all(database, "SELECT 1 FROM messages LIMIT 1"):
-        note("it holds messages and no topic that they are of")
+        note("it holds messages without their topics")
     return tuple(
         Connection(key, str(topic), str(kind), str(encoding), *definitions.get(kind, ("", "")))
         for key, topic, kind, encoding in whole
@@ -214,7 +214,7 @@ def read_connections(
 def metadata_texts(path: Path) -> list[str]:
     """The copies of metadata.yaml in a database, the newest first; none before ROS 2 Iron."""
     try:
-        database = connect(path, unfinished=False)
+        database = connect_to_read(path, unfinished=False)
     except LogError:
         return []
     query = "SELECT metadata FROM metadata WHERE typeof(metadata) = 'text' ORDER BY id DESC"
@@ -225,7 +225,7 @@ def metadata_texts(path: Path) -> list[str]:
             return []
 
 
-def connect(path: Path, *, unfinished: bool) -> sqlite3.Connection:
+def connect_to_read(path: Path, *, unfinished: bool) -> sqlite3.Connection:
     """Open a database to read it; `unfinished` has a recorder, or what one left behind."""
     # immutable reads files on read-only media, but is blind to messages still in a -wal file
     mode = "mode=ro" if unfinished else "mode=ro&immutable=1"

@@ -7,7 +7,7 @@ from replay.logs.storage.container import (
     Connection,
     Container,
     Group,
-    no_times,
+    make_empty_times,
 )
 from replay.logs.storage.file_bytes import FileBytes, ReadBuffer
 from replay.logs.storage.loss_text import Damage, LossList
@@ -31,6 +31,6 @@ __all__ = [
     "ReadBuffer",
     "Tail",
     "group_by_key",
-    "no_times",
+    "make_empty_times",
     "prefetch",
 ]

@@ -47,7 +47,7 @@ class Container(Protocol):
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         ...
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
@@ -92,6 +92,6 @@ UNKNOWN_NS: Final = -(2**63)
 END_NS: Final = 2**63 - 1
 
 
-def no_times() -> NDArray[np.int64]:
+def make_empty_times() -> NDArray[np.int64]:
     """The log times of a connection without messages."""
     return np.empty(0, np.int64)

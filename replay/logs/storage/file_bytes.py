@@ -30,7 +30,7 @@ class FileBytes:
         return self.read_array(offset, count).tobytes()
 
     def read_array(self, offset: int, count: int) -> NDArray[np.uint8]:
-        """The same bytes (n,) as an array, which is not copied again."""
+        """Read bytes (n,) as an array, without another copy."""
         data = np.empty(max(0, min(count, self.size - offset)), np.uint8)
         return data[: self.read_into(offset, data)]
 
@@ -48,13 +48,13 @@ class FileBytes:
                 done += count
         return done
 
-    def look(self) -> int:
+    def update_size(self) -> int:
         """See how far the file has grown: its size now."""
         with self._lock:
             self.size = self._file.seek(0, 2)
         return self.size
 
-    def crc32(self, end: int) -> int:
+    def crc32_before(self, end: int) -> int:
         """The CRC-32 of everything before an offset."""
         crc = 0
         for at in range(0, end, _STEP):

@@ -40,14 +40,14 @@ class Damage:
         """List all of it; `topics` gives the topic of a connection."""
         return tuple(
             Loss(source=self._source, topic=topic, what=what)
-            for topic, what in [*self._of_places(topics), *self._of_sentences()]
+            for topic, what in [*self._of_places(topics), *self._iter_sentences()]
         )
 
     def _of_places(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:  # noqa: ARG002 - for formats that keep track of places
         """Topic and sentence of what is known by its place in the file; nothing here."""
         return iter(())
 
-    def _of_sentences(self) -> Iterator[tuple[str, str]]:
+    def _iter_sentences(self) -> Iterator[tuple[str, str]]:
         yield from islice(self._sentences, _MOST_SENTENCES)
         more = len(self._sentences) - _MOST_SENTENCES
         if more > 0:

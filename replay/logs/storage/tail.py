@@ -21,7 +21,7 @@ class Tail(Protocol):
 
     @property
     def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
+        """Damage found so far."""
         ...
 
     def poll(self) -> list[RawBatch]:

@@ -14,9 +14,9 @@ from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 if TYPE_CHECKING:
     from replay.logs.tables.axis import RowTimes, TableTimes, find_times
     from replay.logs.tables.csv_columns import CsvColumns
-    from replay.logs.tables.dialect import Dialect, sniff
-    from replay.logs.tables.only_time import disagreement
-    from replay.logs.tables.text import Utf8Text, as_utf8, head_lines
+    from replay.logs.tables.dialect import Dialect, sniff_dialect
+    from replay.logs.tables.only_time import describe_disagreement
+    from replay.logs.tables.text import Utf8Text, convert_to_utf8, read_head_lines
     from replay.logs.tables.times import NS_PER_UNIT, TimeError
 
 __all__ = [
@@ -30,11 +30,11 @@ __all__ = [
     "TimeAxis",
     "TimeError",
     "Utf8Text",
-    "as_utf8",
-    "disagreement",
+    "convert_to_utf8",
+    "describe_disagreement",
     "find_times",
-    "head_lines",
-    "sniff",
+    "read_head_lines",
+    "sniff_dialect",
 ]
 
 __getattr__ = resolve_late(
@@ -47,10 +47,10 @@ __getattr__ = resolve_late(
         "TableTimes": "replay.logs.tables.axis",
         "TimeError": "replay.logs.tables.times",
         "Utf8Text": "replay.logs.tables.text",
-        "as_utf8": "replay.logs.tables.text",
-        "disagreement": "replay.logs.tables.only_time",
+        "convert_to_utf8": "replay.logs.tables.text",
+        "describe_disagreement": "replay.logs.tables.only_time",
         "find_times": "replay.logs.tables.axis",
-        "head_lines": "replay.logs.tables.text",
-        "sniff": "replay.logs.tables.dialect",
+        "read_head_lines": "replay.logs.tables.text",
+        "sniff_dialect": "replay.logs.tables.dialect",
     },
 )

@@ -12,22 +12,28 @@ from estimators.arrays import Floats
 from replay.logs.tables.dates import clock_times, is_clock, is_date
 from replay.logs.tables.header import (
     ColumnName,
-    before_dash,
-    last_of_path,
+    name_before_dash,
+    name_by_last_part,
     split_unit,
     states_multiple,
     zone_s,
 )
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
-from replay.logs.tables.only_time import only_time
+from replay.logs.tables.only_time import find_only_time_column
 from replay.logs.tables.time_parts import (
     calendar_columns,
     calendar_times,
     fraction_column,
     fractions_ns,
-    letters,
+    keep_letters,
 )
-from replay.logs.tables.times import NS_PER_UNIT, TimeError, epoch_of, from_1904, nanoseconds
+from replay.logs.tables.times import (
+    NS_PER_UNIT,
+    TimeError,
+    correct_epoch_of_1904,
+    find_epoch,
+    times_in_ns,
+)
 
 #: A log of a machine has from one row in two seconds to 2,500 a second, in s from row to row:
 #: slower shows no start, and faster is a scope's, which states its unit.
@@ -115,7 +121,7 @@ class TableTimes:
         own = (self.date, self.fraction, self.time)
         return (*self.calendar, *(name for name in own if name is not None))
 
-    def stamps(self, cells: Mapping[str, pl.Series], rows: int) -> RowTimes:
+    def log_times_of_rows(self, cells: Mapping[str, pl.Series], rows: int) -> RowTimes:
         """Log times of the rows.
 
         Args:
@@ -129,7 +135,7 @@ class TableTimes:
             names = ", ".join(self.calendar)
             note = f"its times are made of {names}" + ", as UTC" * (len(self.calendar) > 3)
             whole = RowTimes(calendar_times([cells[name] for name in self.calendar]), (note,))
-            return self._with_fractions(whole, cells)
+            return self._add_fractions(whole, cells)
         if self.time is None:
             assert self.rate_hz is not None
             every_ns = 10**9 / self.rate_hz
@@ -137,9 +143,9 @@ class TableTimes:
             stamps = (counted.cast(pl.Float64) * every_ns).round().cast(pl.Int64)
             note = f"the rows have no time: they are taken as {self.rate_hz:g} a second"
             return RowTimes(stamps.alias("log_time_ns"), (note,))
-        return self._with_fractions(self._of_one_column(cells), cells)
+        return self._add_fractions(self._read_one_column(cells), cells)
 
-    def _with_fractions(self, whole: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
+    def _add_fractions(self, whole: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
         """Times of whole seconds with their fractions, where another column has them."""
         if self.fraction is None:
             return whole
@@ -147,7 +153,7 @@ class TableTimes:
         note = f"the fractions of its seconds are those of '{self.fraction}', in {unit}"
         return RowTimes((whole.stamps + fractions).alias("log_time_ns"), (*whole.notes, note))
 
-    def _of_one_column(self, cells: Mapping[str, pl.Series]) -> RowTimes:
+    def _read_one_column(self, cells: Mapping[str, pl.Series]) -> RowTimes:
         assert self.time is not None
         text = cells[self.time]
         if self.date is not None:
@@ -162,13 +168,13 @@ class TableTimes:
                 raise TimeError("it holds days without a time of day; name the column of times")
         if self.unit in ("min", "h"):
             scaled = text.cast(pl.Float64, strict=False) * (_NS[self.unit] // 10**9)
-            return RowTimes(nanoseconds(scaled, "s"), ())
+            return RowTimes(times_in_ns(scaled, "s"), ())
         if self.unit is not None or text.dtype.is_temporal():
-            stamps, note = from_1904(nanoseconds(text, self.unit or "s"))
+            stamps, note = correct_epoch_of_1904(times_in_ns(text, self.unit or "s"))
             return RowTimes(stamps, (note,) if note else ())
         if self.fraction is not None:
             # what has a fraction beside it counts seconds
-            return RowTimes(nanoseconds(text, "s"))
+            return RowTimes(times_in_ns(text, "s"))
         return RowTimes(*recognised_times(text))
 
 
@@ -196,14 +202,14 @@ def find_times(
         place = names.index(given.column)
         if unit is None:
             unit = unit_of_name(columns[place])
-        return [(_one_axis(columns, cells, place, unit, table), names)]
+        return [(_make_axis(columns, cells, place, unit, table), names)]
     if calendar := calendar_columns(columns):
         fraction = fraction_column(columns, cells, names.index(calendar[-1]))
         return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
-    found = _candidates(columns, cells) or only_time(columns, cells)
-    for part in (last_of_path, before_dash) if not found else ():
+    found = _rank_time_columns(columns, cells) or find_only_time_column(columns, cells)
+    for part in (name_by_last_part, name_before_dash) if not found else ():
         columns = [part(column) for column in columns]
-        if found := _candidates(columns, cells):
+        if found := _rank_time_columns(columns, cells):
             break
     if not found:
         return None
@@ -214,7 +220,7 @@ def find_times(
         if columns[k].bare.lower() == columns[first].bare.lower()
         and columns[k].unit == columns[first].unit
     ]
-    one = _one_axis(columns, cells, first, unit or unit_of_name(columns[first]), table)
+    one = _make_axis(columns, cells, first, unit or unit_of_name(columns[first]), table)
     if len(times) == 1 or one.date:
         return [(one, names)]
     # pairs side by side: each column belongs to the time before it
@@ -228,7 +234,7 @@ def find_times(
     ]
 
 
-def _one_axis(
+def _make_axis(
     columns: Sequence[ColumnName],
     cells: Callable[[int], list[str]],
     place: int,
@@ -241,14 +247,16 @@ def _one_axis(
         raise DialectError(f"no column '{fraction}'; set [log] time_fraction")
     return TableTimes(
         columns[place].name,
-        _date_beside(columns, cells, place),
+        _find_date_column(columns, cells, place),
         fraction or fraction_column(columns, cells, place),
         unit=unit,
         day_first=table.day_first if table else None,
     )
 
 
-def _candidates(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]) -> list[int]:
+def _rank_time_columns(
+    columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
+) -> list[int]:
     """Places of time columns, the best name first; a unit of time in the name is better.
 
     A clock that repeats itself is the last: another one goes on between its ticks.
@@ -256,21 +264,21 @@ def _candidates(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
     ranked: list[tuple[bool, int, int, int]] = []
     for place, column in enumerate(columns):
         # what stands behind a number is an axis or a state: time1, t_2
-        bare = letters(column.bare)
-        if letters(column.name) in ("mstoday", "timeus", "timems"):
-            bare = letters(column.name)
+        bare = keep_letters(column.bare)
+        if keep_letters(column.name) in ("mstoday", "timeus", "timems"):
+            bare = keep_letters(column.name)
         if re.search(r"\d", re.sub(r" \(\d+\)$", "", column.bare)):
             continue
         if bare in _NAMES and (column.unit is None or column.unit in _NS):
             stated = list(NS_PER_UNIT).index(column.unit) if column.unit in NS_PER_UNIT else -1
             rank = -stated if stated >= 0 else 9
-            ranked.append((_repeats(cells(place)), rank, _NAMES.index(bare), place))
+            ranked.append((_has_repeated_times(cells(place)), rank, _NAMES.index(bare), place))
         elif (bare in _DATES or "time" in bare) and any(map(is_clock, cells(place)[:5])):
-            ranked.append((_repeats(cells(place)), 10, bare not in _DATES, place))
+            ranked.append((_has_repeated_times(cells(place)), 10, bare not in _DATES, place))
     return [place for *_, place in sorted(ranked)]
 
 
-def _repeats(cells: Sequence[str]) -> bool:
+def _has_repeated_times(cells: Sequence[str]) -> bool:
     return 2 * len(set(cells)) < len(cells)
 
 
@@ -287,24 +295,24 @@ def unit_of_name(column: ColumnName) -> str | None:
         )
     if column.unit in _NS:
         return column.unit
-    return _UNITS.get(letters(column.name)) or (
+    return _UNITS.get(keep_letters(column.name)) or (
         unit if (unit := split_unit(column.name)[1]) in _NS else None
     )
 
 
-def _date_beside(
+def _find_date_column(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], place: int
 ) -> str | None:
     """The column of the days, where the time is one of day."""
     own = cells(place)[:5]
     if not own or not all(is_clock(cell) for cell in own) or any(is_date(c[:10]) for c in own):
         return None
-    dated = letters(columns[place].bare).replace("time", "date")
+    dated = keep_letters(columns[place].bare).replace("time", "date")
     dates = [
         column.name
         for k, column in enumerate(columns)
         if k != place
-        and letters(column.bare) in (*_DATES, dated)
+        and keep_letters(column.bare) in (*_DATES, dated)
         and all(map(is_date, cells(k)[:5] or ""))
     ]
     return dates[0] if dates else None
@@ -326,23 +334,23 @@ def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     numbers = stripped.cast(pl.Float64, strict=False)
     finite = numbers.filter(numbers.is_finite().fill_null(value=False)).to_numpy()
     if not finite.size:
-        return nanoseconds(cells, "s"), ()
+        return times_in_ns(cells, "s"), ()
     x = np.sort(finite)
     steps = np.diff(x)
     steps = steps[steps > 0]
     if not steps.size:
-        raise TimeError("it holds one and the same number: name another column")
+        raise TimeError("all its cells hold the same number: name another column")
     step, span = float(np.median(steps)), float(x[-1] - x[0])
-    if epoch := epoch_of(float(x[0]), float(x[-1]), step, _STEPS_S):
+    if epoch := find_epoch(float(x[0]), float(x[-1]), step, _STEPS_S):
         integers = stripped.cast(pl.Int64, strict=False)
         exact = not stripped.dtype.is_float() and integers.count() == numbers.count()
         return epoch.since_1970_ns(integers if exact else numbers), (f"its times are {epoch.name}",)
     if _is_clock(finite, step):
         hours, rest = numbers // 10_000, numbers % 10_000
         seconds = hours * 3600 + (rest // 100) * 60 + rest % 100
-        return nanoseconds(seconds, "s"), ("its times are read as hhmmss.s",)
+        return times_in_ns(seconds, "s"), ("its times are read as hhmmss.s",)
     unit = _guess_unit(x, step, span)
-    stamps, note = from_1904(nanoseconds(cells, unit))
+    stamps, note = correct_epoch_of_1904(times_in_ns(cells, unit))
     taken = f"its times are taken in {unit}, by their spacing"
     return stamps, (taken, note) if note else (taken,)
 

@@ -45,8 +45,8 @@ _MEASURE: Final = re.compile(
 _MOSTLY: Final = 0.8
 
 
-def kind(cell: str, decimal: str, *, is_grouped: bool = False) -> str:
-    """What a cell is: empty, number, grouped, measure, time, odd or text.
+def classify_cell(cell: str, decimal: str, *, is_grouped: bool = False) -> str:
+    """Classify a cell: empty, number, grouped, measure, time, odd or text.
 
     A grouped one is a number with signs between its thousands: surely, or where the decimal sign
     of the others leaves no other reading (`maybe grouped`, which `is_grouped` settles). An odd one
@@ -103,12 +103,12 @@ def unit_in_cell(cell: str, decimal: str) -> str | None:
 
 
 def common_unit(cells: Sequence[str], decimal: str) -> str | None:
-    """What stands behind each number of a column, where it is one and the same unit."""
+    """Unit behind the numbers of a column, if all have the same."""
     found = {unit_in_cell(cell, decimal) for cell in cells}
     return next(iter(found)) if len(found) == 1 else None
 
 
-def with_points(
+def write_decimal_points(
     column: pl.Series, decimal: str, unit: str | None, *, is_grouped: bool
 ) -> pl.Series:
     """The text of a column with its numbers as Python writes them.

@@ -10,17 +10,17 @@ import polars as pl
 from polars.exceptions import PanicException, PolarsError
 
 from replay.logs.messages.broken_bytes import BrokenBytesError
-from replay.logs.tables.cells import is_numeric, kind, with_points
+from replay.logs.tables.cells import classify_cell, is_numeric, write_decimal_points
 from replay.logs.tables.dates import is_of_digits
-from replay.logs.tables.dialect import BLANKS, sniff, some_cells
+from replay.logs.tables.dialect import BLANKS, first_cells_of_column, sniff_dialect
 from replay.logs.tables.hints import TableHints
 from replay.logs.tables.text import (
     Utf8Text,
-    as_utf8,
+    convert_to_utf8,
+    copy_with_ascii_digits,
+    copy_with_tabs,
     drop_torn_quote,
-    head_lines,
-    with_ascii_digits,
-    with_tabs,
+    read_head_lines,
 )
 
 #: Stands in no text: a line is one cell.
@@ -53,15 +53,15 @@ class CsvColumns:
             BrokenBytesError: it is no table.
             DialectError: how it is written is not known.
         """
-        self._text = as_utf8(path, hints.encoding)
+        self._text = convert_to_utf8(path, hints.encoding)
         try:
-            self._replace_text(with_ascii_digits(self._text))
-            self._dialect = sniff(head_lines(self._text.path), hints)
+            self._replace_text_file(copy_with_ascii_digits(self._text))
+            self._dialect = sniff_dialect(read_head_lines(self._text.path), hints)
             if self._dialect.separator == BLANKS:
-                self._replace_text(with_tabs(self._text))
+                self._replace_text_file(copy_with_tabs(self._text))
             whole = drop_torn_quote(self._text, self._dialect.separator)
             self._is_torn = whole is not None
-            self._replace_text(whole)
+            self._replace_text_file(whole)
         except BaseException:
             self.close()
             raise
@@ -72,21 +72,21 @@ class CsvColumns:
         self._height: int | None = None
         self._kept: dict[str, pl.Series] = {}
         self._once: dict[str, pl.Series] = {}
-        heads = {name: some_cells(self._dialect, k) for k, name in enumerate(self.names)}
-        self._types = {name: _kind(cells) for name, cells in heads.items()}
+        heads = {name: first_cells_of_column(self._dialect, k) for k, name in enumerate(self.names)}
+        self._types = {name: _guess_type_of_cells(cells) for name, cells in heads.items()}
         decimal, is_grouped = self._dialect.decimal, self._dialect.is_grouped
         #: Columns of numbers, or of which the beginning tells nothing.
         self._numeric = {
             name
             for name, cells in heads.items()
             if is_numeric(
-                [kind(cell, decimal, is_grouped=is_grouped) for cell in cells], empty=True
+                [classify_cell(cell, decimal, is_grouped=is_grouped) for cell in cells], empty=True
             )
         }
         self._cell_units = dict(zip(self.names, self._dialect.cell_units, strict=False))
         self._quotes_are_paired = True
 
-    def _replace_text(self, new: Utf8Text | None) -> None:
+    def _replace_text_file(self, new: Utf8Text | None) -> None:
         """Read a copy from now on, if there is one, and remove the copy before it."""
         if new is not None:
             old, self._text = self._text, new
@@ -106,11 +106,13 @@ class CsvColumns:
         """Rows that `head` is taken from."""
         return len(self._dialect.rows)
 
-    def head(self, place: int, count: int = 50) -> list[str]:
+    def first_text_cells(self, place: int, count: int = 50) -> list[str]:
         """Some first cells of a column, those that are not empty."""
-        return some_cells(self._dialect, place, count)
+        return first_cells_of_column(self._dialect, place, count)
 
-    def check(self, keep: Sequence[str], once: Sequence[str], note: Callable[[str], None]) -> None:
+    def find_ragged_rows(
+        self, keep: Sequence[str], once: Sequence[str], note: Callable[[str], None]
+    ) -> None:
         """Look for rows that are too long, too short or torn, and read some columns on the way.
 
         Rows with too few cells end in nulls; the last one, where no line end follows it, is torn
@@ -141,7 +143,7 @@ class CsvColumns:
             note("its last row is torn and not read")
         if not self._quotes_are_paired:
             note("its quotes are not paired: rows between them may be read as one cell")
-        lines = self._short_lines() if short.any() else []
+        lines = self._find_short_lines() if short.any() else []
         end = self.rows + self._dialect.data_line
         if lines and lines[-1] == end and not _ends_in_a_line_end(self._text.path):
             note(f"its last row (line {lines.pop()}) is torn and not read")
@@ -173,35 +175,37 @@ class CsvColumns:
 
     def _read(self, names: Sequence[str], *others: pl.Expr) -> dict[str, pl.Series]:
         """Columns in a pass; a second one reads those as text that hold more than numbers."""
-        frame = self._collect(self._scan(self._types).select(*names, *others))
+        frame = self._collect_frame(self._scan(self._types).select(*names, *others))
         self._check_height(frame)
         found = {series.name: series for series in frame.get_columns()}
         counts = {n: found[n].count() for n in names if found[n].dtype.is_numeric()}
-        text = self._not_only_numbers({n: c for n, c in counts.items() if c < frame.height})
+        text = self._find_columns_with_text({n: c for n, c in counts.items() if c < frame.height})
         if text:
             self._types.update(dict.fromkeys(text, pl.String()))
-            again = self._collect(self._scan({}).select(text))
+            again = self._collect_frame(self._scan({}).select(text))
             self._check_height(again)
             found |= {series.name: series for series in again.get_columns()}
-        return {name: self._plain(column) for name, column in found.items()}
+        return {name: self._write_plain_numbers(column) for name, column in found.items()}
 
-    def _not_only_numbers(self, numbers: Mapping[str, int]) -> list[str]:
+    def _find_columns_with_text(self, numbers: Mapping[str, int]) -> list[str]:
         """Columns with more cells than numbers, which are counted: their text is needed."""
         if not numbers:
             return []
         cells = [(pl.col(name).str.strip_chars() != "").sum() for name in numbers]
-        counted = self._collect(self._scan({}).select(cells)).row(0)
+        counted = self._collect_frame(self._scan({}).select(cells)).row(0)
         return [n for (n, c), cells in zip(numbers.items(), counted, strict=True) if cells > c]
 
-    def _plain(self, column: pl.Series) -> pl.Series:
+    def _write_plain_numbers(self, column: pl.Series) -> pl.Series:
         """Numbers as they are read everywhere: with points, and nothing between or behind."""
         is_text = column.name not in self._numeric and self._dialect.decimal == "."
         if column.dtype != pl.String or is_text:
             return column
         unit = self._cell_units.get(column.name)
-        return with_points(column, self._dialect.decimal, unit, is_grouped=self._dialect.is_grouped)
+        return write_decimal_points(
+            column, self._dialect.decimal, unit, is_grouped=self._dialect.is_grouped
+        )
 
-    def _collect(self, frame: pl.LazyFrame) -> pl.DataFrame:
+    def _collect_frame(self, frame: pl.LazyFrame) -> pl.DataFrame:
         try:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
@@ -246,7 +250,7 @@ class CsvColumns:
             missing_columns="insert",
         )
 
-    def _short_lines(self) -> list[int]:
+    def _find_short_lines(self) -> list[int]:
         """The lines (from 1) with too few separators; none where cells go over lines."""
         line = pl.col("line")
         lines = pl.scan_csv(
@@ -263,17 +267,17 @@ class CsvColumns:
             row_index_offset=self._dialect.data_line + 1,
         )
         odd_quotes = line.str.count_matches('"', literal=True) % 2 == 1
-        if self._collect(lines.select(odd_quotes.any())).item():
+        if self._collect_frame(lines.select(odd_quotes.any())).item():
             return []
         # an empty line is a row without a time, which is counted there
         separators = line.str.count_matches(self._separator, literal=True)
         is_short = separators < len(self.names) - 1
         short = lines.filter(line.is_not_null() & is_short).select("number")
-        return self._collect(short).to_series().to_list()
+        return self._collect_frame(short).to_series().to_list()
 
 
-def _kind(cells: Sequence[str]) -> pl.DataType:
-    """What the first cells of a column are."""
+def _guess_type_of_cells(cells: Sequence[str]) -> pl.DataType:
+    """Guess the type of a column by its first cells."""
     if not cells:
         return pl.String()
     if all(map(is_of_digits, cells)):

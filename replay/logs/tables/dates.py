@@ -122,10 +122,10 @@ def clock_times(
     first = str(present[0])
     pattern = date_pattern(first)
     if pattern is None:
-        return _of_day(text, first)
-    part = _groups(text, pattern)
+        return _parse_times_of_day(text, first)
+    part = _match_groups(text, pattern)
     notes: list[str] = []
-    day = _days(part, day_first, notes)
+    day = _count_days_since_1970(part, day_first, notes)
     stamps = day * DAY_NS + _clock_ns(part)
     if part.get_column("zone").drop_nulls().is_empty() and zone_s is not None:
         stamps = stamps - zone_s * 10**9
@@ -139,7 +139,7 @@ def _join_dates(dates: pl.Series, times: pl.Series) -> pl.Series:
     return frame.select(pl.concat_str("date", "time", separator=" ")).to_series()
 
 
-def _groups(text: pl.Series, pattern: str) -> pl.DataFrame:
+def _match_groups(text: pl.Series, pattern: str) -> pl.DataFrame:
     """The named parts of each cell, null where it does not fit; absent ones too."""
     names = tuple(re.compile(pattern).groupindex)
     found = text.str.extract_groups(pattern).struct.unnest()
@@ -148,12 +148,12 @@ def _groups(text: pl.Series, pattern: str) -> pl.DataFrame:
     return found.with_columns(pl.lit(None, dtype=pl.String).alias(name) for name in missing)
 
 
-def _whole_numbers(column: pl.Expr) -> pl.Expr:
+def _parse_whole_numbers(column: pl.Expr) -> pl.Expr:
     return column.cast(pl.Int64, strict=False)
 
 
 def _clock_ns(part: pl.DataFrame) -> pl.Series:
-    hour, half = _whole_numbers(pl.col("h")), pl.col("half").str.to_lowercase()
+    hour, half = _parse_whole_numbers(pl.col("h")), pl.col("half").str.to_lowercase()
     hour = (
         pl.when(half == "p").then(hour % 12 + 12).when(half == "a").then(hour % 12).otherwise(hour)
     )
@@ -163,20 +163,22 @@ def _clock_ns(part: pl.DataFrame) -> pl.Series:
     offset = (
         sign
         * (
-            _whole_numbers(zone.str.slice(1, 2)).fill_null(0) * 3600
-            + _whole_numbers(zone.str.slice(3, 2)).fill_null(0) * 60
+            _parse_whole_numbers(zone.str.slice(1, 2)).fill_null(0) * 3600
+            + _parse_whole_numbers(zone.str.slice(3, 2)).fill_null(0) * 60
         )
     ).fill_null(0)
     seconds = (
         hour * 3600
-        + _whole_numbers(pl.col("min")) * 60
-        + _whole_numbers(pl.col("s")).fill_null(0)
+        + _parse_whole_numbers(pl.col("min")) * 60
+        + _parse_whole_numbers(pl.col("s")).fill_null(0)
         - offset
     )
     return part.select(seconds * 10**9 + fraction).to_series()
 
 
-def _days(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.Series:
+def _count_days_since_1970(
+    part: pl.DataFrame, day_first: bool | None, notes: list[str]
+) -> pl.Series:
     """Days since 1970."""
     if "one" in part.columns:
         part = _day_and_month(part, day_first, notes)
@@ -249,18 +251,18 @@ def _day_and_month(part: pl.DataFrame, day_first: bool | None, notes: list[str])
     )
 
 
-def _of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
+def _parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
     """Times of day, which go on over midnight."""
     if re.fullmatch(_SINCE, first):
-        part = _groups(text, f"^{_SINCE}$")
-        day = part.select(_whole_numbers(pl.col("days"))).to_series()
+        part = _match_groups(text, f"^{_SINCE}$")
+        day = part.select(_parse_whole_numbers(pl.col("days"))).to_series()
         return (_clock_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
     pattern = f"^{_CLOCK}$"
     if re.fullmatch(_MINUTES, first):
         pattern = f"^{_MINUTES}$"
     elif first.count(":") < 2:
         raise TimeError(f"'{first}' may be hours and minutes or minutes and seconds")
-    part = _groups(text, pattern)
+    part = _match_groups(text, pattern)
     if pattern != f"^{_CLOCK}$":
         part = part.with_columns(h=pl.lit("0"))
     stamps = _clock_ns(part)
@@ -272,5 +274,5 @@ def _of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
     if twelve and not has_halves:
         raise TimeError("it goes back by twelve hours: a clock without AM and PM is ambiguous")
     days = frame.select((step < -_HALF_DAY_NS).fill_null(value=False).cum_sum()).to_series()
-    note = "its times are of a day that is not named: they are counted from its midnight"
+    note = "its times have no date: they are counted from midnight"
     return (stamps + days.cast(pl.Int64) * DAY_NS).alias("log_time_ns"), (note,)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
 
-from replay.logs.tables.cells import common_unit, is_numeric, is_signed, kind
+from replay.logs.tables.cells import classify_cell, common_unit, is_numeric, is_signed
 from replay.logs.tables.dates import is_clock, is_date
 from replay.logs.tables.header import ColumnName, column_names, refuse_two_units
 from replay.logs.tables.header_rows import TextRow, header_row, rows_behind_words, rows_of_names
@@ -86,7 +86,7 @@ class _Reading:
     is_grouped: bool = False  #: whether the other sign is known to separate thousands
 
 
-def sniff(lines: Sequence[str], hints: TableHints) -> Dialect:
+def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     """Find the one reading of a text that is possible.
 
     Args:
@@ -105,10 +105,10 @@ def sniff(lines: Sequence[str], hints: TableHints) -> Dialect:
     found = [
         reading
         for separator in separators
-        for reading in _readings(lines, separator, decimals, hints)
+        for reading in _iter_separator_trials(lines, separator, decimals, hints)
     ]
     if not found and hints.separator is None:
-        found = list(_readings(lines, BLANKS, decimals, hints))
+        found = list(_iter_separator_trials(lines, BLANKS, decimals, hints))
     sound = [reading for reading in found if not reading.faults] or found
     best = [each for each in sound if each.faults <= min(e.faults for e in sound)]
     if not best:
@@ -178,7 +178,7 @@ def split_rows(lines: Sequence[str], separator: str) -> Iterator[TextRow]:
         before = reader.line_num
 
 
-def _readings(
+def _iter_separator_trials(
     lines: Sequence[str], separator: str, decimals: Sequence[str], hints: TableHints
 ) -> Iterator[_Reading]:
     if not any(separator in line for line in lines):
@@ -199,18 +199,18 @@ def _readings(
     is_quoted = any('"' in line for line in lines)
     # without quotes no cell holds the sign between the cells
     for decimal in [d for d in decimals if d != separator or is_quoted] or decimals:
-        reading = _reading(rows, later, width, (separator, decimal), below)
+        reading = _try_separators(rows, later, width, (separator, decimal), below)
         if reading is not None:
             yield reading
 
 
-def _reading(
+def _try_separators(
     rows: list[TextRow], later: list[TextRow], width: int, signs: tuple[str, str], below: int
 ) -> _Reading | None:
     separator, decimal = signs
     fitting = [row for row in later if len(row.cells) == width] or later
     columns = [[row.cells[k] for row in fitting if k < len(row.cells)] for k in range(width)]
-    kinds = [[kind(cell, decimal) for cell in column] for column in columns]
+    kinds = [[classify_cell(cell, decimal) for cell in column] for column in columns]
     signed = [is_signed(cell, decimal) for column in columns for cell in column]
     # a sign before three digits separates thousands where others show that it is not the decimal
     grouped = any("grouped" in each for each in kinds) or any(x and not y for x, y in signed)
@@ -274,7 +274,8 @@ def _has_names_below(
 ) -> bool:
     """Whether names stand closely below: then a row above them is of the preamble."""
     return any(
-        len(row.cells) == width and all(kind(row.cells[k], decimal) == "text" for k in numeric)
+        len(row.cells) == width
+        and all(classify_cell(row.cells[k], decimal) == "text" for k in numeric)
         for row, yes in zip(rows, is_data, strict=False)
         if not yes
     )
@@ -283,7 +284,7 @@ def _has_names_below(
 def _is_data(cells: Sequence[str], numeric: Sequence[int], width: int, decimal: str) -> bool:
     if len(cells) > width + 1:
         return False
-    kinds = [kind(cells[k], decimal) for k in numeric if k < len(cells)]
+    kinds = [classify_cell(cells[k], decimal) for k in numeric if k < len(cells)]
     return is_numeric(["number" if each == "maybe grouped" else each for each in kinds])
 
 
@@ -347,14 +348,16 @@ def _find_head_rows(reading: _Reading, lines: Sequence[str], hints: TableHints) 
         cell_units,
         preamble=tuple(lines[: names.line if names else rows[0].line][:50]),
     )
-    return replace(dialect, notes=tuple(_notes(dialect, names, units)))
+    return replace(dialect, notes=tuple(_describe_dialect(dialect, names, units)))
 
 
 def _begins_with_a_date(data: Sequence[Sequence[str]]) -> bool:
     return bool(data) and is_date(data[0][0]) and is_clock(data[0][1])
 
 
-def _notes(dialect: Dialect, names: TextRow | None, units: TextRow | None) -> Iterator[str]:
+def _describe_dialect(
+    dialect: Dialect, names: TextRow | None, units: TextRow | None
+) -> Iterator[str]:
     said: list[str] = []
     if dialect.separator != ",":
         said.append(f"cells separated by {_NAMED.get(dialect.separator, dialect.separator)}")
@@ -370,7 +373,7 @@ def _notes(dialect: Dialect, names: TextRow | None, units: TextRow | None) -> It
         yield f"the table is read with {', '.join(said)}"
 
 
-def some_cells(dialect: Dialect, column: int, count: int = 50) -> list[str]:
+def first_cells_of_column(dialect: Dialect, column: int, count: int = 50) -> list[str]:
     """Some first cells of a column that are not empty."""
     cells = (row[column] for row in dialect.rows if column < len(row) and row[column])
     return list(islice(cells, count))

@@ -26,7 +26,7 @@ _LONGEST_PLACE: Final = 16
 _FEWEST_ROWS: Final = 2
 
 
-def as_text(path: Path, sheet: str | None, copies: ExitStack) -> Path:
+def write_sheet_as_csv(path: Path, sheet: str | None, copies: ExitStack) -> Path:
     """Write a sheet as a CSV.
 
     Args:
@@ -49,19 +49,19 @@ def as_text(path: Path, sheet: str | None, copies: ExitStack) -> Path:
     try:
         with path.open("rb") as file:
             book = CalamineWorkbook.from_object(file)
-            chosen = _chosen(book, sheet)
+            chosen = _choose_sheet(book, sheet)
             folder = copies.enter_context(tempfile.TemporaryDirectory(prefix="payscope-table-"))
             place = Path(folder) / f"{path.stem}.csv"
             with place.open("w", encoding="utf-8", newline="") as text:
                 writer = csv.writer(text)
                 for row in book.get_sheet_by_name(chosen).iter_rows():
-                    writer.writerow([_cell(value) for value in row])
+                    writer.writerow([_format_cell(value) for value in row])
     except (CalamineError, *BROKEN_BYTES) as error:
         raise BrokenBytesError(f"it cannot be read: {error}") from error
     return place
 
 
-def _chosen(book: Any, sheet: str | None) -> str:
+def _choose_sheet(book: Any, sheet: str | None) -> str:
     names: list[str] = book.sheet_names
     if sheet is not None:
         if sheet not in names:
@@ -73,7 +73,7 @@ def _chosen(book: Any, sheet: str | None) -> str:
     return full[0]
 
 
-def _cell(value: Any) -> str:
+def _format_cell(value: Any) -> str:
     """A value as a text table has it."""
     if isinstance(value, bool):
         return str(value).lower()

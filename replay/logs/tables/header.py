@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final
 
-from analysis.model.physical_units import spelt_unit, to_si, unit_behind
+from analysis.model.physical_units import gain_and_offset_to_si, spelt_unit, split_unit_from_name
 from estimators.errors import MachineError
 from replay.logs.tables.hints import DialectError
 
@@ -85,7 +85,7 @@ def refuse_two_units(cells: Sequence[str], units: Sequence[str], line: int) -> N
         if name is None or row is None or name == row:
             continue
         with suppress(MachineError):
-            to_si(name, row)
+            gain_and_offset_to_si(name, row)
             raise DialectError(
                 f"column '{cell}' is in {name} by its name, in {row} by line {line}: set "
                 f"[log] units_row = {line} or, where the name holds, 0"
@@ -112,15 +112,15 @@ def split_unit(name: str) -> tuple[str, str | None]:
         unit = spelt_unit(remarked["unit"])
         if unit:
             return remarked["name"].strip(), unit
-    return unit_behind(name)
+    return split_unit_from_name(name)
 
 
-def last_of_path(column: ColumnName) -> ColumnName:
+def name_by_last_part(column: ColumnName) -> ColumnName:
     """A column by the last part of its name: payload.ts, /robot/time."""
     return replace(column, bare=re.split(r"[./]", column.bare)[-1])
 
 
-def before_dash(column: ColumnName) -> ColumnName:
+def name_before_dash(column: ColumnName) -> ColumnName:
     """A column by what stands before the name of its channel: Time (s) - Speed (m/s)."""
     bare, unit = split_unit(column.name.partition(" - ")[0])
     return replace(column, bare=bare, unit=unit)

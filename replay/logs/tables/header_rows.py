@@ -67,9 +67,12 @@ def rows_of_names(
     if given is not None:
         if stated is None and hints.units_row is None:
             nearby = [row for row in above if abs(row.line - given.line) <= 2 and row != given]
-            stated = next((r for r in nearby if _fits(r, width) and is_units(r.cells)), None)
+            stated = next(
+                (r for r in nearby if _has_cell_for_each_column(r, width) and is_units(r.cells)),
+                None,
+            )
         return given, stated
-    stated, wide = _wide_rows(above, width, stated, hints)
+    stated, wide = _find_wide_rows(above, width, stated, hints)
     if not wide:
         return None, stated
     if hints.units_row is None and stated is None and len(wide) > 2:
@@ -84,10 +87,10 @@ def rows_of_names(
             return third, second
     if stated is not None or len(wide) == 1:
         return wide[-1], stated
-    return _last_two_rows(*wide[-2:], has_no_units=hints.units_row == 0)
+    return _take_names_and_units(*wide[-2:], has_no_units=hints.units_row == 0)
 
 
-def _last_two_rows(
+def _take_names_and_units(
     before: TextRow, last: TextRow, *, has_no_units: bool
 ) -> tuple[TextRow, TextRow | None]:
     """Names, and units if one of the last rows above the data holds nothing else.
@@ -133,24 +136,28 @@ def rows_behind_words(
     return names[-1], min(units, key=lambda row: abs(row.line - names[-1].line))
 
 
-def _wide_rows(
+def _find_wide_rows(
     above: list[TextRow], width: int, stated: TextRow | None, hints: TableHints
 ) -> tuple[TextRow | None, list[TextRow]]:
     """The row of units, where one says that it is, and the rows that may be names or units."""
-    attributes = {row.line: found for row in above if (found := _attribute(row))}
-    if not any(_fits(row, width) and row.line not in attributes for row in above):
+    attributes = {row.line: found for row in above if (found := _parse_attribute_row(row))}
+    if not any(
+        _has_cell_for_each_column(row, width) and row.line not in attributes for row in above
+    ):
         # one word before all names is a part of them: "Latest: Time (s)"
         attributes = {}
     if stated is None and hints.units_row is None:
         stated = next((row for key, row in attributes.values() if key in ("unit", "units")), None)
     wide = [
-        row for row in above if _fits(row, width) and row != stated and row.line not in attributes
+        row
+        for row in above
+        if _has_cell_for_each_column(row, width) and row != stated and row.line not in attributes
     ]
     return stated, wide
 
 
-def _attribute(row: TextRow) -> tuple[str, TextRow] | None:
-    """What a row says of each column, and its cells without that word; None for another row."""
+def _parse_attribute_row(row: TextRow) -> tuple[str, TextRow] | None:
+    """Attribute that a row states for each column, and its cells; None for another row."""
     said = [_ATTRIBUTE.fullmatch(cell) for cell in row.cells if cell]
     keys = {match["key"].lower() if match else None for match in said}
     if len(said) < len(row.cells) // 2 or len(keys) != 1 or None in keys or len(row.cells) < 3:
@@ -159,6 +166,6 @@ def _attribute(row: TextRow) -> tuple[str, TextRow] | None:
     return str(keys.pop()), TextRow(row.line, row.after, cells)
 
 
-def _fits(row: TextRow, width: int) -> bool:
+def _has_cell_for_each_column(row: TextRow, width: int) -> bool:
     """Whether a row is about all columns: one of a preamble has few cells."""
     return len(row.cells) > 1 and len(row.cells) * 2 > width

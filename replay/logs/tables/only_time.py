@@ -7,7 +7,7 @@ import polars as pl
 
 from replay.logs.tables.dates import clock_times, is_clock
 from replay.logs.tables.header import ColumnName
-from replay.logs.tables.times import NS_PER_UNIT, TimeError, nanoseconds
+from replay.logs.tables.times import NS_PER_UNIT, TimeError, times_in_ns
 
 #: Rows that tell whether a column rises, at least.
 _FEWEST: Final = 3
@@ -17,7 +17,9 @@ _APART_S: Final = 2.5
 _APART: Final = 0.1
 
 
-def only_time(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]) -> list[int]:
+def find_only_time_column(
+    columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
+) -> list[int]:
     """The place of the one column that holds times; empty where none does, or several.
 
     It holds times of day to the second, or its unit is one of time and it rises with each row.
@@ -26,7 +28,7 @@ def only_time(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]) 
     if clocks:
         return clocks if len(clocks) == 1 else []
     rising = [
-        k for k, column in enumerate(columns) if column.unit in NS_PER_UNIT and _rises(cells(k))
+        k for k, column in enumerate(columns) if column.unit in NS_PER_UNIT and _is_rising(cells(k))
     ]
     return rising if len(rising) == 1 else []
 
@@ -40,13 +42,13 @@ def _is_clock_column(cells: list[str]) -> bool:
     )
 
 
-def _rises(cells: list[str]) -> bool:
+def _is_rising(cells: list[str]) -> bool:
     numbers = pl.Series(cells, dtype=pl.String).str.replace(",", ".").cast(pl.Float64, strict=False)
     steps = numbers.diff().drop_nulls()
     return numbers.len() >= _FEWEST and steps.len() == numbers.len() - 1 and bool((steps > 0).all())
 
 
-def disagreement(
+def describe_disagreement(
     columns: Sequence[ColumnName],
     cells: Callable[[int], list[str]],
     name: str,
@@ -63,14 +65,14 @@ def disagreement(
     Returns:
         A sentence, None where the times agree.
     """
-    taken_s = _span_s(stamps)
+    taken_s = _rising_span_s(stamps)
     if taken_s is None:
         return None
     for place, column in enumerate(columns):
         own = cells(place) if column.name != name else []
-        if len(own) != stamps.len() or not _may_be_time(column, own):
+        if len(own) != stamps.len() or not _may_column_be_time(column, own):
             continue
-        other_s = _other_span_s(column, own)
+        other_s = _rising_span_of_column_s(column, own)
         if other_s is None:
             continue
         if abs(other_s - taken_s) > _APART_S + _APART * max(other_s, taken_s):
@@ -81,22 +83,22 @@ def disagreement(
     return None
 
 
-def _may_be_time(column: ColumnName, cells: list[str]) -> bool:
+def _may_column_be_time(column: ColumnName, cells: list[str]) -> bool:
     named = column.unit in NS_PER_UNIT and "time" in column.bare.lower()
     return named or _is_clock_column(cells)
 
 
-def _other_span_s(column: ColumnName, cells: list[str]) -> float | None:
+def _rising_span_of_column_s(column: ColumnName, cells: list[str]) -> float | None:
     text = pl.Series(column.name, cells, dtype=pl.String)
     try:
         if _is_clock_column(cells):
-            return _span_s(clock_times(None, text, None)[0])
-        return _span_s(nanoseconds(text, column.unit or "s")) if _rises(cells) else None
+            return _rising_span_s(clock_times(None, text, None)[0])
+        return _rising_span_s(times_in_ns(text, column.unit or "s")) if _is_rising(cells) else None
     except TimeError:
         return None
 
 
-def _span_s(stamps: pl.Series) -> float | None:
+def _rising_span_s(stamps: pl.Series) -> float | None:
     """Seconds from the first to the last; None where they do not rise."""
     there = stamps.drop_nulls()
     if there.len() < _FEWEST or (there.diff() < 0).any():

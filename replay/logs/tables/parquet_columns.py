@@ -47,7 +47,7 @@ class ParquetColumns:
         self._path = path
         self.notes: tuple[str, ...] = ()
         schema = self._read_schema()
-        self.metadata = _texts(schema.metadata or {})
+        self.metadata = _decode_texts(schema.metadata or {})
         flat = [field for field in schema if not pa.types.is_nested(field.type)]
         stated = units_of_schema(self.metadata, [field.name for field in flat])
         self.columns = [
@@ -60,7 +60,7 @@ class ParquetColumns:
             self._footer = file.metadata
             return file.schema_arrow
 
-    def head(self, place: int) -> list[str]:  # noqa: ARG002 as of a text
+    def first_text_cells(self, place: int) -> list[str]:  # noqa: ARG002 as of a text
         """None: a column of a Parquet file has a type."""
         return []
 
@@ -78,7 +78,7 @@ class ParquetColumns:
         return {name: self._read(name) for name in names}
 
     def _read(self, name: str) -> pl.Series:
-        column = self._column(name)
+        column = self._read_column(name)
         with _library_call():
             # polars takes it that text is UTF-8, and panics at names that are not
             column.validate(full=True)
@@ -89,7 +89,7 @@ class ParquetColumns:
             raise BrokenBytesError(f"{series.len():,} of {rows:,} rows are there")
         return series
 
-    def _column(self, name: str) -> Any:
+    def _read_column(self, name: str) -> Any:
         with _library_call(), ParquetFile(self._path, metadata=self._footer) as file:
             return file.read([name])[name]
 
@@ -109,7 +109,7 @@ class ArrowColumns(ParquetColumns):
         """How many rows the file has."""
         return self._height
 
-    def _column(self, name: str) -> Any:
+    def _read_column(self, name: str) -> Any:
         with _library_call(), pa.OSFile(str(self._path)) as source:
             place = pa.ipc.open_file(source).schema.get_field_index(name)
             options = pa.ipc.IpcReadOptions(included_fields=[place])
@@ -118,7 +118,7 @@ class ArrowColumns(ParquetColumns):
             return pa.Table.from_batches(batches, schema=one.schema)[name]
 
 
-def _texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
+def _decode_texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
     """What of the metadata is text."""
     return {
         key.decode(errors="replace"): text.decode(errors="replace")
@@ -163,25 +163,25 @@ def _stated_unit(metadata: Mapping[str, str], names: Sequence[str]) -> Iterator[
         yield from ((name, metadata[key]) for key in keys if key in metadata)
     known = frozenset(names)
     for key in _MAPS:
-        yield from _of_map(_json(metadata.get(key)), known)
+        yield from _iter_units_of_map(_parse_json(metadata.get(key)), known)
     for key in _ATTRIBUTES:
-        yield from _of_attributes(_json(metadata.get(key)), known)
+        yield from _iter_units_of_attributes(_parse_json(metadata.get(key)), known)
 
 
-def _of_attributes(attributes: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
+def _iter_units_of_attributes(attributes: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
     """A map of units among them, a map a column, or a list of columns with `metadata`."""
     if not isinstance(attributes, dict):
         return
     for key in _MAPS:
-        yield from _of_map(attributes.get(key), known)
-    yield from _of_map(attributes, known)
+        yield from _iter_units_of_map(attributes.get(key), known)
+    yield from _iter_units_of_map(attributes, known)
     columns = attributes.get("columns")
     for column in columns if isinstance(columns, list) else ():
         if isinstance(column, dict) and isinstance(column.get("name"), str):
-            yield from _of_map({column["name"]: column.get("metadata")}, known)
+            yield from _iter_units_of_map({column["name"]: column.get("metadata")}, known)
 
 
-def _of_map(units: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
+def _iter_units_of_map(units: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
     """`{"speed": "km/h"}`, or `{"speed": {"unit": "km/h"}}`."""
     for name, stated in units.items() if isinstance(units, dict) else ():
         if name not in known:
@@ -192,8 +192,8 @@ def _of_map(units: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
             yield name, stated
 
 
-def _json(text: str | None) -> Any:
-    """What a text holds; None where it is no JSON, or nested beyond what Python reads."""
+def _parse_json(text: str | None) -> Any:
+    """Parse JSON; None if the text is no JSON, or nested too deeply."""
     try:
         return json.loads(text) if text else None
     except (ValueError, RecursionError):

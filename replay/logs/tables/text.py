@@ -51,7 +51,7 @@ class Utf8Text:
     notes: tuple[str, ...] = ()
 
 
-def as_utf8(path: Path, encoding: str | None) -> Utf8Text:
+def convert_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
     """The table in UTF-8, by a copy where it is in another encoding.
 
     Args:
@@ -77,10 +77,10 @@ def as_utf8(path: Path, encoding: str | None) -> Utf8Text:
     notes = () if encoding or name.startswith("utf-8") else (f"its text is taken as {found}",)
     if _ends_in_returns(path):
         notes = (*notes, "its lines end in a carriage return alone")
-        return _copy_lines(path, _lines(path, found, any_end=True), notes)
+        return _copy_lines_to_file(path, _iter_lines(path, found, any_end=True), notes)
     if name in ("utf-8", "ascii", "utf-8-sig"):
         return Utf8Text(path)
-    return _copy_lines(path, _lines(path, found), notes)
+    return _copy_lines_to_file(path, _iter_lines(path, found), notes)
 
 
 def _unpack_gzip(path: Path, encoding: str | None) -> Utf8Text:
@@ -95,7 +95,7 @@ def _unpack_gzip(path: Path, encoding: str | None) -> Utf8Text:
                 if left < 0:
                     raise BrokenBytesError(f"it unpacks to more than {_LARGEST_UNPACKED >> 30} GiB")
                 file.write(piece)
-        text = as_utf8(place, encoding) if place.stat().st_size else None
+        text = convert_to_utf8(place, encoding) if place.stat().st_size else None
     except (OSError, EOFError, zlib.error) as error:
         folder.cleanup()
         raise BrokenBytesError(f"it cannot be unpacked: {error}") from error
@@ -117,13 +117,13 @@ def _ends_in_returns(path: Path) -> bool:
     return b"\n" not in head and head.count(b"\r") > 1
 
 
-def with_tabs(text: Utf8Text) -> Utf8Text:
+def copy_with_tabs(text: Utf8Text) -> Utf8Text:
     """A copy in which each run of blanks is a tab."""
-    lines = ("\t".join(line.split()) + "\n" for line in _lines(text.path, "utf-8-sig"))
-    return _copy_lines(text.path, lines, text.notes)
+    lines = ("\t".join(line.split()) + "\n" for line in _iter_lines(text.path, "utf-8-sig"))
+    return _copy_lines_to_file(text.path, lines, text.notes)
 
 
-def with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
+def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
     """A copy in which digits of other scripts are those of ASCII: ١٢٫٥, １２.５.
 
     None where most digits of its beginning are of ASCII: then the others are in names.
@@ -135,8 +135,10 @@ def with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
         return None
     beyond = map(chr, range(0x80, 0x10000))
     table = {ord(each): str(int(each)) for each in beyond if each.isdecimal()}
-    lines = (line.translate(table | _OTHER_SIGNS) for line in _lines(text.path, "utf-8-sig"))
-    return _copy_lines(text.path, lines, (*text.notes, "its digits are of another script"))
+    lines = (line.translate(table | _OTHER_SIGNS) for line in _iter_lines(text.path, "utf-8-sig"))
+    return _copy_lines_to_file(
+        text.path, lines, (*text.notes, "its digits belong to another script")
+    )
 
 
 def drop_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
@@ -160,7 +162,7 @@ def drop_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
     return Utf8Text(place, folder, text.notes)
 
 
-def _copy_lines(path: Path, lines: Iterator[str], notes: tuple[str, ...]) -> Utf8Text:
+def _copy_lines_to_file(path: Path, lines: Iterator[str], notes: tuple[str, ...]) -> Utf8Text:
     folder = tempfile.TemporaryDirectory(prefix="payscope-table-")
     place = Path(folder.name) / path.name
     try:
@@ -172,7 +174,7 @@ def _copy_lines(path: Path, lines: Iterator[str], notes: tuple[str, ...]) -> Utf
     return Utf8Text(place, folder, notes)
 
 
-def _lines(path: Path, encoding: str, *, any_end: bool = False) -> Iterator[str]:
+def _iter_lines(path: Path, encoding: str, *, any_end: bool = False) -> Iterator[str]:
     with path.open(encoding=encoding, errors="replace", newline=None if any_end else "") as file:
         # in pieces: a line of a damaged file may be all of it
         while piece := file.readline(_PIECE):
@@ -209,7 +211,7 @@ _NAMES_LINES: Final = 3
 _MOSTLY_TEXT: Final = 0.7
 
 
-def head_lines(path: Path) -> list[str]:
+def read_head_lines(path: Path) -> list[str]:
     """The first lines of a text in UTF-8, without the one that is cut off, for the dialect."""
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)

@@ -31,7 +31,7 @@ _FRACTIONS: Final = {
 _BEGINNINGS: Final = {"milli": "ms", "micro": "us", "nano": "ns"}
 
 
-def letters(text: str) -> str:
+def keep_letters(text: str) -> str:
     """A name in lower case without what is no letter."""
     return "".join(each for each in text.lower() if each.isalpha())
 
@@ -41,7 +41,7 @@ def calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
 
     None of them where one is missing.
     """
-    by_word = {letters(column.name): column.name for column in reversed(columns)}
+    by_word = {keep_letters(column.name): column.name for column in reversed(columns)}
     found = [next((by_word[w] for w in words if w in by_word), None) for words in _CALENDAR]
     clock = found[_DAY_PARTS:]
     if None in clock:
@@ -72,7 +72,7 @@ def fraction_column(
     if not own or any(re.search(r"[.,]\d|:\d+:\d+:", cell) for cell in own):
         return None
     is_clock = any(":" in cell for cell in own)
-    names = [letters(columns[place].name)]
+    names = [keep_letters(columns[place].name)]
     if not is_clock and not any(
         name in ("sec", "secs", "second", "seconds", "s", "ss") for name in names
     ):
@@ -91,7 +91,7 @@ def fraction_column(
 
 def fraction_unit(name: str) -> str | None:
     """The unit of fractions of a second that a name says: `nanosec`, `Millitm`."""
-    word = letters(name)
+    word = keep_letters(name)
     by_beginning = (unit for start, unit in _BEGINNINGS.items() if word.startswith(start))
     return _FRACTIONS.get(word) or next(by_beginning, None)
 

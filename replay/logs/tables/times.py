@@ -21,7 +21,7 @@ class TimeError(Exception):
     """Why a column is no time axis, in a line."""
 
 
-def nanoseconds(values: pl.Series, unit: str) -> pl.Series:
+def times_in_ns(values: pl.Series, unit: str) -> pl.Series:
     """Times as Int64 ns; null where there is no time.
 
     Integers are multiplied as integers. A float is split into its whole and its fraction first,
@@ -38,17 +38,17 @@ def nanoseconds(values: pl.Series, unit: str) -> pl.Series:
         values = _parse_text(values)
     dtype = values.dtype
     if dtype.is_temporal():
-        return _temporal(values)
+        return _datetimes_to_ns(values)
     if dtype.is_integer():
         largest = (2**63 - 1) // NS_PER_UNIT[unit]
         _check_range((values.min(), values.max()), largest, unit)
         return values.cast(pl.Int64) * NS_PER_UNIT[unit]
     if not dtype.is_numeric():
         raise TimeError(f"it holds {dtype}, not times")
-    return _from_floats(values.cast(pl.Float64), unit)
+    return _convert_floats_to_ns(values.cast(pl.Float64), unit)
 
 
-def _from_floats(values: pl.Series, unit: str) -> pl.Series:
+def _convert_floats_to_ns(values: pl.Series, unit: str) -> pl.Series:
     number, ns = pl.col(values.name), NS_PER_UNIT[unit]
     extremes = values.min(), values.max()
     if not all(isinstance(each, float) and isfinite(each) for each in extremes):
@@ -81,7 +81,7 @@ def _parse_text(values: pl.Series) -> pl.Series:
         raise TimeError(f"its text is no time ('{present[0]}')") from error
 
 
-def _temporal(values: pl.Series) -> pl.Series:
+def _datetimes_to_ns(values: pl.Series) -> pl.Series:
     if isinstance(values.dtype, pl.Datetime):
         return values.dt.timestamp("ns")
     if isinstance(values.dtype, pl.Duration):
@@ -113,7 +113,7 @@ class Epoch:
     unit_ns: int
     at_1970: float
 
-    def has(self, low: float, high: float) -> bool:
+    def covers_numbers(self, low: float, high: float) -> bool:
         """Whether numbers from `low` to `high` are days of a log by this clock."""
         begin, end = (s * 1e9 / self.unit_ns + self.at_1970 for s in _LOG_S)
         return begin <= low and high < end
@@ -143,7 +143,7 @@ _OTHERS: Final = (
 )
 
 
-def epoch_of(low: float, high: float, step: float, steps_s: tuple[float, float]) -> Epoch | None:
+def find_epoch(low: float, high: float, step: float, steps_s: tuple[float, float]) -> Epoch | None:
     """The clock of which numbers are days of a log; None where it is none of these.
 
     Args:
@@ -153,16 +153,19 @@ def epoch_of(low: float, high: float, step: float, steps_s: tuple[float, float])
         steps_s: least and largest step of a log, in s.
     """
     for epoch in _OTHERS:
-        if epoch.has(low, high) and steps_s[0] <= step * epoch.unit_ns / 1e9 <= steps_s[1]:
+        if (
+            epoch.covers_numbers(low, high)
+            and steps_s[0] <= step * epoch.unit_ns / 1e9 <= steps_s[1]
+        ):
             return epoch
     return None
 
 
-def from_1904(stamps: pl.Series) -> tuple[pl.Series, str | None]:
+def correct_epoch_of_1904(stamps: pl.Series) -> tuple[pl.Series, str | None]:
     """Stamps in ns since 1970 also where LabVIEW counted them from 1904, which is then said."""
     low, high = stamps.min(), stamps.max()
     if not isinstance(low, int) or not isinstance(high, int):
         return stamps, None
-    if not _LABVIEW.has(low / 1e9, high / 1e9):
+    if not _LABVIEW.covers_numbers(low / 1e9, high / 1e9):
         return stamps, None
     return stamps - int(_LABVIEW.at_1970) * _LABVIEW.unit_ns, f"its times are {_LABVIEW.name}"

@@ -40,8 +40,8 @@ def write_bag(log: SimulatedLog, path: Path) -> None:
     connections: list[bytes] = []
     for name, number in numbers.items():
         definition, digest = store.generate_msgdef(TOPICS[name].msgtype)
-        connections.append(_connection(number, name, definition, digest))
-    topics = recorded_topics(log, store, numbers, _envelope, ros1=True)
+        connections.append(_make_connection_record(number, name, definition, digest))
+    topics = recorded_topics(log, store, numbers, _make_envelope, ros1=True)
     with path.open("xb") as file:
         file.write(_MAGIC + _bag_header(0, 0, 0))
         whole = cut_chunks(blocks_in_order(topics), b"".join(connections), _CHUNK_BYTES)
@@ -53,7 +53,7 @@ def write_bag(log: SimulatedLog, path: Path) -> None:
         file.write(_bag_header(index_at, len(connections), len(written)))
 
 
-def _envelope(connection: int, times: Ints) -> Envelope:
+def _make_envelope(connection: int, times: Ints) -> Envelope:
     head = record_header(_MESSAGE, conn=struct.pack("<L", connection), time=bytes(8))[:-8]
     sec, nsec = times // 10**9, times % 10**9
 
@@ -85,7 +85,7 @@ def _bag_header(index_at: int, connections: int, written: int) -> bytes:
     return header + _prefix_size(b" " * (_HEADER_BYTES - 4 - len(header)))
 
 
-def _connection(number: int, name: str, definition: str, digest: str) -> bytes:
+def _make_connection_record(number: int, name: str, definition: str, digest: str) -> bytes:
     topic = TOPICS[name]
     package, _, kind = topic.msgtype.partition("/msg/")
     about = record_header(
@@ -105,7 +105,7 @@ def _write_chunk(file: BinaryIO, chunk: FullChunk) -> _Written:
     file.write(record_header(_CHUNK, compression=b"none", size=size) + size)
     file.write(chunk.data.data)
     counts: dict[int, int] = {}
-    for number, mine in chunk.by_connection().items():
+    for number, mine in chunk.split_by_connection().items():
         counts[number] = mine.log_times.size
         head = record_header(
             _INDEX,
@@ -125,13 +125,13 @@ def _chunk_info(chunk: _Written) -> bytes:
         _CHUNK_INFO,
         ver=struct.pack("<L", 1),
         chunk_pos=struct.pack("<Q", chunk.at),
-        start_time=_time(chunk.start_ns),
-        end_time=_time(chunk.end_ns),
+        start_time=_pack_time(chunk.start_ns),
+        end_time=_pack_time(chunk.end_ns),
         count=struct.pack("<L", len(chunk.counts)),
     )
     rows: NDArray[np.uint32] = np.array(list(chunk.counts.items()), "<u4")
     return head + _prefix_size(rows.tobytes())
 
 
-def _time(time_ns: int) -> bytes:
+def _pack_time(time_ns: int) -> bytes:
     return struct.pack("<LL", *divmod(time_ns, 10**9))

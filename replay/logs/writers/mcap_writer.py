@@ -54,16 +54,16 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
     for name, number in numbers.items():
         topic = TOPICS[name]
         definition, _ = store.generate_msgdef(topic.msgtype, ros_version=2)
-        channels.append(channel_of(number, topic.name, topic.msgtype, definition))
+        channels.append(make_channel_record(number, topic.name, topic.msgtype, definition))
     with path.open("xb") as file:
         made = ColumnMcap(file, channels)
-        made.write(recorded_topics(log, store, numbers, envelope, ros1=False))
+        made.write(recorded_topics(log, store, numbers, make_envelope, ros1=False))
         machine_id = log.scenario.log.machine_id
         made.finish([Metadata("machine", {"id": machine_id})] if machine_id else ())
 
 
-def envelope(channel: int, times: Ints) -> Envelope:
-    """What stands before the messages of a channel, recorded at times (n,)."""
+def make_envelope(channel: int, times: Ints) -> Envelope:
+    """Bytes before the messages of a channel, recorded at times (n,)."""
 
     def before(size: int) -> list[bytes | tuple[str, Ints]]:
         head = bytes([Opcode.MESSAGE]) + (size + _MESSAGE_HEAD).to_bytes(8, "little")
@@ -80,7 +80,7 @@ class ChannelRecord(NamedTuple):
     channel: Channel
 
 
-def channel_of(
+def make_channel_record(
     number: int,
     topic: str,
     msgtype: str,
@@ -140,22 +140,22 @@ class ColumnMcap:
         """Write all messages; once."""
         self.statistics.schema_count = self.statistics.channel_count = len(self.channels)
         self.file.write(_MAGIC)
-        self._put(Header("ros2", "payscope"))
-        preamble = b"".join(_bytes(record) for each in self.channels for record in each)
+        self._write_record(Header("ros2", "payscope"))
+        preamble = b"".join(_serialise_record(record) for each in self.channels for record in each)
         for chunk, done in self._pack(cut_chunks(blocks_in_order(topics), preamble, _CHUNK_BYTES)):
             counts = self._write_chunk(chunk, done.result())
-            _count(self.statistics, counts, chunk)
+            _add_to_statistics(self.statistics, counts, chunk)
 
     def finish(self, metadata: Sequence[Metadata] = ()) -> None:
         """Write what closes the file."""
-        indexes = [self._metadata(each) for each in metadata]
+        indexes = [self._write_metadata(each) for each in metadata]
         self.statistics.metadata_count = len(indexes)
-        self._put(DataEnd(0))
+        self._write_record(DataEnd(0))
         schemas, channels = zip(*self.channels, strict=True)
-        self._summary([schemas, channels, [self.statistics], self._indexes, [], indexes])
+        self._write_summary([schemas, channels, [self.statistics], self._indexes, [], indexes])
 
-    def _put(self, record: McapRecord) -> None:
-        self.file.write(_bytes(record))
+    def _write_record(self, record: McapRecord) -> None:
+        self.file.write(_serialise_record(record))
 
     def _pack(
         self, whole: Iterator[FullChunk]
@@ -182,7 +182,7 @@ class ColumnMcap:
         compression = "zstd" if self.packed else ""
         start, end = int(chunk.log_times.min()), int(chunk.log_times.max())
         at = self.file.tell()
-        self._put(
+        self._write_record(
             Chunk(
                 compression=compression,
                 data=packed.data,
@@ -195,7 +195,7 @@ class ColumnMcap:
         ends_at = self.file.tell()
         offsets: dict[int, int] = {}
         counts: dict[int, int] = {}
-        for number, mine in chunk.by_connection().items():
+        for number, mine in chunk.split_by_connection().items():
             offsets[number] = self.file.tell()
             counts[number] = mine.log_times.size
             rows = np.empty(mine.log_times.size, _INDEX_ROW)
@@ -218,18 +218,18 @@ class ColumnMcap:
         )
         return counts
 
-    def _metadata(self, metadata: Metadata) -> MetadataIndex:
+    def _write_metadata(self, metadata: Metadata) -> MetadataIndex:
         at = self.file.tell()
-        self._put(metadata)
+        self._write_record(metadata)
         return MetadataIndex(offset=at, length=self.file.tell() - at, name=metadata.name)
 
-    def _summary(self, groups: Sequence[Sequence[McapRecord]]) -> None:
+    def _write_summary(self, groups: Sequence[Sequence[McapRecord]]) -> None:
         """What a reader begins with: definitions, statistics, indexes, and where each group is."""
         begins = self.file.tell()
         data = b""
         offsets: list[SummaryOffset] = []
         for kind, records in zip(_GROUPS, groups, strict=True):
-            made = b"".join(map(_bytes, records))
+            made = b"".join(map(_serialise_record, records))
             offsets.append(
                 SummaryOffset(
                     group_opcode=kind, group_start=begins + len(data), group_length=len(made)
@@ -237,11 +237,11 @@ class ColumnMcap:
             )
             data += made
         offsets_at = begins + len(data)
-        data += b"".join(map(_bytes, offsets))
+        data += b"".join(map(_serialise_record, offsets))
         footer = Footer(summary_start=begins, summary_offset_start=offsets_at, summary_crc=0)
         # all but the CRC itself, with which the footer ends
-        footer.summary_crc = zlib.crc32(_bytes(footer)[:-4], zlib.crc32(data))
-        self.file.write(data + _bytes(footer) + _MAGIC)
+        footer.summary_crc = zlib.crc32(_serialise_record(footer)[:-4], zlib.crc32(data))
+        self.file.write(data + _serialise_record(footer) + _MAGIC)
 
 
 _GROUPS: Final = (
@@ -254,13 +254,15 @@ _GROUPS: Final = (
 )
 
 
-def _bytes(record: McapRecord) -> bytes:
+def _serialise_record(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()
 
 
-def _count(statistics: Statistics, messages: Mapping[int, int], chunk: FullChunk) -> None:
+def _add_to_statistics(
+    statistics: Statistics, messages: Mapping[int, int], chunk: FullChunk
+) -> None:
     start, end = int(chunk.log_times.min()), int(chunk.log_times.max())
     if statistics.message_count:
         start = min(start, statistics.message_start_time)

@@ -32,7 +32,7 @@ class RaggedColumn:
     content: Column
 
     @classmethod
-    def texts(cls, values: Sequence[str]) -> "RaggedColumn":
+    def from_texts(cls, values: Sequence[str]) -> "RaggedColumn":
         """A text a message."""
         encoded = [value.encode() for value in values]
         lengths = np.fromiter(map(len, encoded), np.int64, len(encoded))
@@ -47,22 +47,22 @@ class RaggedColumn:
 def shape_numbers(column: Column) -> Ints | None:
     """Numbers (n,) that are equal where all lengths in a column are; None: they are everywhere."""
     if isinstance(column, RaggedColumn):
-        return _shapes_of_lists(column)
+        return _list_shape_ids(column)
     if isinstance(column, Mapping):
-        return _joint_numbers([shape_numbers(each) for each in column.values()])
+        return _number_joint_shapes([shape_numbers(each) for each in column.values()])
     if isinstance(column, list | tuple):
-        return _joint_numbers([shape_numbers(each) for each in column])
+        return _number_joint_shapes([shape_numbers(each) for each in column])
     return None
 
 
-def _joint_numbers(found: Sequence[Ints | None]) -> Ints | None:
+def _number_joint_shapes(found: Sequence[Ints | None]) -> Ints | None:
     known = [each for each in found if each is not None]
     if len(known) < 2:
         return known[0] if known else None
     return np.unique(np.column_stack(known), axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _shapes_of_lists(column: RaggedColumn) -> Ints:
+def _list_shape_ids(column: RaggedColumn) -> Ints:
     inside, lengths = shape_numbers(column.content), column.lengths
     if inside is None:
         return lengths

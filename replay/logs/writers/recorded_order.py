@@ -40,7 +40,7 @@ class RecordBlock(NamedTuple):
 
 
 @uncounted
-def _scatter(rows: Bytes, size: int, begins: Ints, target: Bytes) -> None:
+def _scatter_rows(rows: Bytes, size: int, begins: Ints, target: Bytes) -> None:
     for number in range(begins.size):
         copy(rows, number * size, target, begins[number], size)
 
@@ -55,10 +55,10 @@ def blocks_in_order(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
     done = [0] * len(topics)
     for begin in range(0, times.size, BLOCK_ROWS):
         here = slice(begin, begin + BLOCK_ROWS)
-        yield _block(topics, times[here], kinds[here], done)
+        yield _make_next_block(topics, times[here], kinds[here], done)
 
 
-def _block(
+def _make_next_block(
     topics: Sequence[RecordedTopic], times: Ints, kinds: Ints, done: list[int]
 ) -> RecordBlock:
     """The next messages, of which `done` counts those of each topic so far."""
@@ -77,7 +77,7 @@ def _block(
     data = np.empty(int(ends[-1]), np.uint8)
     begins = ends - lengths
     for rows, chosen in made:
-        _scatter(rows.reshape(-1), rows.shape[1], begins[chosen], data)
+        _scatter_rows(rows.reshape(-1), rows.shape[1], begins[chosen], data)
     numbers = np.array([topic.connection for topic in topics], np.int64)
     return RecordBlock(data, numbers[kinds], times, ends)
 
@@ -90,7 +90,7 @@ class FullChunk(NamedTuple):
     log_times: Ints
     offsets: Ints
 
-    def by_connection(self) -> "Mapping[int, FullChunk]":
+    def split_by_connection(self) -> "Mapping[int, FullChunk]":
         """The messages of each connection, in the order in which those first appear."""
         numbers, first = np.unique(self.connections, return_index=True)
         found: dict[int, FullChunk] = {}

@@ -91,12 +91,12 @@ def message_columns(
     return {"header": header, **topic.fields(frame, scenario)}
 
 
-def _pairs(frame: pl.DataFrame, *names: str) -> NDArray[np.float64]:
+def _stack_pairs(frame: pl.DataFrame, *names: str) -> NDArray[np.float64]:
     """Columns (n, names)."""
     return np.column_stack([frame[name].to_numpy() for name in names])
 
 
-def _imu(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+def _make_imu_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
     # REP-103: y points left, so that a positive pitch is nose-down
     half = -frame["pitch_rad"].to_numpy() / 2
     roll = frame["roll_rad"].to_numpy() / 2
@@ -120,21 +120,21 @@ def _imu(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
     }
 
 
-def _torque(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
-    wheels = _pairs(frame, "torque_left_N_m", "torque_right_N_m")
+def _make_torque_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    wheels = _stack_pairs(frame, "torque_left_N_m", "torque_right_N_m")
     return {"name": _WHEELS, "effort": wheels}
 
 
-def _speed(frame: pl.DataFrame, scenario: Scenario) -> dict[str, Column]:
-    wheels = _pairs(frame, "speed_left_m_s", "speed_right_m_s")
+def _make_speed_columns(frame: pl.DataFrame, scenario: Scenario) -> dict[str, Column]:
+    wheels = _stack_pairs(frame, "speed_left_m_s", "speed_right_m_s")
     return {"name": _WHEELS, "velocity": wheels / scenario.machine.wheel_radius_m}
 
 
-def _boom(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
-    return {"name": _JOINTS, "position": _pairs(frame, "boom_rad", "bucket_rad")}
+def _make_boom_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    return {"name": _JOINTS, "position": _stack_pairs(frame, "boom_rad", "bucket_rad")}
 
 
-def _odometry(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+def _make_odometry_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
     half = frame["heading_rad"].to_numpy() / 2
     place: dict[str, Column] = {"x": frame["position_x_m"].to_numpy()}
     turned: dict[str, Column] = {"z": np.sin(half), "w": np.cos(half)}
@@ -149,7 +149,7 @@ def _odometry(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
     }
 
 
-def _gnss(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+def _make_gnss_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
     return {
         # a fix by GPS, of unknown covariance
         "status": {"status": 0, "service": 1},
@@ -159,10 +159,12 @@ def _gnss(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
 
 
 TOPICS: Final = {
-    "imu": Topic("/imu/data", "sensor_msgs/msg/Imu", "imu_link", _imu),
-    "torque": Topic("/wheels/torque", "sensor_msgs/msg/JointState", "base_link", _torque),
-    "speed": Topic("/wheels/speed", "sensor_msgs/msg/JointState", "base_link", _speed),
-    "boom": Topic("/boom/angles", "sensor_msgs/msg/JointState", "boom_link", _boom),
-    "odometry": Topic("/odometry", "nav_msgs/msg/Odometry", "odom", _odometry),
-    "gnss": Topic("/gnss/fix", "sensor_msgs/msg/NavSatFix", "gnss_link", _gnss),
+    "imu": Topic("/imu/data", "sensor_msgs/msg/Imu", "imu_link", _make_imu_columns),
+    "torque": Topic(
+        "/wheels/torque", "sensor_msgs/msg/JointState", "base_link", _make_torque_columns
+    ),
+    "speed": Topic("/wheels/speed", "sensor_msgs/msg/JointState", "base_link", _make_speed_columns),
+    "boom": Topic("/boom/angles", "sensor_msgs/msg/JointState", "boom_link", _make_boom_columns),
+    "odometry": Topic("/odometry", "nav_msgs/msg/Odometry", "odom", _make_odometry_columns),
+    "gnss": Topic("/gnss/fix", "sensor_msgs/msg/NavSatFix", "gnss_link", _make_gnss_columns),
 }

@@ -12,7 +12,12 @@ from rosbags.typesys import Stores, get_typestore
 
 from analysis.simulation import SimulatedLog
 from estimators.arrays import Ints
-from replay.logs.writers.mcap_writer import ChannelRecord, ColumnMcap, channel_of, envelope
+from replay.logs.writers.mcap_writer import (
+    ChannelRecord,
+    ColumnMcap,
+    make_channel_record,
+    make_envelope,
+)
 from replay.logs.writers.recorded_order import RecordedTopic, blocks_in_order
 from replay.logs.writers.ros_messages import TOPICS, recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
@@ -41,7 +46,7 @@ def write_db3(log: SimulatedLog, path: Path) -> None:
 
 def _write(log: SimulatedLog, path: Path, plugin: StoragePlugin) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
-    before = envelope if plugin is StoragePlugin.MCAP else no_envelope
+    before = make_envelope if plugin is StoragePlugin.MCAP else make_empty_envelope
     with _ColumnWriter(path, version=Writer.VERSION_LATEST, storage_plugin=plugin) as bag:
         numbers = {
             name: bag.add_connection(TOPICS[name].name, TOPICS[name].msgtype, typestore=store).id
@@ -52,7 +57,7 @@ def _write(log: SimulatedLog, path: Path, plugin: StoragePlugin) -> None:
             bag.set_custom_data("machine_id", log.scenario.log.machine_id)
 
 
-def no_envelope(_connection: int, _times: Ints) -> Envelope:
+def make_empty_envelope(_connection: int, _times: Ints) -> Envelope:
     """A database has nothing before a message."""
     return lambda _size: ()
 
@@ -80,7 +85,7 @@ class _Storage:
 
     def add_connection(self, connection: "Connection", offered_qos_profiles: str) -> None:
         self._channels.append(
-            channel_of(
+            make_channel_record(
                 connection.id,
                 connection.topic,
                 connection.msgtype,
@@ -112,7 +117,7 @@ class _Database(Sqlite3Writer):
 
     def write_topics(self, topics: Sequence[RecordedTopic]) -> _MessageCounts:
         self.conn.executemany(
-            "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", _rows(topics)
+            "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", _iter_rows(topics)
         )
         times = [topic.log_time_ns for topic in topics if topic.log_time_ns.size]
         return _MessageCounts(
@@ -122,7 +127,7 @@ class _Database(Sqlite3Writer):
         )
 
 
-def _rows(topics: Sequence[RecordedTopic]) -> Iterator[tuple[int, int, memoryview]]:
+def _iter_rows(topics: Sequence[RecordedTopic]) -> Iterator[tuple[int, int, memoryview]]:
     for block in blocks_in_order(topics):
         data = memoryview(block.data.data)
         begins = np.concatenate([[0], block.ends[:-1]]).tolist()

@@ -59,10 +59,15 @@ def serialise(
     found = shape_numbers(column)
     numbers = np.empty(0, np.int64) if found is None else np.unique(found)
     if found is None or numbers.size == 1:
-        return [SameLayout(None, _rows(store, msgtype, column, slice(count), wire, envelope))]
+        return [
+            SameLayout(
+                None, _serialise_layout(store, msgtype, column, slice(count), wire, envelope)
+            )
+        ]
     groups = (np.flatnonzero(found == number) for number in numbers)
     return [
-        SameLayout(rows, _rows(store, msgtype, column, rows, wire, envelope)) for rows in groups
+        SameLayout(rows, _serialise_layout(store, msgtype, column, rows, wire, envelope))
+        for rows in groups
     ]
 
 
@@ -70,7 +75,7 @@ def serialise(
 _Chosen: TypeAlias = "slice | Ints"
 
 
-def _rows(
+def _serialise_layout(
     store: "Typestore",
     msgtype: str,
     column: Column,
@@ -83,13 +88,13 @@ def _rows(
     layout = _Layout(store, wire)
     if wire.cdr:
         layout.head = _ENCAPSULATION
-    layout.record(msgtype, column, chosen)
+    layout.append_record(msgtype, column, chosen)
     before = _Layout(store, wire)
     for part in envelope(len(layout.head) + layout.size):
         if isinstance(part, bytes):
             before.put_bytes(part)
         else:
-            before.put(np.dtype(part[0]), part[1][chosen])
+            before.append_numeric_column(np.dtype(part[0]), part[1][chosen])
     first = before.size
     base = first + len(layout.head)
     template = np.zeros(base + layout.size, np.uint8)
@@ -133,100 +138,106 @@ class _Layout:
         default_factory=list[tuple[int, np.dtype[Any], NDArray[Any]]]
     )
 
-    def record(self, name: str, column: Column, chosen: _Chosen) -> None:
+    def append_record(self, name: str, column: Column, chosen: _Chosen) -> None:
         """A message inside or outside another."""
         known = column if isinstance(column, Mapping) else {}
         for key, description in self.store.fielddefs[name][1]:
             if key == _PLACEHOLDER and not self.wire.cdr:
                 continue
-            self._value(description, known.get(key), chosen)
+            self._append_value(description, known.get(key), chosen)
 
     def put_bytes(self, data: bytes) -> None:
         """Put the same bytes into every message."""
         self.constants.append((self.size, data))
         self.size += len(data)
 
-    def put(self, dtype: np.dtype[Any], values: NDArray[Any]) -> None:
+    def append_numeric_column(self, dtype: np.dtype[Any], values: NDArray[Any]) -> None:
         """Numbers (k,), or arrays of them (k, length), of every message."""
         if values.ndim == 2:
             dtype = np.dtype((dtype, values.shape[1:]))
         self.columns.append((self.size, dtype, values))
         self.size += dtype.itemsize
 
-    def _value(self, description: Any, column: Column, chosen: _Chosen) -> None:
+    def _append_value(self, description: Any, column: Column, chosen: _Chosen) -> None:
         node, detail = description
         if node == Nodetype.NAME:
-            self.record(detail, column, chosen)
+            self.append_record(detail, column, chosen)
         elif node == Nodetype.BASE and detail[0] == "string":
-            self._text(column, chosen)
+            self._append_text(column, chosen)
         elif node == Nodetype.BASE:
-            self._numbers(_dtype(detail[0]), column, chosen, 1)
+            self._append_numbers(_numpy_dtype(detail[0]), column, chosen, 1)
         else:
             element, limit = detail
-            self._list(element, limit if node == Nodetype.ARRAY else None, column, chosen)
+            self._append_list(element, limit if node == Nodetype.ARRAY else None, column, chosen)
 
-    def _text(self, column: Column, chosen: _Chosen) -> None:
+    def _append_text(self, column: Column, chosen: _Chosen) -> None:
         end = b"\0" if self.wire.cdr else b""
         if isinstance(column, RaggedColumn):
-            length = _length(column, chosen)
-            self._count(length + len(end))
+            length = _common_length(column, chosen)
+            self._append_count(length + len(end))
             if length:
-                self.put(np.dtype("u1"), elements_of_length(column, chosen, length))
+                self.append_numeric_column(
+                    np.dtype("u1"), stack_elements_of_length(column, chosen, length)
+                )
             self.put_bytes(end)
         else:
             data = str(column or "").encode() + end
-            self._count(len(data))
+            self._append_count(len(data))
             self.put_bytes(data)
 
-    def _list(self, element: Any, fixed: int | None, column: Column, chosen: _Chosen) -> None:
+    def _append_list(
+        self, element: Any, fixed: int | None, column: Column, chosen: _Chosen
+    ) -> None:
         length = _list_length(column, chosen, fixed)
         if fixed is None:
-            self._count(length)
+            self._append_count(length)
         is_number = element[0] == Nodetype.BASE and element[1][0] != "string"
         if is_number:
             if length or fixed is not None:
-                self._numbers(_dtype(element[1][0]), column, chosen, length)
+                self._append_numbers(_numpy_dtype(element[1][0]), column, chosen, length)
             return
         for number in range(length):
             if isinstance(column, RaggedColumn):
                 at = column.first_indices[chosen] + number
-                self._value(element, column.content, at)
+                self._append_value(element, column.content, at)
             else:
                 one = column[number] if isinstance(column, list | tuple) else None
-                self._value(element, one, chosen)
+                self._append_value(element, one, chosen)
 
-    def _numbers(self, dtype: np.dtype[Any], column: Column, chosen: _Chosen, length: int) -> None:
-        self._align(dtype.itemsize)
+    def _append_numbers(
+        self, dtype: np.dtype[Any], column: Column, chosen: _Chosen, length: int
+    ) -> None:
+        self._append_padding(dtype.itemsize)
         if isinstance(column, RaggedColumn):
-            self.put(dtype, elements_of_length(column, chosen, length))
+            self.append_numeric_column(dtype, stack_elements_of_length(column, chosen, length))
         elif isinstance(column, np.ndarray):
-            self.put(dtype, column[chosen])
+            self.append_numeric_column(dtype, column[chosen])
         elif column is None:
             self.put_bytes(bytes(dtype.itemsize * length))
         else:
             self.put_bytes(np.array(column, dtype).tobytes())
 
-    def _count(self, length: int) -> None:
-        self._align(4)
+    def _append_count(self, length: int) -> None:
+        self._append_padding(4)
         self.put_bytes(np.array(length, "<u4").tobytes())
 
-    def _align(self, width: int) -> None:
+    def _append_padding(self, width: int) -> None:
         width = min(width, self.wire.max_alignment)
         self.put_bytes(bytes(-self.size % width))
 
 
-def _dtype(kind: str) -> np.dtype[Any]:
+def _numpy_dtype(kind: str) -> np.dtype[Any]:
     return np.dtype(_DTYPES.get(kind, kind)).newbyteorder("<")
 
 
-def _length(column: RaggedColumn, chosen: _Chosen) -> int:
+def _common_length(column: RaggedColumn, chosen: _Chosen) -> int:
     lengths = column.lengths[chosen]
     return int(lengths[0]) if lengths.size else 0
 
 
 def _list_length(column: Column, chosen: _Chosen, fixed: int | None) -> int:
     if isinstance(column, RaggedColumn):
-        length = _length(column, chosen)
+        length = _common_length(column, chosen)
     elif isinstance(column, np.ndarray):
         length = int(column.shape[1])
     elif isinstance(column, list | tuple):
@@ -237,7 +248,7 @@ def _list_length(column: Column, chosen: _Chosen, fixed: int | None) -> int:
     return length
 
 
-def elements_of_length(column: RaggedColumn, chosen: _Chosen, length: int) -> NDArray[Any]:
+def stack_elements_of_length(column: RaggedColumn, chosen: _Chosen, length: int) -> NDArray[Any]:
     """The elements (k, length) of lists of one length."""
     assert isinstance(column.content, np.ndarray)
     return column.content[column.first_indices[chosen][:, None] + np.arange(length)]

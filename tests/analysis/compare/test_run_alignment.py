@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis import Provenance, Run, Settings
-from analysis.compare.run_alignment import align_times, manoeuvre_pairs, subtract_run
+from analysis.compare.run_alignment import align_times, pair_manoeuvres, subtract_run
 from analysis.model.schema import PHASE
 
 S = 10**9
@@ -40,11 +40,11 @@ START, SPIN = "accelerating", "spinning"
 def test_a_manoeuvre_that_one_log_lacks_pairs_with_nothing() -> None:
     a = manoeuvres((0, 3, START), (10, 18, START), (20, 22, SPIN), (30, 31, START))
     b = manoeuvres((5, 8, START), (20, 22, SPIN), (40, 41.1, START))
-    assert manoeuvre_pairs(a, b) == [(0, 0), (2, 1), (3, 2)]
+    assert pair_manoeuvres(a, b) == [(0, 0), (2, 1), (3, 2)]
 
 
 def test_manoeuvres_of_another_phase_are_no_pair() -> None:
-    assert manoeuvre_pairs(manoeuvres((0, 3, START)), manoeuvres((0, 3, SPIN))) == []
+    assert pair_manoeuvres(manoeuvres((0, 3, START)), manoeuvres((0, 3, SPIN))) == []
 
 
 @given(
@@ -53,7 +53,7 @@ def test_manoeuvres_of_another_phase_are_no_pair() -> None:
 def test_a_log_pairs_with_itself_row_by_row(lengths: list[tuple[float, str]]) -> None:
     rows = [(20.0 * i, 20.0 * i + length, phase) for i, (length, phase) in enumerate(lengths)]
     table = manoeuvres(*rows)
-    assert manoeuvre_pairs(table, table) == [(i, i) for i in range(len(rows))]
+    assert pair_manoeuvres(table, table) == [(i, i) for i in range(len(rows))]
 
 
 def test_a_replay_of_the_same_log_is_placed_by_its_start_of_time() -> None:

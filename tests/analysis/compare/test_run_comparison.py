@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import polars as pl
 import pytest
 
-from analysis.compare.run_comparison import Comparison, compare
+from analysis.compare.run_comparison import Comparison, compare_runs
 from analysis.model.run_record import InputFile, Provenance, Run
 from analysis.model.schema import PHASE
 
@@ -59,7 +59,7 @@ def run(frames: dict[str, pl.DataFrame] | None = None, **about: object) -> Run:
 
 
 def held(a: Run, b: Run, **words: float) -> Comparison:
-    return compare(InMemory(a), InMemory(b), **words)  # pyright: ignore
+    return compare_runs(InMemory(a), InMemory(b), **words)  # pyright: ignore
 
 
 def changed(name: str, frame: pl.DataFrame) -> Run:
@@ -171,5 +171,5 @@ def test_frames_are_read_some_columns_at_a_time():
         }
     )
     replays = [Watched(run({"gate": long})) for _ in range(2)]
-    assert compare(*replays).equal
+    assert compare_runs(*replays).equal
     assert max(columns for _, columns in asked) <= 5

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.cycles.cycle_energy import J_PER_KWH, NO_ENERGY, EnergyRow, shift_energy
+from analysis.cycles.cycle_energy import J_PER_KWH, NO_ENERGY, EnergyRow, compute_shift_energy
 from analysis.model.machine import Machine
 from analysis.model.schema import PHASE
 
@@ -116,7 +116,7 @@ def driven(
 
 def row(frames: dict[str, pl.DataFrame], phase: str = "whole", **body: Any) -> EnergyRow:
     """A row of the cycle."""
-    found = shift_energy(frames, machine(**body), ())
+    found = compute_shift_energy(frames, machine(**body), ())
     return next(each for each in found.rows if each.cycle == 1 and each.phase == phase)
 
 
@@ -168,14 +168,14 @@ def test_the_gain_of_the_force_is_in_every_interval_and_said_where_it_is_not_kno
     known, twice = (row(driven(), force_gain_u=u).work for u in (0.01, 0.02))
     assert known.u_kWh == pytest.approx(0.01 * known.kWh, rel=0.3)
     assert twice.u_kWh == pytest.approx(2.0 * known.u_kWh, rel=0.1)
-    lacking = shift_energy(driven(), machine(force_gain_u=None), ())
+    lacking = compute_shift_energy(driven(), machine(force_gain_u=None), ())
     assert lacking.scale_unknown == "machine.force_gain_u"
 
 
 def test_a_cycle_with_a_hole_has_no_energy() -> None:
     for hole_s in (1, 7):
         hole = (2 * NS, (2 + hole_s) * NS)
-        assert shift_energy(driven(), machine(), [hole]) == NO_ENERGY
+        assert compute_shift_energy(driven(), machine(), [hole]) == NO_ENERGY
 
 
 def test_a_cycle_without_a_mass_has_those_of_its_starts_on_either_side_of_the_pile() -> None:
@@ -271,7 +271,7 @@ def test_a_radius_moves_energy_between_kinetic_and_slope_and_changes_no_work() -
 def test_masses_that_are_withheld_split_nothing() -> None:
     frames = driven()
     frames["loads"] = frames["loads"].with_columns(mass_kg=pl.lit(None, pl.Float64))
-    assert shift_energy(frames, machine(), ()) == NO_ENERGY
+    assert compute_shift_energy(frames, machine(), ()) == NO_ENERGY
 
 
 def test_fuel_is_counted_while_standing_too() -> None:
@@ -279,5 +279,5 @@ def test_fuel_is_counted_while_standing_too() -> None:
     frames["aligned"] = frames["aligned"].with_columns(fuel_rate_L_h=pl.lit(12.0))
     assert row(frames).fuel_L == pytest.approx(12.0 * 30.0 / 3600.0, rel=0.01)
     assert row(driven()).fuel_L is None
-    assert shift_energy(frames, machine(fuel_gain_u=0.03), ()).fuel_u_1 == 0.03
-    assert shift_energy(frames, machine(), ()).fuel_u_1 is None
+    assert compute_shift_energy(frames, machine(fuel_gain_u=0.03), ()).fuel_u_1 == 0.03
+    assert compute_shift_energy(frames, machine(), ()).fuel_u_1 is None

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.cycles.boom_dumps import NO_DUMPS, BoomDump, BoomDumps
-from analysis.cycles.cycle_parts import CycleParts, add_dump_times, cycle_parts
+from analysis.cycles.cycle_parts import CycleParts, add_dump_times, split_cycles_into_parts
 from analysis.cycles.load_passes import Passes
 
 NS = 10**9
@@ -76,4 +76,4 @@ def test_a_bucket_that_is_full_is_not_filled(boom: BoomDumps, cycles: int) -> No
         begins_s * NS, ends_s * NS, dumps=boom,
     )  # fmt: skip
     digs = pl.DataFrame({"start_t_ns": [2 * NS, 45 * NS], "end_t_ns": [5 * NS, 46 * NS]})
-    assert len(cycle_parts(found, digs)) == cycles
+    assert len(split_cycles_into_parts(found, digs)) == cycles

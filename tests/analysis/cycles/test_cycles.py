@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.cycles.cycles import cycles
-from analysis.cycles.cycles_without_mass import holes, lost_cycles
+from analysis.cycles.cycles import weigh_cycles
+from analysis.cycles.cycles_without_mass import find_channel_gaps_ns, lost_cycles
 from analysis.cycles.payload_target import check_target
-from analysis.cycles.shift_totals import recount_shift, shift
+from analysis.cycles.shift_totals import recount_shift, sum_shift
 from analysis.model.schema import FRAMES
 from analysis.model.verdict import Verdict
 from replay import load_machine
@@ -22,11 +22,11 @@ FINE = Verdict(())
 
 
 def found(frames: dict[str, pl.DataFrame]) -> pl.DataFrame:
-    return cycles(None, frames, MACHINE, FINE).cycles
+    return weigh_cycles(None, frames, MACHINE, FINE).cycles
 
 
 def summed(frames: dict[str, pl.DataFrame]) -> dict[str, float]:
-    return shift(found(frames), frames["excitation"], frames["aligned"]).row(0, named=True)
+    return sum_shift(found(frames), frames["excitation"], frames["aligned"]).row(0, named=True)
 
 
 @given(st.lists(st.floats(200.0, 1100.0), min_size=2, max_size=30))
@@ -113,7 +113,7 @@ def test_intervals_of_payloads_and_of_the_sum_hold_what_they_say(noise_kg: float
         table = found(frames)
         off = np.abs(table["payload_kg"].to_numpy() - payloads)
         held += (off < 2.0 * table["payload_u_kg"].to_numpy()).tolist()
-        row = shift(table, frames["excitation"], frames["aligned"]).row(0, named=True)
+        row = sum_shift(table, frames["excitation"], frames["aligned"]).row(0, named=True)
         sums.append((row["payload_kg"] - sum(payloads)) / row["payload_u_kg"])
     assert 0.92 < np.mean(held) < 0.99
     assert 0.8 < np.sqrt(np.mean(np.square(sums))) < 1.25
@@ -135,7 +135,7 @@ def test_common_parts_do_not_average_out_and_random_ones_do() -> None:
 def test_a_rejected_cycle_is_not_in_the_sum() -> None:
     frames = drawn_shift([700.0, 600.0, 800.0])
     table = found(frames)
-    whole = shift(table, frames["excitation"], frames["aligned"])
+    whole = sum_shift(table, frames["excitation"], frames["aligned"])
     row = recount_shift(whole, table, [2]).row(0, named=True)
     assert row["payload_kg"] == pytest.approx(1500.0)
     assert (row["cycles_counted"], row["cycles_rejected"]) == (2, 1)
@@ -147,7 +147,7 @@ def test_a_hole_of_some_cycles_is_priced_and_a_short_one_costs_nothing() -> None
     t_s = aligned["t_ns"].to_numpy() / NS
     for length, expected in ((10.0, 0.0), (427.0, 4.0)):
         gap = pl.Series("gap", (t_s > 500.0) & (t_s < 500.0 + length))
-        gaps = holes(frames["excitation"], aligned.with_columns(gap))
+        gaps = find_channel_gaps_ns(frames["excitation"], aligned.with_columns(gap))
         lost = lost_cycles(table, gaps)
         assert lost.cycles == pytest.approx(expected, abs=0.02)
         assert lost.payload_kg == pytest.approx(700.0 * expected, abs=10.0)

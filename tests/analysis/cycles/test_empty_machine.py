@@ -13,7 +13,7 @@ import pytest
 
 from analysis.model.machine import Body
 from analysis.model.run_record import Run
-from analysis.weighing.empty_mass_datum import ticket_notes
+from analysis.weighing.empty_mass_datum import note_weighbridge_tickets
 from replay import load_machine
 from replay.logs.log_formats import open_log
 from replay.machines.machine_file import time_axis
@@ -132,7 +132,7 @@ def test_a_ticket_of_another_day_says_how_far_apart_they_are(day: str, said: str
             "timezone": "America/Santiago",
         }
     )
-    notes = ticket_notes(body, begin_ns)
+    notes = note_weighbridge_tickets(body, begin_ns)
     assert [said in note for note in notes] == [True] if said else not notes
 
 
@@ -145,7 +145,7 @@ def test_a_log_without_a_clock_has_no_day_to_compare():
             "empty_mass_day": "2023-11-14",
         }
     )
-    assert not ticket_notes(body, 5 * 10**9)
+    assert not note_weighbridge_tickets(body, 5 * 10**9)
 
 
 def test_the_day_of_a_ticket_is_kept_with_the_run():

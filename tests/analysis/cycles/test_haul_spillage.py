@@ -9,10 +9,10 @@ from polars.testing import assert_frame_equal
 
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_parts import CycleParts
-from analysis.cycles.cycles import cycles
-from analysis.cycles.haul_spillage import arriving_share, subtract_spillage
+from analysis.cycles.cycles import weigh_cycles
+from analysis.cycles.haul_spillage import estimate_arriving_share, subtract_spillage
 from analysis.cycles.load_passes import Passes
-from analysis.cycles.shift_totals import shift
+from analysis.cycles.shift_totals import sum_shift
 from analysis.model.machine import Body, Machine
 from tests.analysis.cycles.drawn import NS, drawn_shift
 from tests.analysis.cycles.test_calibrated_or_ticket import LINE
@@ -34,7 +34,7 @@ def spilling(share: float | None, u: float | None = None) -> Machine:
 def test_a_load_weighed_under_way_arrives_with_what_has_not_poured_yet(
     share: float, progress: float, u: float
 ) -> None:
-    arriving, _ = arriving_share(np.array([0.0, progress, 1.0]), body(share, u))
+    arriving, _ = estimate_arriving_share(np.array([0.0, progress, 1.0]), body(share, u))
     assert arriving[0] == pytest.approx(1.0 - share)
     assert arriving[2] == pytest.approx(1.0)
     load_kg = 1000.0
@@ -46,9 +46,12 @@ def test_a_load_weighed_under_way_arrives_with_what_has_not_poured_yet(
 def test_its_uncertainty_is_the_slope_by_the_stated_share(share: float, progress: float) -> None:
     at = np.array([progress])
     step, u = 1e-6, 0.03
-    slope = (arriving_share(at, body(share + step))[0] - arriving_share(at, body(share))[0]) / step
-    by_place = arriving_share(at, body(share, 0.0))[1]
-    whole = arriving_share(at, body(share, u))[1]
+    slope = (
+        estimate_arriving_share(at, body(share + step))[0]
+        - estimate_arriving_share(at, body(share))[0]
+    ) / step
+    by_place = estimate_arriving_share(at, body(share, 0.0))[1]
+    whole = estimate_arriving_share(at, body(share, u))[1]
     assert whole == pytest.approx(np.hypot(slope * u, by_place), rel=1e-4, abs=1e-9)
 
 
@@ -57,16 +60,16 @@ def test_a_load_that_pours_is_paid_as_it_arrives_and_the_total_is_as_uncertain_a
 ):
     frames = drawn_shift(LOADS_KG)
     plain = found(frames)
-    poured = cycles(None, frames, spilling(0.2, 0.03), FINE).cycles
+    poured = weigh_cycles(None, frames, spilling(0.2, 0.03), FINE).cycles
     # each haul has two starts: at its beginning, and more than half way
     arriving = poured["arriving_1"].to_numpy()
     assert ((arriving > 0.8) & (arriving < 0.9)).all()
     assert poured["payload_kg"].to_list() == pytest.approx((arriving * LOADS_KG).tolist())
-    summed = shift(poured, frames["excitation"], frames["aligned"]).row(0, named=True)
+    summed = sum_shift(poured, frames["excitation"], frames["aligned"]).row(0, named=True)
     spilled_u_kg = float((poured["arriving_u_1"].to_numpy() * LOADS_KG).sum())
     assert summed["payload_u_common_kg"] == pytest.approx(spilled_u_kg)
     assert spilled_u_kg > 0.03 * (1 - 0.9) * sum(LOADS_KG)
-    own = shift(plain, frames["excitation"], frames["aligned"]).row(0, named=True)
+    own = sum_shift(plain, frames["excitation"], frames["aligned"]).row(0, named=True)
     assert summed["payload_u_random_kg"] == pytest.approx(arriving[0] * own["payload_u_random_kg"])
 
 
@@ -77,7 +80,7 @@ def test_without_a_stated_share_nothing_is_subtracted() -> None:
 def test_a_calibrated_payload_arrives_likewise() -> None:
     frames = drawn_shift([200.0] * 5)
     plain = calibrate_cycles(found(frames), LINE)
-    poured = calibrate_cycles(cycles(None, frames, spilling(0.2, 0.0), FINE).cycles, LINE)
+    poured = calibrate_cycles(weigh_cycles(None, frames, spilling(0.2, 0.0), FINE).cycles, LINE)
     kept = ["payload_kg", "payload_u_random_kg", "scale_1"]
     arriving = poured["arriving_1"]
     assert (arriving < 1.0).all()

@@ -8,8 +8,9 @@ import pytest
 
 from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
 from analysis.diagnosis.measured_channels import Signals
-from analysis.diagnosis.method_disagreement import disagreements
-from analysis.stages.estimation.masses import masses
+from analysis.diagnosis.method_disagreement import compare_methods_with_joint_fit
+from analysis.model.settings import Settings
+from analysis.stages.estimation.masses import summarise_masses
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
 from tests.trials.situations import SITUATIONS
 
@@ -151,22 +152,40 @@ def test_clean_logs_raise_no_check_and_are_weighed(name):
     assert abs(log.error_u) <= 3.0
 
 
-def test_every_check_of_the_mass_that_can_fail_has_a_fault_here_or_in_the_verdict():
-    """The others are in `test_verdict` (of the ungated log) and in `test_empty_mass`."""
-    elsewhere = {
-        "partial_correlation",
-        "relative_std",
-        "r_squared",
-        "driving_share",
-        "acceleration_gain",
-        "accepted_stretches",
-        "empty_mass_ratio",
-        "negative_payload",
-        "empty_mass",
-        "frozen",
-    }
+#: Checks whose fault is in `test_verdict` (of the ungated log), `test_empty_mass` or a test below.
+FAULT_IN_ANOTHER_TEST = {
+    "partial_correlation",
+    "relative_std",
+    "r_squared",
+    "driving_share",
+    "acceleration_gain",
+    "accepted_stretches",
+    "empty_mass_ratio",
+    "negative_payload",
+    "empty_mass",
+    "frozen",
+}
+
+
+def test_every_check_of_the_mass_has_a_fault_that_it_finds():
     of_mass = {row.name for row in CHECKS if row.about == "mass"}
-    assert of_mass == {*FAULTS, *elsewhere}
+    tested = {*FAULTS, *FAULT_IN_ANOTHER_TEST}
+    untested, unknown = sorted(of_mass - tested), sorted(tested - of_mass)
+    assert not untested, (
+        f"no test makes {', '.join(untested)} fail: add a log with the fault to FAULTS, or name "
+        "the check in FAULT_IN_ANOTHER_TEST"
+    )
+    assert not unknown, f"{', '.join(unknown)}: no such check; remove it from this file"
+
+
+def test_the_limits_of_every_check_are_settings_of_the_verdict():
+    limits = set(Settings().verdict.model_dump())
+    for row in CHECKS:
+        for limit in filter(None, (row.minimum, row.maximum)):
+            assert limit in limits, (
+                f"check '{row.name}': no setting '{limit}'; add it to VerdictSettings in "
+                "analysis/model/verdict_limits.py"
+            )
 
 
 class TestConsequences:
@@ -212,7 +231,9 @@ class TestDisagreement:
     def evidence(self, log, mass_kg, std_kg, **overrides):
         frames, machine = log.replayed.frames, log.machine
         estimates = {name: frames[f"estimates/{name}"] for name in ("pooled", "ls")}
-        said = masses(frames["excitation"], frames["gate"], estimates, machine, frames["noise"])
+        said = summarise_masses(
+            frames["excitation"], frames["gate"], estimates, machine, frames["noise"]
+        )
         said = said.with_columns(
             mass_kg=pl.Series([log.load["mass_kg"] + mass_kg] * 2), mass_std_kg=pl.lit(std_kg)
         )
@@ -222,7 +243,10 @@ class TestDisagreement:
         return CheckInputs(frames["excitation"], frames["gate"], machine, log.weighing, totals=said)
 
     def contradicted(self, *args, **kwargs):
-        return {each.contradicted for each in disagreements(self.evidence(*args, **kwargs))}
+        return {
+            each.contradicted
+            for each in compare_methods_with_joint_fit(self.evidence(*args, **kwargs))
+        }
 
     def test_a_method_within_three_deviations_is_shown(self):
         assert self.contradicted(clean("both ways at several throttles"), 20.0, 5.0) == {False}

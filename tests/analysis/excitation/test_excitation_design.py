@@ -8,17 +8,17 @@ import pytest
 from analysis.excitation.error_prediction import (
     Filters,
     MeasuredSignals,
-    noise_of,
+    sensor_noise_of_scenario,
     true_parameters,
     window_system,
 )
 from analysis.excitation.excitation_design import (
     _score_shape,
     best_score,
-    design,
+    design_excitation,
     determined_parameter_count,
-    response_time_s,
-    with_manoeuvres,
+    driveline_response_time_s,
+    scenario_with_manoeuvres,
 )
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.scenario.manoeuvres import Excite
@@ -41,7 +41,7 @@ AHEAD = scenario(machine={"com_x_m": -0.2, "com_y_m": 0.03})
 
 @cache
 def designed(drive, made=None):
-    return design({None: PLAIN, "ahead": AHEAD}[made], drive)
+    return design_excitation({None: PLAIN, "ahead": AHEAD}[made], drive)
 
 
 def errors(made, drive, score, window_s, force_noise_N=None):
@@ -49,11 +49,13 @@ def errors(made, drive, score, window_s, force_noise_N=None):
     if force_noise_N is not None:
         sensors = made.sensors.model_copy(update={"force_noise_N": force_noise_N})
         made = made.model_copy(update={"sensors": sensors})
-    filters, noise = Filters(10, made.sensors.rate_hz), noise_of(made)
+    filters, noise = Filters(10, made.sensors.rate_hz), sensor_noise_of_scenario(made)
     samples = round(window_s * filters.rate_hz) + filters.margin
     longer = score.manoeuvre.model_copy(update={"duration_s": score.start_s + window_s + 1.0})
-    motion = solve_motion(with_manoeuvres(made, longer), 0.0)
-    truth = MeasuredSignals.of(motion.sample(score.start_s + np.arange(samples) / filters.rate_hz))
+    motion = solve_motion(scenario_with_manoeuvres(made, longer), 0.0)
+    truth = MeasuredSignals.measure_motion(
+        motion.sample_channels(score.start_s + np.arange(samples) / filters.rate_hz)
+    )
     random = np.random.default_rng(5)
     found = []
     for _ in range(TRIALS):
@@ -122,13 +124,13 @@ def test_the_accuracy_is_reached_above_the_smallest_signal_to_noise_ratio_and_no
 
 
 def test_an_accuracy_that_other_noise_forbids_has_no_signal_to_noise_ratio():
-    made = design(PLAIN, accuracy=1e-4)
+    made = design_excitation(PLAIN, accuracy=1e-4)
     assert all(score.snr_needed is None for score in made.scores)
 
 
 def test_the_response_time_of_the_papers_machine_is_its_five_seconds():
-    assert response_time_s(PLAIN, 0.0, "force") == pytest.approx(5.0, abs=0.1)
-    assert response_time_s(PLAIN, 0.0, "torque") == pytest.approx(4 * 0.8 + 0.08, abs=0.1)
+    assert driveline_response_time_s(PLAIN, 0.0, "force") == pytest.approx(5.0, abs=0.1)
+    assert driveline_response_time_s(PLAIN, 0.0, "torque") == pytest.approx(4 * 0.8 + 0.08, abs=0.1)
 
 
 def test_period_and_window_follow_from_the_response_time():
@@ -151,10 +153,10 @@ def test_speed_and_yaw_rate_in_step_would_leave_rank_five():
     wave = {"waveform": "triangular", "period_s": 15.0}
     excite = {"kind": "excite", "force": {**wave, "highest_N": 3000.0}}
     excite["torque"] = {**wave, "highest_N_m": 2250.0}
-    motion = solve_motion(with_manoeuvres(alike, Excite.model_validate(excite)), 0.0)
-    assert determined_parameter_count(motion.sample(np.arange(15.0, 30.0, 0.01))) == 5
+    motion = solve_motion(scenario_with_manoeuvres(alike, Excite.model_validate(excite)), 0.0)
+    assert determined_parameter_count(motion.sample_channels(np.arange(15.0, 30.0, 0.01))) == 5
     # the design puts their periods apart instead
-    for score in design(alike, "joint").scores:
+    for score in design_excitation(alike, "joint").scores:
         assert score.rank == 6
         periods = score.manoeuvre.force.period_s, score.manoeuvre.torque.period_s
         assert max(periods) > 1.2 * min(periods)
@@ -173,14 +175,14 @@ def test_the_window_judged_is_the_worst_and_both_ways_tell_more_than_one_way():
 def test_a_yard_rules_out_what_drives_beyond_it():
     long = designed("straight")
     reach = sorted(score.reach_m for score in long.scores)
-    made = design(PLAIN, yard_m=reach[0] + 0.1)
+    made = design_excitation(PLAIN, yard_m=reach[0] + 0.1)
     assert made.best.reach_m == pytest.approx(reach[0])
     assert best_score(long.scores, 0.5) is None
 
 
 def test_coulomb_friction_that_the_model_leaves_out_is_part_of_the_predicted_error():
     made = scenario(machine={"coulomb_N": 300.0})
-    response_s = {"force": response_time_s(made, 0.0, "force")}
+    response_s = {"force": driveline_response_time_s(made, 0.0, "force")}
     window_s = 2 * response_s["force"]
     score = _score_shape(made, "straight", "triangular", "both ways", response_s, window_s, 0.01)
     found, body = errors(made, "straight", score, window_s)
@@ -201,7 +203,7 @@ def test_coulomb_friction_that_the_model_leaves_out_is_part_of_the_predicted_err
 )
 def test_what_cannot_be_designed_is_refused_with_the_reason(sections, options, says):
     with pytest.raises(DataError, match=says):
-        design(scenario(**sections), **options)
+        design_excitation(scenario(**sections), **options)
 
 
 def test_the_parameters_are_those_of_the_rows():

@@ -7,9 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.expressions.dimensions import convert_to_si, expression_text
-from analysis.expressions.parse import Call, Expression, ExpressionError, Name, Number, parse
+from analysis.expressions.parse import (
+    Call,
+    Expression,
+    ExpressionError,
+    Name,
+    Number,
+    parse_expression,
+)
 from analysis.expressions.values import evaluate
-from analysis.model.physical_units import registry
+from analysis.model.physical_units import unit_registry
 
 UNITS = {
     "torque_N_m": "N*m",
@@ -77,7 +84,7 @@ def by_polars(tree: Expression) -> pl.Expr:
 
 @given(trees)
 def test_what_is_written_is_parsed_to_the_same_tree(tree: Expression) -> None:
-    assert expression_text(parse(expression_text(tree))) == expression_text(tree)
+    assert expression_text(parse_expression(expression_text(tree))) == expression_text(tree)
 
 
 @given(trees)
@@ -101,8 +108,8 @@ def test_values_are_those_of_polars(tree: Expression) -> None:
     ],
 )
 def test_an_expression_has_the_dimension_of_what_it_says(text: str, unit: str) -> None:
-    _, dimension = convert_to_si(parse(text), UNITS, registry())
-    assert dimension == registry().Quantity(1, unit).dimensionality
+    _, dimension = convert_to_si(parse_expression(text), UNITS, unit_registry())
+    assert dimension == unit_registry().Quantity(1, unit).dimensionality
 
 
 @pytest.mark.parametrize(
@@ -116,7 +123,7 @@ def test_an_expression_has_the_dimension_of_what_it_says(text: str, unit: str) -
 )
 def test_units_that_do_not_fit_are_named_on_both_sides(text: str, fault: str) -> None:
     with pytest.raises(ExpressionError, match=fault):
-        convert_to_si(parse(text), UNITS, registry())
+        convert_to_si(parse_expression(text), UNITS, unit_registry())
 
 
 @pytest.mark.parametrize(
@@ -128,12 +135,12 @@ def test_units_that_do_not_fit_are_named_on_both_sides(text: str, fault: str) ->
 )
 def test_what_is_no_arithmetic_is_refused_in_a_line(text: str) -> None:
     with pytest.raises(ExpressionError) as caught:
-        parse(text)
+        parse_expression(text)
     assert "\n" not in str(caught.value)
 
 
 def test_division_near_zero_is_missing_and_counted() -> None:
     v = np.array([0.0, 0.001, 1.0, 2.0, -2.0])
-    found, near = evaluate(parse("p / v"), {"p": np.full(5, 6.0), "v": v}, 5)
+    found, near = evaluate(parse_expression("p / v"), {"p": np.full(5, 6.0), "v": v}, 5)
     np.testing.assert_allclose(found, [np.nan, np.nan, 6.0, 3.0, -3.0])
     assert near == 2

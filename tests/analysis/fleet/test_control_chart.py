@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from analysis.fleet.machine_drifts import (
     ALLOWANCE,
+    average_run_length,
     chart_limit,
-    control_chart,
-    innovations,
-    run_length_of,
+    make_control_chart,
+    standardise_innovations,
     whiten_series,
 )
 
@@ -25,17 +25,19 @@ def test_the_run_length_is_that_of_the_literature(limit: float, run_length: floa
     """Of both sums together, with the allowance ¼ (Montgomery, Statistical Quality Control)."""
     if limit == 8.01:
         assert ALLOWANCE == 0.25
-        assert run_length_of(limit) / 2.0 == pytest.approx(run_length, rel=0.01)
+        assert average_run_length(limit) / 2.0 == pytest.approx(run_length, rel=0.01)
     else:
         # Siegmund's approximation
         b = limit + 1.166
         known = (np.exp(0.5 * b) - 0.5 * b - 1.0) / (2.0 * ALLOWANCE**2)
-        assert run_length_of(limit) == pytest.approx(known, rel=0.02)
+        assert average_run_length(limit) == pytest.approx(known, rel=0.02)
 
 
 def test_the_limit_has_the_run_length_that_was_asked_for() -> None:
     for run_length in (100.0, 1000.0, 3000.0):
-        assert run_length_of(chart_limit(run_length)) == pytest.approx(2.0 * run_length, rel=0.01)
+        assert average_run_length(chart_limit(run_length)) == pytest.approx(
+            2.0 * run_length, rel=0.01
+        )
 
 
 def test_a_simulated_run_length_is_the_computed_one() -> None:
@@ -48,12 +50,12 @@ def test_a_simulated_run_length_is_the_computed_one() -> None:
             total = max(total + draw.normal() - ALLOWANCE, 0.0)
             n += 1
         lengths.append(n)
-    assert np.mean(lengths) == pytest.approx(run_length_of(limit), rel=0.1)
+    assert np.mean(lengths) == pytest.approx(average_run_length(limit), rel=0.1)
 
 
 def test_innovations_are_standard_normal_from_the_third_value_on() -> None:
     draw = np.random.default_rng(3)
-    found = np.array([innovations(draw.normal(3600.0, 12.0, 12)) for _ in range(4000)])
+    found = np.array([standardise_innovations(draw.normal(3600.0, 12.0, 12)) for _ in range(4000)])
     assert np.all(found[:, :2] == 0.0)
     for n in range(3, 12):
         assert abs(found[:, n].mean()) < 0.06
@@ -66,14 +68,14 @@ def test_a_chart_depends_on_neither_unit_nor_zero(
 ) -> None:
     x = np.array(values)
     x = x + np.random.default_rng(1).normal(0.0, 1.0, x.size)
-    a, b = control_chart(x, 5.0), control_chart(offset + unit * x, 5.0)
+    a, b = make_control_chart(x, 5.0), make_control_chart(offset + unit * x, 5.0)
     np.testing.assert_allclose(a.innovation, b.innovation, atol=1e-4)
     np.testing.assert_allclose(a.up, b.up, atol=1e-2)
 
 
 @given(st.lists(FINITE, max_size=30))
 def test_a_chart_of_anything_has_a_sum_a_value_and_none_below_zero(values: list[float]) -> None:
-    chart = control_chart(np.array(values), 5.0)
+    chart = make_control_chart(np.array(values), 5.0)
     assert chart.up.size == chart.down.size == len(values)
     assert np.all(chart.up >= 0.0)
     assert np.all(chart.down >= 0.0)
@@ -81,14 +83,14 @@ def test_a_chart_of_anything_has_a_sum_a_value_and_none_below_zero(values: list[
 
 
 def test_a_constant_flags_nothing() -> None:
-    assert control_chart(np.full(300, 7.0), 5.0).flagged is None
+    assert make_control_chart(np.full(300, 7.0), 5.0).flagged is None
 
 
 def test_a_jump_is_flagged_where_it_begins_with_its_size() -> None:
     draw = np.random.default_rng(4)
     x = draw.normal(3600.0, 5.0, 200)
     x[120:] += 15.0
-    chart = control_chart(x, chart_limit(2190.0))
+    chart = make_control_chart(x, chart_limit(2190.0))
     assert chart.flagged is not None
     assert chart.since is not None
     assert 120 <= chart.flagged < 132
@@ -100,7 +102,7 @@ def test_a_jump_is_flagged_where_it_begins_with_its_size() -> None:
 def test_one_day_with_a_broken_log_is_no_drift() -> None:
     x = np.random.default_rng(5).normal(3600.0, 5.0, 200)
     x[100] += 2000.0
-    assert control_chart(x, chart_limit(2190.0)).flagged is None
+    assert make_control_chart(x, chart_limit(2190.0)).flagged is None
 
 
 def test_days_that_are_alike_in_a_row_are_told_from_a_drift() -> None:

@@ -8,7 +8,12 @@ import pytest
 
 from analysis.fleet.attention import rank_concerns
 from analysis.fleet.calibration_steps import FleetCalibration, line_changes
-from analysis.fleet.daily_figures import daily_figures, sum_machines, sum_results, weekly_tonnes
+from analysis.fleet.daily_figures import (
+    make_daily_figures,
+    sum_machines,
+    sum_results,
+    weekly_tonnes,
+)
 from analysis.fleet.fleet_tables import TABLES, rows_of_table, table_schema
 from analysis.fleet.results_comparison import compare_results
 
@@ -121,7 +126,7 @@ def test_days_have_means_of_empty_passes_and_counted_payloads() -> None:
         {"empty_after_kg": 3610.0, "payload_kg": 900.0, "counted": False},
         {"empty_after_kg": None, "payload_kg": 720.0},
     )
-    (day,) = daily_figures(results({"friction_x_N_s_m": 2900.0}), rows).iter_rows(named=True)
+    (day,) = make_daily_figures(results({"friction_x_N_s_m": 2900.0}), rows).iter_rows(named=True)
     assert (day["zero_kg"], day["load_kg"]) == (3605.0, 710.0)
     assert day["friction_N_s_m"] == 2900.0
 

@@ -8,7 +8,11 @@ import pytest
 from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
 from analysis.model.answer import answer
 from analysis.model.run_record import Loss, Provenance, Run
-from analysis.stages.estimation.masses import masses, why_nothing_was_accepted, withhold
+from analysis.stages.estimation.masses import (
+    summarise_masses,
+    why_nothing_was_accepted,
+    withhold_masses,
+)
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import gate, samples_in_windows
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
@@ -26,7 +30,9 @@ def replayed(drive, excitation_of, machine):
         return Run(
             {
                 "gate": gated,
-                "masses": withhold(masses(excitation, gated, estimates, made), opinion, ()),
+                "masses": withhold_masses(
+                    summarise_masses(excitation, gated, estimates, made), opinion, ()
+                ),
                 "verdict": judge_checks(CheckInputs(excitation, gated, made)),
             },
             Provenance(

@@ -194,7 +194,8 @@ def test_derivations_are_read_with_any_spacing():
         ),
         (
             TORQUES | SPEED | IMU,
-            "wheel torques need machine.wheel_radius_m to become a force (17)",
+            "wheel torques need machine.wheel_radius_m to become a force (equation 17 of the "
+            "paper)",
         ),
         (
             FORCE | IMU,

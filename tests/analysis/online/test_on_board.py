@@ -47,10 +47,10 @@ def assert_as_in_replay(excitation, settings, noise=None, axis=X):
     frames = trace(excitation, gated, settings, noise)
     rows_of_gate, found, _ = on_board(excitation, settings, noise, axis)
     assert [m.reason for m in rows_of_gate] == gated[f"reason_{axis.letter}"].to_list()
-    for name in rows_of_gate[0].columns(axis):
+    for name in rows_of_gate[0].gate_columns(axis):
         if name in gated.columns:
             expected = gated[name].fill_null(np.nan).to_numpy()
-            mine = [m.columns(axis)[name] for m in rows_of_gate]
+            mine = [m.gate_columns(axis)[name] for m in rows_of_gate]
             np.testing.assert_array_equal(mine, expected)
     times = excitation["t_ns"].to_numpy()
     for method, rows in found.items():

@@ -33,7 +33,7 @@ def test_they_add_their_deceleration_to_friction_and_gravity_uphill(direction, s
     uphill = np.maximum(0.0, sign * G * np.sin(np.radians(slope_deg)))
     expected = 0.1 + uphill + 500.0 * np.abs(run.speed_x_m_s) / (MASS_KG + 500.0)
     np.testing.assert_allclose(-sign * run.acc_x_m_s2, expected, atol=1e-3)
-    assert made.sample(np.array([made.driven[-1].times.end_s])).speed_x_m_s[0] == 0.0
+    assert made.sample_channels(np.array([made.driven[-1].times.end_s])).speed_x_m_s[0] == 0.0
 
 
 def test_no_force_sensor_sees_them():
@@ -46,7 +46,7 @@ def test_they_are_felt_while_the_drive_still_keeps_the_speed():
     made = drive(brakes=GENTLE)
     times = made.driven[-1].times
     assert times.braking_s == pytest.approx(6.0 - 0.6)
-    run = made.sample(np.array([times.braking_s + 0.4]))
+    run = made.sample_channels(np.array([times.braking_s + 0.4]))
     assert run.phase[0] == "braking"
     assert run.measured_force_x_N[0] > 0.9 * FRICTION_N_S_M * run.speed_x_m_s[0]
     slowed = run.measured_force_x_N - FRICTION_N_S_M * run.speed_x_m_s - MASS_KG * run.acc_x_m_s2
@@ -57,7 +57,7 @@ def test_what_they_take_is_the_energy_that_friction_leaves():
     made = drive(brakes={"gentle_m_s2": 0.2, "gentle_lead_s": 0.0})
     times = made.driven[-1].times
     time_s = np.linspace(times.braking_s, times.end_s, 20_000)
-    run = made.sample(time_s)
+    run = made.sample_channels(time_s)
     lag = 1.0 - np.exp(-(time_s - times.braking_s) / 0.08)
     braked = 0.2 * MASS_KG * lag + FRICTION_N_S_M * run.speed_x_m_s - run.force_x_N
     taken_J = np.trapezoid(braked * run.speed_x_m_s, time_s)
@@ -81,10 +81,10 @@ def test_in_a_shift_the_machine_still_stops_about_where_it_is_to_stop():
     )
     assert made.shift is not None
     simulation = ShiftSimulation(made, made.shift)
-    (whole,) = simulation.logs()
+    (whole,) = simulation.simulate_logs()
     hints = whole.timeline.hints
     assert hints is not None
-    for cycle in simulation.truth().cycles.iter_rows(named=True):
+    for cycle in simulation.collect_truth().cycles.iter_rows(named=True):
         dig_m, dump_m = hints(np.array([cycle["dig_ns"], cycle["dump_ns"]])).position_m
         assert dig_m == pytest.approx(39.0, abs=6.0)
         assert dump_m == pytest.approx(1.0, abs=6.0)

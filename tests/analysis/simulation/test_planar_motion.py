@@ -136,7 +136,7 @@ def test_a_motion_identifies_what_the_estimators_say_it_can(manoeuvre, rank, alo
 def test_one_arc_at_constant_rates_has_rank_two():
     motion = solved(ARC)
     (arc,) = motion.manoeuvres
-    run = motion.sample(np.linspace(arc.steady_s, arc.braking_s, 50))
+    run = motion.sample_channels(np.linspace(arc.steady_s, arc.braking_s, 50))
     np.testing.assert_allclose(run.speed_x_m_s, 0.8)
     np.testing.assert_allclose(run.yaw_rate_rad_s, 0.3)
     assert set(run.phase[:-1]) == {"arc"}
@@ -155,10 +155,10 @@ def test_reverse_mirrors_forward_on_level_ground_and_right_mirrors_left():
     reverse = {**START, "direction": "reverse"}
     right = {**SPIN, "direction": "right"}
     time = np.linspace(0.0, 6.0, 400)
-    ahead, back = (solved(one).sample(time) for one in (START, reverse))
+    ahead, back = (solved(one).sample_channels(time) for one in (START, reverse))
     np.testing.assert_allclose(ahead.speed_x_m_s, -back.speed_x_m_s, atol=1e-9)
     np.testing.assert_allclose(ahead.force_x_N, -back.force_x_N, atol=1e-6)
-    left, other = (solved(one).sample(time) for one in (SPIN, right))
+    left, other = (solved(one).sample_channels(time) for one in (SPIN, right))
     np.testing.assert_allclose(left.yaw_rate_rad_s, -other.yaw_rate_rad_s, atol=1e-9)
     np.testing.assert_allclose(left.torque_z_N_m, -other.torque_z_N_m, atol=1e-6)
 
@@ -239,7 +239,7 @@ def test_the_work_of_drive_brakes_and_gravity_is_motion_and_heat(
     motion = solved(both, machine=machine, terrain={"slope_deg": slope})
     body = motion.body
     time = np.linspace(0.0, 14.0, 70_001)
-    run = motion.sample(time)
+    run = motion.sample_channels(time)
     v, omega = run.speed_x_m_s, run.yaw_rate_rad_s
     gravity_x = run.specific_force_x_m_s2 - run.acc_x_m_s2
     gravity_y = run.specific_force_y_m_s2 - omega * v
@@ -265,8 +265,8 @@ def test_braking_of_both_axes_ends_standing_each_at_its_own_time():
     motion = solved({**JOINT, "duration_s": 2.0})
     (window,) = motion.manoeuvres
     time = np.linspace(window.braking_s, window.end_s, 2000)
-    run = motion.sample(time)
-    assert motion.sample(np.array([window.end_s + 1e-3])).speed_x_m_s[0] == 0.0
+    run = motion.sample_channels(time)
+    assert motion.sample_channels(np.array([window.end_s + 1e-3])).speed_x_m_s[0] == 0.0
     last = [np.flatnonzero(each)[-1] for each in (run.speed_x_m_s, run.yaw_rate_rad_s)]
     assert last[0] != last[1]
     assert max(last) >= 1997

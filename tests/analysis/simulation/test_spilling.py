@@ -50,8 +50,8 @@ def test_in_a_shift_all_that_left_the_bucket_is_named_with_its_place():
     made = Scenario.model_validate({"shift": {"duration_h": 0.2, **LOSING}})
     assert made.shift is not None
     simulation = ShiftSimulation(made, made.shift)
-    (whole,) = simulation.logs()
-    truth = simulation.truth()
+    (whole,) = simulation.simulate_logs()
+    truth = simulation.collect_truth()
     hints = whole.timeline.hints
     assert hints is not None
     poured = truth.cycles["poured_kg"] > 0.0
@@ -78,8 +78,8 @@ def test_the_mass_of_a_shift_falls_by_what_left_the_bucket():
     made = Scenario.model_validate({"shift": {"duration_h": 0.1, "fuel_kg_h": 0.0, **LOSING}})
     assert made.shift is not None
     simulation = ShiftSimulation(made, made.shift)
-    (whole,) = simulation.logs()
-    for row in simulation.truth().dumps.iter_rows(named=True):
+    (whole,) = simulation.simulate_logs()
+    for row in simulation.collect_truth().dumps.iter_rows(named=True):
         around = np.array([row["start_ns"] - 2_000_000, row["end_ns"] + 2_000_000])
         before, after = whole.timeline.sample(around).mass_kg
         assert before - after == pytest.approx(row["mass_kg"], abs=0.1)
@@ -90,8 +90,8 @@ def test_pouring_in_no_cycle_leaves_the_loads_as_they_were():
         made = Scenario.model_validate({"shift": {"duration_h": 0.06, **keys}})
         assert made.shift is not None
         simulation = ShiftSimulation(made, made.shift)
-        list(simulation.logs())
-        return simulation.truth().cycles["load_kg"].to_list()
+        list(simulation.simulate_logs())
+        return simulation.collect_truth().cycles["load_kg"].to_list()
 
     plain, losing = loads(), loads(**LOSING)
     together = min(len(plain), len(losing))

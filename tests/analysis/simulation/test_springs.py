@@ -57,7 +57,10 @@ def test_the_pitch_rate_is_that_of_the_pitch_while_a_bucket_fills():
 def test_a_body_that_swings_begins_at_its_sag_and_settles_at_its_squat():
     chassis = {**SPRINGS, "squat_hz": 2.0, "squat_damping": 0.4}
     made = drive(500.0, chassis=chassis, machine={"friction_N_s_m": 0.0})
-    standing, driving = made.sample(np.arange(0.0, 1.0, 0.1)), made.sample(np.array([3.9]))
+    standing, driving = (
+        made.sample_channels(np.arange(0.0, 1.0, 0.1)),
+        made.sample_channels(np.array([3.9])),
+    )
     np.testing.assert_allclose(standing.squat_rad, np.radians(1.0))
     degrees = 1.0 + 0.5 * driving.acc_x_m_s2
     np.testing.assert_allclose(driving.squat_rad, np.radians(degrees), rtol=1e-4)
@@ -66,7 +69,7 @@ def test_a_body_that_swings_begins_at_its_sag_and_settles_at_its_squat():
 def shift(**sections):
     made = Scenario.model_validate({"shift": {"duration_h": 0.05}, **sections})
     assert made.shift is not None
-    (whole,) = ShiftSimulation(made, made.shift).logs()
+    (whole,) = ShiftSimulation(made, made.shift).simulate_logs()
     return whole
 
 

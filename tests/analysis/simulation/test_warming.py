@@ -18,7 +18,7 @@ def left(share, time_s, warming_s=20.0):
 def test_viscous_friction_falls_by_its_share_with_its_time_constant():
     made = drive(machine=WARMING, campaign={"runs": 6})
     time_s = np.arange(0.0, made.trial_s[-1], 0.01)
-    run = made.sample(time_s)
+    run = made.sample_channels(time_s)
     moving = run.speed_x_m_s > 0.5
     friction = (run.force_x_N - MASS_KG * run.acc_x_m_s2)[moving] / run.speed_x_m_s[moving]
     np.testing.assert_allclose(friction, FRICTION_N_S_M * left(0.25, time_s[moving]), rtol=1e-3)
@@ -28,7 +28,7 @@ def test_coulomb_friction_falls_likewise():
     machine = {"coulomb_N": 400.0, "coulomb_warming": 0.5, "warming_s": 20.0}
     made = drive(machine={**machine, "friction_N_s_m": 0.0}, campaign={"runs": 3, "start_s": 1.0})
     time_s = np.arange(0.0, made.trial_s[-1], 0.01)
-    run = made.sample(time_s)
+    run = made.sample_channels(time_s)
     moving = run.speed_x_m_s > 0.1
     found = (run.force_x_N - MASS_KG * run.acc_x_m_s2)[moving]
     np.testing.assert_allclose(found, 400.0 * left(0.5, time_s[moving]), atol=0.5)
@@ -37,7 +37,7 @@ def test_coulomb_friction_falls_likewise():
 def test_a_cruise_is_driven_with_the_friction_that_is_left():
     made = drive(machine=WARMING, campaign={"standstill_s": 60.0, "start_s": 8.0})
     start = made.driven[-1].times
-    run = made.sample(np.array([start.braking_s - 0.1]))
+    run = made.sample_channels(np.array([start.braking_s - 0.1]))
     assert run.acc_x_m_s2[0] == pytest.approx(0.0, abs=0.01)
 
 
@@ -61,7 +61,7 @@ def test_a_shift_stays_warm_from_log_to_log():
         }
     )
     assert made.shift is not None
-    first, second = ShiftSimulation(made, made.shift).logs()
+    first, second = ShiftSimulation(made, made.shift).simulate_logs()
     assert first.manoeuvres["friction_N_s_m"][0] == FRICTION_N_S_M
     warm = second.manoeuvres["friction_N_s_m"][-1]
     assert warm == pytest.approx(0.8 * FRICTION_N_S_M, rel=5e-3)

@@ -20,7 +20,9 @@ def squat_of(hills_m_s2: float, heavy_place: int, seed: int) -> Squat:
     _, motion = starts(0.0, hills_m_s2, seed)
     blind = replace(motion, without_gravity=None)
     unit = np.unique(motion.unit)
-    loads = RelativeLoads.of(unit, np.where(unit % 2 == heavy_place, 4200.0, 3800.0), (0.5, 0.5))
+    loads = RelativeLoads.from_masses(
+        unit, np.where(unit % 2 == heavy_place, 4200.0, 3800.0), (0.5, 0.5)
+    )
     wheels = compare_wheels(blind, WhiteNoise(0.004), PRIORS)
     assert loads is not None
     assert wheels is not None

@@ -40,7 +40,7 @@ def test_pieces_of_a_log_have_the_positions_of_the_whole():
     route = Route.of(motion, unit, loaded)
     assert route is not None
     whole = route.position(motion)
-    part = motion.first_stretches(5)
+    part = motion.cut_to_first_stretches(5)
     np.testing.assert_array_equal(route.position(part), whole[: part.unit.size])
 
 

@@ -5,9 +5,9 @@ import pytest
 
 from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
-from analysis.weighing.load_frames import loads, manoeuvre_frame
-from analysis.weighing.mass_budget import budget
-from analysis.weighing.nuisance_frames import budget_frame, nuisances
+from analysis.weighing.load_frames import make_load_frame, make_manoeuvre_frame
+from analysis.weighing.mass_budget import budget_of_mass
+from analysis.weighing.nuisance_frames import make_budget_frame, make_nuisance_frame
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 from tests.analysis.weighing.weighed import RICH, Weighed, weighed
 
@@ -28,13 +28,13 @@ def with_body(log, **known):
 
 def u_of(log, **known):
     """What each source contributes, in kg."""
-    sources = budget(log.weighing, with_body(log, **known), ONE)
+    sources = budget_of_mass(log.weighing, with_body(log, **known), ONE)
     return {each.name: each.u for each in sources}
 
 
 def the_load(log, verdict=WEIGHS, **known):
     machine = with_body(log, **known)
-    frame = loads(log.weighing, log.replayed.frames["excitation"], machine, verdict)
+    frame = make_load_frame(log.weighing, log.replayed.frames["excitation"], machine, verdict)
     return frame.row(0, named=True)
 
 
@@ -75,13 +75,13 @@ class TestScale:
         told = {"force_gain_u": 0.01, "force_share_u": 0.005, "force_share_by_load_u": 0.3}
         told["wheel_radius_u_m"] = 0.001
         assert the_load(log, **told)["scale_unknown"] == ""
-        some = budget(log.weighing, with_body(log, force_gain_u=0.0), ONE)
+        some = budget_of_mass(log.weighing, with_body(log, force_gain_u=0.0), ONE)
         assert "force_gain" not in unknown_scale(some)
 
     def test_a_whole_force_has_no_share_and_no_wheels_that_must_be_known(self, log):
         channels = {"force_x_N": log.machine.channels["torque_left_N_m"], **log.machine.channels}
         machine = with_body(log, force_share=1.0).model_copy(update={"channels": channels})
-        assert unknown_scale(budget(log.weighing, machine, ONE)) == ["force_gain"]
+        assert unknown_scale(budget_of_mass(log.weighing, machine, ONE)) == ["force_gain"]
 
 
 class TestBody:
@@ -101,8 +101,8 @@ class TestBody:
     def test_manoeuvres_are_without_what_only_turns_as_their_load_is(self, log):
         machine = with_body(log, rotating_mass_kg=150.0)
         excitation = log.replayed.frames["excitation"]
-        plain = manoeuvre_frame(log.weighing, excitation, log.machine)["mass_kg"]
-        geared = manoeuvre_frame(log.weighing, excitation, machine)["mass_kg"]
+        plain = make_manoeuvre_frame(log.weighing, excitation, log.machine)["mass_kg"]
+        geared = make_manoeuvre_frame(log.weighing, excitation, machine)["mass_kg"]
         assert (plain - geared).to_list() == pytest.approx([150.0] * plain.len())
 
     def test_what_only_turns_is_taken_off_and_its_uncertainty_added(self, log):
@@ -115,7 +115,7 @@ class TestBody:
 
 class TestFrames:
     def test_the_budget_adds_up_to_the_uncertainty_of_the_load_largest_first(self, log):
-        frame = budget_frame(log.weighing, log.machine)
+        frame = make_budget_frame(log.weighing, log.machine)
         known = frame.filter(frame["u_kg"].is_not_null())
         total = np.sqrt((known["u_kg"] ** 2).sum())
         assert total == pytest.approx(log.load["u_kg"])
@@ -129,12 +129,12 @@ class TestFrames:
     def test_random_and_common_parts_are_the_whole(self, log):
         load = log.load
         assert np.hypot(load["u_random_kg"], load["u_common_kg"]) == pytest.approx(load["u_kg"])
-        sources = budget(log.weighing, log.machine, ONE)
+        sources = budget_of_mass(log.weighing, log.machine, ONE)
         assert combine(sources) == pytest.approx(load["u_kg"])
         assert {each.kind for each in sources} == {"random", "common", "scale"}
 
     def test_every_term_is_a_row_with_prior_and_posterior(self, log):
-        frame = nuisances(log.weighing)
+        frame = make_nuisance_frame(log.weighing)
         assert frame["term"].to_list()[:-3] == [term.name for term in log.weighing.fit.terms]
         assert frame["term"].to_list()[-3:] == ["wheel_slip", "gain", "speed_delay"]
         assert (frame["prior_std"] > 0.0).all()
@@ -150,14 +150,14 @@ class TestFrames:
         assert all(load[name] is None for name in numbers)
 
     def test_a_log_that_cannot_be_fitted_has_one_load_without_numbers(self, log):
-        frame = loads(None, log.replayed.frames["excitation"], log.machine, Verdict())
+        frame = make_load_frame(None, log.replayed.frames["excitation"], log.machine, Verdict())
         assert frame.columns == log.replayed.frames["loads"].columns
         assert frame.height == 1
         assert frame["mass_kg"].null_count() == 1
         assert "informative" in frame["withheld_for"][0]
-        assert nuisances(None).is_empty()
-        assert budget_frame(None, log.machine).is_empty()
+        assert make_nuisance_frame(None).is_empty()
+        assert make_budget_frame(None, log.machine).is_empty()
         assert (
-            budget_frame(None, log.machine).columns
-            == budget_frame(log.weighing, log.machine).columns
+            make_budget_frame(None, log.machine).columns
+            == make_budget_frame(log.weighing, log.machine).columns
         )

@@ -86,36 +86,40 @@ def test_a_derived_acceleration_has_its_slip_as_a_term_of_the_mass():
 
 class TestWeightShare:
     def test_equal_parts_share_the_force_evenly(self):
-        found = WeightShare.of(300.0, 300.0)
+        found = WeightShare.from_parts(300.0, 300.0)
         assert found.expected == pytest.approx(0.5)
         # of a known sum, each part deviates by 300 / √2
         assert found.std_N == pytest.approx(300.0 / np.sqrt(2.0))
 
     def test_a_force_that_is_all_weight_leaves_nothing_to_tell(self):
-        found = WeightShare.of(1e-9, 300.0)
+        found = WeightShare.from_parts(1e-9, 300.0)
         assert found.expected == pytest.approx(1.0)
         assert found.std_N == pytest.approx(0.0, abs=1e-6)
 
 
 class TestRelativeLoads:
     def test_they_are_relative_to_the_mean_of_the_manoeuvres(self):
-        found = RelativeLoads.of(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
+        found = RelativeLoads.from_masses(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
         assert found is not None
-        np.testing.assert_allclose(found.at(np.array([3, 5])), [-0.1, 0.1])
+        np.testing.assert_allclose(found.relative_load_of(np.array([3, 5])), [-0.1, 0.1])
 
     def test_a_manoeuvre_that_is_not_known_goes_with_the_one_before(self):
-        found = RelativeLoads.of(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
+        found = RelativeLoads.from_masses(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
         assert found is not None
-        np.testing.assert_allclose(found.at(np.array([1, 4, 9])), [-0.1, -0.1, 0.1])
+        np.testing.assert_allclose(found.relative_load_of(np.array([1, 4, 9])), [-0.1, -0.1, 0.1])
 
     def test_masses_that_are_none_have_no_relation(self):
-        assert RelativeLoads.of(np.array([0]), np.array([-5.0]), (0.5, 0.5)) is None
+        assert RelativeLoads.from_masses(np.array([0]), np.array([-5.0]), (0.5, 0.5)) is None
 
     def test_a_mass_that_no_machine_has_is_taken_for_a_usual_one(self) -> None:
         masses_kg = np.array([2_200.0, 2_700.0, 2_200.0, 76_000.0, 2_700.0, 2_200.0])
         usual_kg = np.where(masses_kg < 5_000.0, masses_kg, np.median(masses_kg))
         unit = np.arange(masses_kg.size)
-        found, usual = (RelativeLoads.of(unit, each, (0.5, 0.5)) for each in (masses_kg, usual_kg))
+        found, usual = (
+            RelativeLoads.from_masses(unit, each, (0.5, 0.5)) for each in (masses_kg, usual_kg)
+        )
         assert found is not None
         assert usual is not None
-        np.testing.assert_array_equal(found.contrast_at(unit), usual.contrast_at(unit))
+        np.testing.assert_array_equal(
+            found.standardised_load_of(unit), usual.standardised_load_of(unit)
+        )

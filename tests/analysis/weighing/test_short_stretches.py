@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.weighing.load_states import places, stretch_units
+from analysis.weighing.load_states import places, unit_of_each_stretch
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.joint.group_effects import FILLED, HINTED, TURNED
 
@@ -60,7 +60,7 @@ def manoeuvres(boom: list[float], digs: list[bool]) -> MotionSamples:
 def test_it_goes_with_the_one_behind_where_the_boom_dumps_before_it(
     boom: list[float], with_number: int
 ) -> None:
-    units = stretch_units(manoeuvres(boom, [False, False]))
+    units = unit_of_each_stretch(manoeuvres(boom, [False, False]))
     assert units.tolist() == [0, with_number, 2]
 
 

@@ -10,7 +10,7 @@ pytest.importorskip("signxml", reason="signxml is not installed (pip install 'pa
 
 from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import MOST_BYTES, parse_dcc
-from recordings.dcc.dcc_masses import CertifiedMass, certified_masses
+from recordings.dcc.dcc_masses import CertifiedMass, read_certified_masses
 from recordings.dcc.dcc_signature import check_signature
 from tests.recordings.dcc.certificates import (
     signed_weights,
@@ -26,7 +26,7 @@ LAUGHS = b'<!DOCTYPE d [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a
 
 def read(data: bytes) -> list[CertifiedMass]:
     signed = check_signature(parse_dcc(data, "w.xml"), "w.xml")
-    return certified_masses(signed.root, "weight-1", "w.xml")
+    return read_certified_masses(signed.root, "weight-1", "w.xml")
 
 
 def put(old: str, new: str, count: int = 1) -> Forge:

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.paper.paper_excitation import steady_drive
 from analysis.paper.simulated_sources import Extract, Extracts, SteadyStudy
-from analysis.paper.table1 import AT_LENGTH, RAW_UNITS, Table1, table_1
+from analysis.paper.table1 import AT_LENGTH, RAW_UNITS, Table1, make_table_1
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from recordings.paper import item_sentences
@@ -24,7 +24,7 @@ def found(windows: int, further: float) -> Table1:
     extracts = Extracts()
     for extract, frame in simulated(windows).items():
         extracts.add(extract, frame.with_columns(pl.col("over_bound_1") * (1.0 + further)))
-    return table_1(extracts)
+    return make_table_1(extracts)
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_the_bound_is_said_to_be_reached_only_where_the_windows_can_tell(
 ) -> None:
     (sentence,) = [
         line
-        for line in item_sentences.table_1(found(windows, further)).findings
+        for line in item_sentences.mass_error_table_sentences(found(windows, further)).findings
         if "reach the Cramér–Rao bound" in line
     ]
     assert sentence.startswith(f"From 5 s on {says}")

@@ -19,36 +19,41 @@ FORWARD = clock("2023-03-26T01:00:00+01:00", "Europe/Berlin", 4.0)
 
 
 def test_the_two_half_past_twos_of_a_night_differ_by_their_offset() -> None:
-    assert BACK.at(1.5 * 3600.0) == "02:30:00 +02:00"
-    assert BACK.at(2.5 * 3600.0) == "02:30:00 +01:00"
+    assert BACK.format_time(1.5 * 3600.0) == "02:30:00 +02:00"
+    assert BACK.format_time(2.5 * 3600.0) == "02:30:00 +01:00"
 
 
 def test_a_clock_that_is_put_forward_skips_an_hour() -> None:
-    assert FORWARD.at(3599.0) == "01:59:59 +01:00"
-    assert FORWARD.at(3600.0) == "03:00:00 +02:00"
+    assert FORWARD.format_time(3599.0) == "01:59:59 +01:00"
+    assert FORWARD.format_time(3600.0) == "03:00:00 +02:00"
 
 
 @pytest.mark.parametrize("night", [BACK, FORWARD])
 def test_no_two_ticks_of_such_a_night_read_alike(night: ShiftClock) -> None:
-    texts = [text for _, text in night.ticks(0.0, night.duration_s)]
+    texts = [text for _, text in night.make_ticks(0.0, night.duration_s)]
     assert len(texts) == len(set(texts)) > 3
     assert all("+0" in text for text in texts)
 
 
 def test_a_shift_over_midnight_says_the_day() -> None:
     night = clock("2023-11-14T22:00:00+01:00", "Europe/Berlin", 4.0)
-    assert night.at(3.0 * 3600.0) == "2023-11-15 01:00:00 +01:00"
+    assert night.format_time(3.0 * 3600.0) == "2023-11-15 01:00:00 +01:00"
 
 
 def test_ticks_are_round_on_the_machines_own_clock_however_odd_its_zone() -> None:
     nepal = clock("2023-11-14T10:07:13+05:45", "Asia/Kathmandu", 2.0)
-    assert [text for _, text in nepal.ticks(0.0, 7200.0)] == ["10:30", "11:00", "11:30", "12:00"]
+    assert [text for _, text in nepal.make_ticks(0.0, 7200.0)] == [
+        "10:30",
+        "11:00",
+        "11:30",
+        "12:00",
+    ]
     assert nepal.axis_label == "local time (UTC+05:45)"
 
 
 def test_a_log_without_a_date_counts_from_its_start() -> None:
     undated = ShiftClock("Europe/Berlin", 12 * NS, 4000.0)
-    assert undated.at(3723.0) == "1:02:03"
+    assert undated.format_time(3723.0) == "1:02:03"
     assert undated.axis_label == "h:min since the start"
 
 

@@ -24,7 +24,7 @@ def shift(start: str, zone: str, cycles: int) -> tuple[pl.DataFrame, ShiftClock]
             "id": ids,
             "start_unix_ns": [e - 600 * NS for e in ends],
             "end_unix_ns": ends,
-            "local_time": [clock.at_unix_ns(e) for e in ends],
+            "local_time": [clock.format_unix_ns(e) for e in ends],
         }
     )
     return rows, clock

@@ -10,8 +10,14 @@ import polars as pl
 import pytest
 
 from recordings.report.clock_text import ShiftClock
-from recordings.review.energy_columns import ENERGIES, FUEL, FUEL_U, u_column, value_column
-from recordings.review.ledger_table import COLUMNS, table_rows, write_table_csv, write_xlsx
+from recordings.review.energy_columns import (
+    ENERGIES,
+    FUEL,
+    FUEL_U,
+    energy_column_name,
+    uncertainty_column_name,
+)
+from recordings.review.ledger_table import COLUMNS, make_table_rows, write_table_csv, write_xlsx
 from recordings.review.reviewer_verdicts import LABELS
 
 HEADS = [column.head for column in COLUMNS]
@@ -42,8 +48,8 @@ def ledger(*dumps: str, note: str = "") -> pl.DataFrame:
                 "moving_s": None,
                 "standing_s": 3.0,
                 "hole_s": 0.0,
-                **dict.fromkeys(map(value_column, ENERGIES), 0.1234),
-                **dict.fromkeys(map(u_column, ENERGIES), 0.0021),
+                **dict.fromkeys(map(energy_column_name, ENERGIES), 0.1234),
+                **dict.fromkeys(map(uncertainty_column_name, ENERGIES), 0.0021),
                 FUEL: 0.25,
                 FUEL_U: None,
                 "id": each,
@@ -102,7 +108,7 @@ def test_times_are_the_machines_whatever_the_readers_zone(monkeypatch: pytest.Mo
     tables: list[Any] = []
     for zone in ("America/Denver", "Asia/Tokyo"):
         monkeypatch.setenv("TZ", zone)
-        tables.append(table_rows(rows, at))
+        tables.append(make_table_rows(rows, at))
     assert tables[0] == tables[1]
     assert tables[0][0][HEADS.index("local time")] == dt.datetime(2026, 7, 1, 17, 30)
     assert tables[0][0][HEADS.index("offset from UTC")] == 5.5

@@ -8,12 +8,12 @@ import pytest
 from recordings.review.review_state import ReviewState
 from recordings.review.shift_facts import (
     cycle_time_facts,
-    facts,
-    headline,
-    long_holes,
+    list_shift_facts,
+    long_hole_sentence,
+    summarise_shift,
     torn_sentences,
 )
-from recordings.review.shift_ledger import ledger, with_motion
+from recordings.review.shift_ledger import add_motion_columns, make_ledger
 from recordings.review.torn_logs import TornLog
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found, summed
@@ -41,7 +41,7 @@ def state(**more: Any) -> ReviewState:
 
 
 def rows(of: ReviewState) -> pl.DataFrame:
-    return with_motion(ledger(found(FRAMES), of.t0_unix_ns, {}), of)
+    return add_motion_columns(make_ledger(found(FRAMES), of.t0_unix_ns, {}), of)
 
 
 def torn(next_s: float | None) -> TornLog:
@@ -60,12 +60,14 @@ def test_a_torn_log_in_the_middle_says_how_many_minutes_are_missing() -> None:
 def test_what_a_torn_last_log_hides_is_unknown_in_headline_and_facts() -> None:
     shift = summed(FRAMES)
     last = state(torn=(torn(None),))
-    assert headline(shift, "", last).endswith(
+    assert summarise_shift(shift, "", last).endswith(
         "until 2023-11-15 00:13:20 +01:00, the rest is unknown"
     )
-    lost = dict(facts(shift, rows(last), last, None))["estimated where nothing was recorded"]
+    lost = dict(list_shift_facts(shift, rows(last), last, None))[
+        "estimated where nothing was recorded"
+    ]
     assert lost == "unknown after 2023-11-15 00:13:20 +01:00"
-    whole = dict(facts(shift, rows(state()), state(), None))
+    whole = dict(list_shift_facts(shift, rows(state()), state(), None))
     assert whole["estimated where nothing was recorded"] == "nothing"
 
 
@@ -73,12 +75,12 @@ def test_a_hole_of_half_an_hour_is_said_on_top_with_what_it_costs() -> None:
     shift = summed(FRAMES) | {
         "lost_cycles": 14.5, "lost_cycles_u": 0.7, "lost_kg": 9700.0, "lost_u_kg": 700.0,
     }  # fmt: skip
-    said = long_holes(shift, state(gaps_s=((600.0, 2400.0), (3000.0, 3020.0))))
+    said = long_hole_sentence(shift, state(gaps_s=((600.0, 2400.0), (3000.0, 3020.0))))
     assert said.startswith("Nothing was recorded from 2023-11-14 23:23:20 +01:00")
     assert "(30 min)" in said
     assert "14.5 ± 1.4 loads, 9.70 ± 1.40 t" in said
     assert "20 s" not in said
-    assert not long_holes(shift, state())
+    assert not long_hole_sentence(shift, state())
 
 
 def test_a_cycle_with_a_hole_is_in_no_mean() -> None:
@@ -98,11 +100,11 @@ def test_a_mean_carried_back_is_said_only_where_its_interval_leaves_zero_out(
     mean_kg: float, shown: bool
 ) -> None:
     shift = summed(FRAMES) | {"carry_back_mean_kg": mean_kg, "carry_back_u_kg": 30.5}
-    assert ("carried back" in dict(facts(shift, rows(state()), state(), None))) is shown
+    assert ("carried back" in dict(list_shift_facts(shift, rows(state()), state(), None))) is shown
 
 
 def test_tonnes_and_cycles_an_hour_leave_out_what_was_not_recorded() -> None:
     shift = summed(FRAMES) | {"duration_s": 7200.0, "gap_s": 3600.0, "payload_kg": 2750.0}
-    said = dict(facts(shift, rows(state()), state(), None))["per hour"]
+    said = dict(list_shift_facts(shift, rows(state()), state(), None))["per hour"]
     assert said.startswith("2.75")
     assert "4.0 cycles" in said

@@ -7,8 +7,8 @@ import pytest
 
 from estimators.errors import ReviewError
 from recordings.review.review_state import STATE, ReviewState
-from recordings.review.shift_ledger import PARQUET, ledger, with_motion
-from recordings.review.week_totals import WeekPart, read_week, sum_by, sum_week
+from recordings.review.shift_ledger import PARQUET, add_motion_columns, make_ledger
+from recordings.review.week_totals import WeekPart, read_week, sum_by_group, sum_week
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found
 
@@ -37,7 +37,9 @@ def reviewed(folder: Path, begins: dt.datetime, *, zone: str, machine: str = "A"
         timezone=zone,
     )
     folder.mkdir()
-    with_motion(ledger(FRAMES, state.t0_unix_ns, {}), state).write_parquet(folder / PARQUET)
+    add_motion_columns(make_ledger(FRAMES, state.t0_unix_ns, {}), state).write_parquet(
+        folder / PARQUET
+    )
     (folder / STATE).write_text(state.model_dump_json(), encoding="utf-8")
     return folder
 
@@ -46,7 +48,7 @@ def test_a_shift_over_midnight_is_two_days_by_the_clock_of_the_machine(tmp_path:
     ends_s = sorted(FRAMES.filter("counted")["end_t_ns"].to_numpy() / 1e9)
     midnight = dt.datetime(2025, 6, 1, 15, tzinfo=dt.UTC)  # of Tokyo
     begins = midnight - dt.timedelta(seconds=(ends_s[0] + ends_s[1]) / 2)
-    days = sum_by(read_week([reviewed(tmp_path / "a", begins, zone="Asia/Tokyo")]), "day")
+    days = sum_by_group(read_week([reviewed(tmp_path / "a", begins, zone="Asia/Tokyo")]), "day")
     assert [(each.name, each.loads) for each in days] == [
         ("2025-06-01", 1),
         ("2025-06-02", len(ends_s) - 1),
@@ -57,9 +59,9 @@ def test_a_verdict_counts_that_was_written_after_the_ledger(tmp_path: Path) -> N
     folder = reviewed(tmp_path / "a", dt.datetime(2025, 6, 1, 8, tzinfo=dt.UTC), zone="UTC")
     before = sum_week(read_week([folder]))
     number = FRAMES.with_row_index().filter("counted")["index"][0]
-    name = ledger(FRAMES, int(dt.datetime(2025, 6, 1, 8, tzinfo=dt.UTC).timestamp()) * 10**9, {})[
-        "id"
-    ][number]
+    name = make_ledger(
+        FRAMES, int(dt.datetime(2025, 6, 1, 8, tzinfo=dt.UTC).timestamp()) * 10**9, {}
+    )["id"][number]
     (folder / "verdicts.toml").write_text(
         f'[[cycle]]\nid = "{name}"\nreject = true\nauthor = "M"\ntime = 2025-06-02T08:00:00Z\n'
     )

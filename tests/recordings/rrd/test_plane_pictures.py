@@ -8,12 +8,12 @@ import pytest
 
 from analysis import Run
 from recordings import read_recording, write_recording
-from recordings.rrd.plane_pictures import BOUNDS, plane_pictures
+from recordings.rrd.plane_pictures import BOUNDS, make_plane_pictures
 from tests.recordings.conftest import MASS_KG, METHODS
 
 
 def test_the_slope_of_the_accepted_points_is_the_mass(drives) -> None:
-    picture = plane_pictures(drives(60.0))["scatter"]
+    picture = make_plane_pictures(drives(60.0))["scatter"]
     (accepted,) = (each for each in picture.series if each.label.startswith("accepted"))
     slope_kg = np.polyfit(accepted.x, accepted.y, 1)[0]
     assert slope_kg == pytest.approx(MASS_KG, rel=0.1)
@@ -25,13 +25,13 @@ def test_the_slope_of_the_accepted_points_is_the_mass(drives) -> None:
 
 
 def test_a_long_log_is_thinned_evenly(drives) -> None:
-    picture = plane_pictures(drives(700.0))["scatter"]
+    picture = make_plane_pictures(drives(700.0))["scatter"]
     assert max(each.x.size for each in picture.series) <= 2000
 
 
 def test_a_line_is_what_the_calibration_adds_to_each_estimate(drives) -> None:
     run = drives(60.0)
-    picture = plane_pictures(run)["line"]
+    picture = make_plane_pictures(run)["line"]
     assert [each.label for each in picture.series if not each.joined] == list(METHODS)
     lines = [each for each in picture.series if each.joined]
     for line, (_, points) in zip(
@@ -47,13 +47,13 @@ def test_a_method_without_an_estimate_is_in_no_picture(drives) -> None:
     without = run.frames["calibration"].with_columns(
         pl.when(pl.col("method") != silent).then("estimate_kg").alias("estimate_kg")
     )
-    pictures = plane_pictures(Run({**run.frames, "calibration": without}))
+    pictures = make_plane_pictures(Run({**run.frames, "calibration": without}))
     for name in ("line", "errors"):
         assert silent not in [each.label for each in pictures[name].series]
 
 
 def test_errors_of_one_load_stand_beside_each_other_by_method(drives) -> None:
-    picture = plane_pictures(drives(60.0))["errors"]
+    picture = make_plane_pictures(drives(60.0))["errors"]
     places = [each.x[0] for each in picture.series if each.label in METHODS]
     assert len(set(places)) == len(METHODS)
 
@@ -70,14 +70,14 @@ def test_evidence_has_the_interval_of_a_later_mass() -> None:
     line = pl.DataFrame(
         {"alpha_1": [1.0], "beta_kg": [-11.0], "line_u_kg": [3.0], "coverage_k_1": [2.0]}
     )
-    pictures = plane_pictures(Run({"points": points, "line": line}))
+    pictures = make_plane_pictures(Run({"points": points, "line": line}))
     assert list(pictures) == ["line", "errors"]
     levels = [each.y[0] for each in pictures["errors"].series if each.joined]
     assert levels == [0.0, 6.0, -6.0]
 
 
 def test_a_run_without_calibration_and_excitation_has_no_picture() -> None:
-    assert plane_pictures(Run({})) == {}
+    assert make_plane_pictures(Run({})) == {}
 
 
 def test_everything_is_in_view_and_the_run_is_read_back_unchanged(drives, tmp_path: Path) -> None:

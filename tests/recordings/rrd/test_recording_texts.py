@@ -7,23 +7,23 @@ from analysis.model.answer import answer
 from analysis.model.loss import Loss
 from recordings.report.planar_text import planar_fit_lines
 from recordings.rrd.recording_texts import (
-    headline,
-    number_text,
-    plus_minus,
+    answer_headline,
+    format_number,
+    format_plus_minus,
+    format_summary,
     recording_markdown,
     recording_name,
-    summary_text,
 )
 
 
 def test_the_answer_begins_with_the_mass_of_the_load_and_what_its_uncertainty_is(drives):
     run = drives(60.0)
     told = "3500 ± 41 kg (standard uncertainty, scale error not included)"
-    assert headline(answer(run)) == told
+    assert answer_headline(answer(run)) == told
     assert recording_markdown(run)["answer"].startswith(f"# {told}")
     scaled = run.frames["loads"].with_columns(scale_unknown=pl.lit(""))
     known = Run({**run.frames, "loads": scaled}, run.provenance)
-    assert headline(answer(known)) == "3500 ± 41 kg (standard uncertainty)"
+    assert answer_headline(answer(known)) == "3500 ± 41 kg (standard uncertainty)"
 
 
 def test_a_run_without_loads_begins_with_the_pooled_mass_and_says_whose_deviation_it_is(drives):
@@ -31,7 +31,7 @@ def test_a_run_without_loads_begins_with_the_pooled_mass_and_says_whose_deviatio
     run = drives(60.0)
     kept = {n: f for n, f in run.frames.items() if n not in ("loads", "nuisances", "budget")}
     mass, std = run.frames["masses"].filter(method="pooled").row(0)[1:3]
-    told = headline(answer(Run(kept, run.provenance)))
+    told = answer_headline(answer(Run(kept, run.provenance)))
     assert told == f"{mass:.0f} ± {std:.0f} kg (pooled, statistical standard deviation)"
 
 
@@ -41,11 +41,11 @@ def test_a_check_that_fails_and_withholds_nothing_is_not_called_failed(drives):
         passed=pl.Series([False, False, True]), consequence=pl.Series(["widen", "tell", "withhold"])
     )
     told = Run({**run.frames, "verdict": judged}, run.provenance)
-    assert headline(answer(told)) == headline(answer(run))
+    assert answer_headline(answer(told)) == answer_headline(answer(run))
     assert "failed" not in recording_markdown(told)["answer"]
     assert "- widened: **partial_correlation**" in recording_markdown(told)["answer"]
-    assert "note     relative_std" in summary_text(told)
-    assert "FAILED" not in summary_text(told)
+    assert "note     relative_std" in format_summary(told)
+    assert "FAILED" not in format_summary(told)
 
 
 def test_a_withheld_mass_says_which_checks_failed_with_number_and_limit(drives):
@@ -57,7 +57,7 @@ def test_a_withheld_mass_says_which_checks_failed_with_number_and_limit(drives):
 
 
 def test_a_log_without_an_accepted_window_says_so(drives):
-    assert "there is no mass" in headline(answer(drives(60.0, accepted=False)))
+    assert "there is no mass" in answer_headline(answer(drives(60.0, accepted=False)))
 
 
 def test_every_check_is_listed_also_one_that_does_not_apply(drives):
@@ -129,29 +129,29 @@ def test_a_run_of_nothing_still_has_its_texts():
     assert set(written) == {"answer", "settings", "provenance"}
     assert recording_name(Run({}).provenance) == "payscope"
     # also a log without an accepted window has checks: without them the answer is what is missing
-    assert summary_text(Run({"masses": pl.DataFrame()})).startswith(
+    assert format_summary(Run({"masses": pl.DataFrame()})).startswith(
         "This recording holds no answer."
     )
 
 
 def test_numbers_are_short_and_a_value_ends_where_its_standard_deviation_does():
-    assert [number_text(x) for x in (None, True, 12345.6, 0.123456, "a")] == [
+    assert [format_number(x) for x in (None, True, 12345.6, 0.123456, "a")] == [
         "–",
         "yes",
         "12\u202f346",
         "0.1235",
         "a",
     ]
-    assert plus_minus(3517.93, 24.86) == "3518 ± 25"
-    assert plus_minus(1.23456, 0.0123) == "1.235 ± 0.012"
-    assert plus_minus(3517.93, None) == "3518"
+    assert format_plus_minus(3517.93, 24.86) == "3518 ± 25"
+    assert format_plus_minus(1.23456, 0.0123) == "1.235 ± 0.012"
+    assert format_plus_minus(3517.93, None) == "3518"
 
 
 def test_the_centre_of_mass_is_told_with_its_deviation_and_what_the_motion_determines(drives):
     written = recording_markdown(drives(60.0))
     line = "centre of mass from all motion together: 0.1300 ± 0.0040 m ahead of the origin"
     assert line in written["answer"]
-    assert line in summary_text(drives(60.0))
+    assert line in format_summary(drives(60.0))
     assert "together only mass_kg - 5 first_moment_y_kg_m" in written["planar"]
     assert "| arc | 5.00 – 9.00 |" in written["planar"]
 
@@ -180,7 +180,7 @@ def test_a_failed_check_of_the_inertia_withholds_the_inertia_and_not_the_mass(dr
     )
     judged = pl.concat([run.frames["verdict"], spin])
     failing = Run({**run.frames, "verdict": judged}, run.provenance)
-    assert headline(answer(failing)) == headline(answer(run))
+    assert answer_headline(answer(failing)) == answer_headline(answer(run))
     assert "**The yaw inertia is withheld**" in recording_markdown(failing)["answer"]
     assert "**The yaw inertia is withheld**" not in recording_markdown(run)["answer"]
 
@@ -189,4 +189,4 @@ def test_a_run_that_does_not_turn_has_no_page_about_its_centre_of_mass(drives):
     run = drives(60.0)
     straight = Run({**run.frames, "planar": run.frames["planar"].clear()}, run.provenance)
     assert "planar" not in recording_markdown(straight)
-    assert "centre of mass" not in summary_text(straight)
+    assert "centre of mass" not in format_summary(straight)

@@ -14,7 +14,7 @@ from estimators.errors import OutputError, RecordingError
 from recordings import read_recording, write_recording
 from recordings.report import colours
 from recordings.rrd.recording_table import TABS
-from recordings.rrd.viewer import headless_viewer, screenshot_recording
+from recordings.rrd.viewer import run_headless_viewer, screenshot_recording
 from tests.recordings.conftest import METHODS
 from tests.viewer_needed import VIEWER
 
@@ -65,7 +65,7 @@ class TestViewer:
         self, drives, tmp_path: Path
     ):
         run = drives(60.0)
-        with headless_viewer(None) as (client, address):
+        with run_headless_viewer(None) as (client, address):
             assert not client.get_state().recordings
             path = write_recording(run, tmp_path / "live.rrd", viewer=address)
             deadline = time.monotonic() + 30.0

@@ -10,11 +10,11 @@ import pytest
 from analysis.calibration.use.learnt_priors import machine_for_later_log
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
-from recordings.calibration.derived_values import estimator_of
+from recordings.calibration.derived_values import estimator_with_digest
 from recordings.calibration.evidence_document import parse_document
 from recordings.signatures.canonical_json import canonical_bytes
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
-from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
 from replay.machines.machine_file import load_machine
@@ -37,7 +37,7 @@ def keys(folder: Path) -> tuple[Path, Path]:
 
 @pytest.fixture(scope="module")
 def made(folder: Path) -> CalibrationOutcome:
-    return calibrate(folder / "campaign.toml", folder / "evidence")
+    return calibrate_from_campaign(folder / "campaign.toml", folder / "evidence")
 
 
 def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: CalibrationOutcome) -> None:
@@ -59,7 +59,7 @@ def test_a_campaign_may_leave_the_priors_as_they_are(folder: Path, tmp_path: Pat
     text = (folder / "campaign.toml").read_text()
     (tmp_path / "campaign.toml").write_text(f"{text}\n[method]\nlearn = false\n")
     shutil.copy(folder / "sledge.toml", tmp_path)
-    made = calibrate(tmp_path / "campaign.toml", tmp_path / "evidence")
+    made = calibrate_from_campaign(tmp_path / "campaign.toml", tmp_path / "evidence")
     assert made.document.learnt is None
     assert made.document.weighing == made.document.machine
 
@@ -137,11 +137,11 @@ def test_what_is_no_calibration_calibrates_nothing(
     with pytest.raises(EvidenceError, match="is a check against one known mass"):
         load_calibration(CalibrationRequest(check))
     single = campaign_folder(tmp_path / "single", loads=(1,))
-    calibrate(single, tmp_path / "one-load")
+    calibrate_from_campaign(single, tmp_path / "one-load")
     with pytest.raises(EvidenceError, match="is not a calibration"):
         load_calibration(CalibrationRequest(tmp_path / "one-load"))
     paper = campaign_folder(tmp_path / "paper", extra='\n[method]\nestimator = "pooled"\n')
-    calibrate(paper, tmp_path / "pooled")
+    calibrate_from_campaign(paper, tmp_path / "pooled")
     with pytest.raises(EvidenceError, match="calibrates 'pooled', which is not a mass of a load"):
         load_calibration(CalibrationRequest(tmp_path / "pooled"))
 
@@ -149,9 +149,9 @@ def test_what_is_no_calibration_calibrates_nothing(
 def test_evidence_expires_by_the_day_of_the_log(made: CalibrationOutcome) -> None:
     held = load_calibration(CalibrationRequest(made.folder))
     last = int(pl.Series([held.document.expires]).cast(pl.Datetime("ns", "UTC"))[0].timestamp())
-    held.check_day(last * 10**9, "a.bag")
+    held.refuse_after_expiry(last * 10**9, "a.bag")
     with pytest.raises(EvidenceError, match=r"expired on .* a\.bag is of"):
-        held.check_day((last + 3 * 86_400) * 10**9, "a.bag")
+        held.refuse_after_expiry((last + 3 * 86_400) * 10**9, "a.bag")
 
 
 def test_a_recording_made_without_it_is_of_other_priors(
@@ -172,7 +172,7 @@ def test_the_machine_that_is_weighed_is_that_of_the_evidence(
     machine = held.require_machine(weighing, "sledge.toml")
     # but that a later log of several loads tells what the means have wrong
     assert machine == machine_for_later_log(made.document.weighing)
-    assert held.differences(machine) == ""
+    assert held.differences_of_machine(machine) == ""
 
 
 def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
@@ -183,7 +183,7 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
         for log in bundle.evidence["logs"]:
             del log["machine_id"]
         document = made.document
-        estimator = estimator_of(document.campaign, document.weighing, (), form)
+        estimator = estimator_with_digest(document.campaign, document.weighing, (), form)
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
         del bundle.evidence["learnt"]["responses"], bundle.evidence["calibration"]["responses"]
 
@@ -201,7 +201,9 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
         document = parse_document(canonical_bytes(bundle.evidence), "evidence.json")
-        estimator = estimator_of(document.campaign, document.weighing, document.settings_at_default)
+        estimator = estimator_with_digest(
+            document.campaign, document.weighing, document.settings_at_default
+        )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
     earlier = tampered(made.folder, tmp_path / "earlier", before, signed=True)
@@ -210,6 +212,8 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
     assert any("settings.priors.sag_weight_share" in note for note in found.notes)
     held = load_calibration(CalibrationRequest(earlier))
     assert (
-        held.differences(held.weighing_machine(load_machine(made.folder.parent / "sledge.toml")))
+        held.differences_of_machine(
+            held.weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
+        )
         == ""
     )

@@ -14,7 +14,7 @@ from recordings import read_frame
 from recordings.calibration.bundle_folder import EVIDENCE, RECORDING, REPORT, STATEMENT
 from recordings.calibration.evidence_document import SCHEMA, schema_text
 from recordings.signatures.signing import KEY_VARIABLE
-from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
 from tests.replay.attacker import key_files
@@ -44,7 +44,7 @@ def keys(folder: Path) -> tuple[Path, Path]:
 
 @pytest.fixture(scope="module")
 def made(folder: Path, keys: tuple[Path, Path]) -> CalibrationOutcome:
-    return calibrate(
+    return calibrate_from_campaign(
         folder / "campaign.toml", folder / "evidence", key_file=keys[0], recordings=True
     )
 
@@ -114,7 +114,7 @@ def test_the_environment_may_hold_the_key(
     folder: Path, keys: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(KEY_VARIABLE, keys[0].read_text())
-    made = calibrate(folder / "campaign.toml", tmp_path / "evidence")
+    made = calibrate_from_campaign(folder / "campaign.toml", tmp_path / "evidence")
     assert made.document.signer is not None
     assert not verify_bundle(made.folder, key_file=keys[1]).findings
 
@@ -215,7 +215,7 @@ def test_a_real_axis_with_one_load_says_what_that_cannot_show(
     shutil.copy(REPO / "examples/linear_axis.toml", tmp_path / "axis.toml")
     shutil.copy(shared_data / "logs/linear_axis.csv", tmp_path)
     (tmp_path / "campaign.toml").write_text(ONE_LOAD)
-    made = calibrate(tmp_path / "campaign.toml", tmp_path / "evidence")
+    made = calibrate_from_campaign(tmp_path / "campaign.toml", tmp_path / "evidence")
     document = made.document
     assert document.calibration is None
     assert not made.is_good

@@ -22,9 +22,14 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.calibration_recording import calibration_run, write_calibration
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.evidence_document import parse_document
-from recordings.calibration.pdf_check import first_difference, pdf_fault, table_heads, text_of
+from recordings.calibration.pdf_check import (
+    describe_first_difference,
+    pdf_fault,
+    table_heads,
+    text_without_spaces,
+)
 from recordings.rrd.writer import write_recording
-from replay.calibration.calibrate_campaign import calibrate
+from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import verify_bundle
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.made_evidence import ALIKE, items
@@ -38,7 +43,7 @@ def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Unsigned evidence with the recordings of its runs; its logs lie in `logs` beside it."""
     folder = tmp_path_factory.mktemp("compared")
     campaign = campaign_folder(folder / "logs", extra=ALIKE, loads=(0, 1, 2))
-    calibrate(campaign, folder / "evidence", recordings=True)
+    calibrate_from_campaign(campaign, folder / "evidence", recordings=True)
     (folder / "evidence" / "statement.dsse.json").write_bytes(b"{}")  # `tampered` takes it off
     return folder / "evidence"
 
@@ -194,7 +199,12 @@ def test_heads_that_a_page_break_repeats_are_no_difference() -> None:
         ["run", "mass", "kg", "1", "2"],
         ["run", "mass", "kg", "1", "•", "run", "mass", "kg", "2"],
     )
-    assert first_difference(text_of(once, heads), text_of(twice, heads)) == ""
-    assert "12" in first_difference(
-        text_of(once, heads), text_of(["run", "mass", "kg", "1"], heads)
+    assert (
+        describe_first_difference(
+            text_without_spaces(once, heads), text_without_spaces(twice, heads)
+        )
+        == ""
+    )
+    assert "12" in describe_first_difference(
+        text_without_spaces(once, heads), text_without_spaces(["run", "mass", "kg", "1"], heads)
     )

@@ -14,13 +14,17 @@ pytest.importorskip("signxml", reason="signxml is not installed (pip install 'pa
 from lxml import etree
 
 from estimators.errors import CampaignError
-from recordings.calibration.certificate_text import not_stated, warnings_of, weighings_by_load
+from recordings.calibration.certificate_text import (
+    list_missing_statements,
+    traceability_warnings,
+    weighings_by_load,
+)
 from recordings.calibration.evidence_document import Chain, Link
 from recordings.dcc.dcc_document import DCC, parse_dcc
-from recordings.dcc.dcc_masses import certified_masses
+from recordings.dcc.dcc_masses import read_certified_masses
 from recordings.dcc.dcc_signature import check_signature, trusted_key_id
-from recordings.dcc.write_dcc import dcc_of
-from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
+from recordings.dcc.write_dcc import make_dcc
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.dcc_output import DccOutput, write_dcc_output
 from replay.calibration.verify_bundle import verify_bundle
@@ -105,7 +109,7 @@ def made(folder: Path) -> CalibrationOutcome:
     campaign = certified_campaign(folder)
     (folder / "key.pem").write_bytes(ec_key().private)
     dcc = DccOutput(folder / "sledge.xml", folder / "key.pem")
-    return calibrate(campaign, folder / "evidence", dcc=dcc)
+    return calibrate_from_campaign(campaign, folder / "evidence", dcc=dcc)
 
 
 def test_masses_in_are_masses_out(tmp_path: Path) -> None:
@@ -238,7 +242,7 @@ def test_the_certificate_is_signed_and_read_back(made: CalibrationOutcome, folde
     assert "sledge.xml is signed by the key" in made.remarks[-1]
     # it is the certificate of a machine, so nobody takes a weight from it
     with pytest.raises(Exception, match="has no item 'weight-1'"):
-        certified_masses(signed.root, "weight-1", "sledge.xml")
+        read_certified_masses(signed.root, "weight-1", "sledge.xml")
 
 
 @pytest.mark.skipif(not SCHEMA.exists(), reason="the schema of the DCC is not beside the checkout")
@@ -253,7 +257,7 @@ def test_the_certificate_is_valid_after_the_official_schema(folder: Path, name: 
 def test_a_certificate_after_another_names_it_by_its_digest(made: CalibrationOutcome) -> None:
     before = Link(id="evidence-1", counter=1, sums_sha256="ab" * 32)
     chained = made.document.model_copy(update={"chain": Chain(counter=2, previous=before)})
-    root = dcc_of(chained, "cd" * 32)
+    root = make_dcc(chained, "cd" * 32)
     report = root.find(f".//{{{DCC}}}previousReport")
     assert report is not None
     assert report.findtext(f"{{{DCC}}}referralID") == "evidence-1"
@@ -323,7 +327,9 @@ def test_the_report_says_loudly_what_is_not_traceable(made: CalibrationOutcome) 
     values["campaign"]["masses"][0]["u_kg"] = 0.0
     values["campaign"]["machine"]["make"] = ""
     changed = type(made.document).model_validate_json(json.dumps(values))
-    assert warnings_of(changed) == [
+    assert traceability_warnings(changed) == [
         "NOT TRACEABLE: mass 'weight-1' has a standard uncertainty of 0."
     ]
-    assert not_stated(changed) == ["Not stated, and ISO/IEC 17025, 7.8 asks for it: machine.make."]
+    assert list_missing_statements(changed) == [
+        "Not stated, and ISO/IEC 17025, 7.8 asks for it: machine.make."
+    ]

@@ -16,11 +16,11 @@ from estimators.errors import CampaignError, EvidenceError, LogError
 from recordings import read_provenance
 from recordings.calibration.check_outcomes import BundleOutcome
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
-from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
 from replay.fleet.fleet_file import load_fleet
-from replay.fleet.log_sources import fleet_logs
+from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.machine_setups import NamedFiles, machine_setups
 from replay.fleet.run_fleet import fleet_run
 from replay.inputs.machine_identity import logged_id
@@ -67,7 +67,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def made(folder: Path) -> CalibrationOutcome:
-    return calibrate(folder / "campaign.toml", folder / "evidence")
+    return calibrate_from_campaign(folder / "campaign.toml", folder / "evidence")
 
 
 def test_evidence_keeps_what_each_log_calls_its_machine(
@@ -84,11 +84,11 @@ def test_evidence_keeps_what_each_log_calls_its_machine(
 def test_a_campaign_of_a_sisters_log_or_machine_file_is_refused(tmp_path: Path) -> None:
     campaign = campaign_of(tmp_path, SISTER)
     with pytest.raises(LogError, match=f"of machine '{SISTER}', and machine.id is '{OWN}'"):
-        calibrate(campaign, tmp_path / "evidence")
+        calibrate_from_campaign(campaign, tmp_path / "evidence")
     file = tmp_path / "sledge.toml"
     file.write_text(file.read_text().replace("[machine]", f'[machine]\nid = "{SISTER}"', 1))
     with pytest.raises(CampaignError, match=f"of machine '{OWN}', and its machine file of"):
-        calibrate(campaign, tmp_path / "evidence")
+        calibrate_from_campaign(campaign, tmp_path / "evidence")
     assert not (tmp_path / "evidence").exists()
 
 
@@ -139,7 +139,7 @@ def test_a_sisters_log_is_refused_in_a_fleet_and_the_others_are_not(
         'calibrations = "evidence"\n'
     )
     fleet = load_fleet(tmp_path / "fleet.toml", ())
-    did = fleet_run(fleet_logs([str(logs)]), fleet, str(tmp_path / "results"), SerialEngine)
+    did = fleet_run(list_fleet_logs([str(logs)]), fleet, str(tmp_path / "results"), SerialEngine)
     assert did.made == 1
     refused = str(did)
     assert "other.parquet" in refused
@@ -161,7 +161,7 @@ def test_a_sisters_machine_file_is_refused_though_all_else_is_the_same(
     # and by its serial number a machine is known under another name
     file.write_text(text.replace('name = "sledge"', f'name = "the red one"\nid = "{OWN}"'))
     held = load_calibration(CalibrationRequest(made.folder))
-    assert held.differences(held.weighing_machine(load_machine(file))) == ""
+    assert held.differences_of_machine(held.weighing_machine(load_machine(file))) == ""
 
 
 def test_a_log_that_does_not_name_its_machine_says_so_beside_the_mass(
@@ -197,7 +197,7 @@ def without_names(bundle: Bundle) -> None:
     ("tamper", "words"),
     [
         (in_log(0, SISTER), f"load-0.parquet: its metadata say that it is of machine '{SISTER}'"),
-        (of_sister, f"the machine file is of machine '{OWN}', and the campaign of '{SISTER}'"),
+        (of_sister, f"the machine file belongs to machine '{OWN}', and the campaign of '{SISTER}'"),
     ],
 )
 def test_evidence_that_names_two_machines_is_irreproducible(
@@ -230,7 +230,7 @@ def test_what_touches_no_mass_is_no_difference(folder: Path, made: CalibrationOu
             "settings.planar.threshold_std_com_m=0.01",
         ),
     )
-    assert held.differences(held.weighing_machine(other)) == ""
+    assert held.differences_of_machine(held.weighing_machine(other)) == ""
     with open_log(folder / "load-2.csv") as log:
         frames = [run(log, machine).frames for machine in (plain, other)]
     for name in ("loads", "manoeuvres", "verdict"):

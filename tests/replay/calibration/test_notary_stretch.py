@@ -16,7 +16,7 @@ from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.notary.notary_list import NotaryEntry, list_bytes, parse_line, signed_line
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import SigningKey, public_key, signing_key
-from replay.calibration.calibrate_campaign import calibrate, load_stretch
+from replay.calibration.calibrate_campaign import calibrate_from_campaign, load_stretch
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.notary.list_file import STATE_VARIABLE
@@ -57,7 +57,7 @@ class Notarised:
             os.utime(logs / name, (at, at))
         self.list = notarise_folder(logs, key_file=self.recorder, machine_id="sledge-7").path
         self.bundle = folder / "evidence"
-        calibrate(self.campaign, self.bundle, key_file=self.private)
+        calibrate_from_campaign(self.campaign, self.bundle, key_file=self.private)
 
     def verify(self, folder: Path, **more: Any) -> Verification:
         return verify_bundle(folder, key_file=self.public, **more)
@@ -139,7 +139,7 @@ def test_a_campaign_that_leaves_a_log_out_is_refused(notarised: Notarised, tmp_p
     text = campaign.read_text()
     campaign.write_text(text.partition("left_out")[0])
     with pytest.raises(CampaignError, match=r"number 4, 'shift.csv' of 2026-05-03.* neither in"):
-        calibrate(campaign, tmp_path / "evidence")
+        calibrate_from_campaign(campaign, tmp_path / "evidence")
     assert not (tmp_path / "evidence").exists()
 
 

@@ -18,7 +18,7 @@ from analysis.calibration.line.line_fit import fit_calibration
 from recordings.calibration.bundle_folder import REPORT, STATEMENT
 from recordings.calibration.page.verifier_page import verifier_page, verifier_sha256
 from recordings.signatures.signing import PublicKey
-from replay.calibration.calibrate_campaign import calibrate
+from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from tests.conftest import REPO
 from tests.replay.attacker import Tamper, key_files, sign_with_own_key, tampered
 from tests.replay.calibration.test_calibrate_campaign import ONE_LOAD
@@ -162,7 +162,7 @@ def test_a_real_axis_with_one_load_has_no_line_and_the_same_difference(
     shutil.copy(REPO / "examples/linear_axis.toml", tmp_path / "axis.toml")
     shutil.copy(shared_data / "logs/linear_axis.csv", tmp_path)
     (tmp_path / "campaign.toml").write_text(ONE_LOAD)
-    made = calibrate(tmp_path / "campaign.toml", tmp_path / "evidence")
+    made = calibrate_from_campaign(tmp_path / "campaign.toml", tmp_path / "evidence")
     shown = verifier.check(made.folder)
     own, state = shown.rows["load empty"]
     assert state == "same"

@@ -16,7 +16,7 @@ from recordings.calibration.chain_check import check_chain
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import parse_document
-from replay.calibration.calibrate_campaign import calibrate
+from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.conftest import REPO
 from tests.replay.attacker import Bundle, sign_with_own_key, tampered
@@ -114,7 +114,7 @@ def test_readings_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_p
     forged = campaign_folder(tmp_path / "campaign")
     table = pl.read_csv(forged.parent / "load-2.csv")
     table.with_columns(pl.col("force_N") * 1.01).write_csv(forged.parent / "load-2.csv")
-    calibrate(forged, tmp_path / "b", key_file=private)
+    calibrate_from_campaign(forged, tmp_path / "b", key_file=private)
 
     def honest_digest(bundle: Bundle) -> None:
         for log in bundle.evidence["logs"]:

@@ -118,7 +118,7 @@ def test_evidence_of_another_machine_is_a_chain_of_its_own(made: Made, tmp_path:
     assert found.outcome is None
     assert any("machine sledge-8: number 2" in note for note in found.notes)
     spliced = verify_bundle(sister, key_file=made.public, previous=made.first)
-    assert "the evidence before is of another machine" in items(spliced)
+    assert "the previous evidence belongs to another machine" in items(spliced)
 
 
 def test_the_signer_of_the_evidence_before_is_named_and_checked(made: Made, tmp_path: Path) -> None:

@@ -19,9 +19,9 @@ from estimators.errors import LogError, OutputError
 from replay import load_machine, open_log, run
 from replay.convert.convert_log import convert_log
 from replay.convert.unfinished_folder import unfinished_folder
-from replay.logs import logs_in
+from replay.logs import expand_log_folders
 from replay.logs.converted import DESCRIPTION
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 from tests.one_line import assert_one_line
 from tests.own_logs import make
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
@@ -112,7 +112,7 @@ def test_elements_and_times_are_as_the_log_gives_them(bag: Path, tmp_path: Path)
 def test_a_run_gives_the_same_answer(tmp_path: Path) -> None:
     short = Scenario()
     campaign = short.campaign.model_copy(update={"loads_kg": (50.0,), "runs": 2})
-    simulate(short.model_copy(update={"campaign": campaign}), tmp_path / "shift.bag")
+    simulate_scenario(short.model_copy(update={"campaign": campaign}), tmp_path / "shift.bag")
     folder = converted(tmp_path / "shift.bag", tmp_path / "shift", span_messages=2000)
     machine = load_machine("cat262c.toml")
     with open_log(tmp_path / "shift.bag") as log, open_log(folder) as back:
@@ -244,7 +244,7 @@ def test_topics_are_chosen_and_an_output_is_kept(
     one_line(payscope("convert", bag, "-o", out), "exists already", "--force")
     assert payscope("convert", bag, "-o", out, "--force").status == 0
     assert open_log(out).topic_names() == ["/joints", "/rare one"]
-    assert logs_in([out]) == [out]
+    assert expand_log_folders([out]) == [out]
     one_line(payscope("convert", bag, "-o", bag, "--force"), "input itself")
     one_line(payscope("convert", bag, "-o", tmp_path / "no/where"), "create it first")
     one_line(payscope("convert", bag, "-o", tmp_path / "x", "--topic", "/joint"), "'/joints'?")

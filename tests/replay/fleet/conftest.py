@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.fleet_logs import SerialEngine, recordings
 from replay.fleet.fleet_file import load_fleet
-from replay.fleet.log_sources import fleet_logs
+from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.run_fleet import FleetRun, fleet_run
 from replay.fleet.task_engine import Engine
 
@@ -36,7 +36,7 @@ def run_in(fleet_folder: Path) -> Run:
         engine: Callable[[], Engine] = SerialEngine,
         recordings: bool = False,
     ) -> FleetRun:
-        logs = fleet_logs([str(source)])
+        logs = list_fleet_logs([str(source)])
         return fleet_run(
             logs, load_fleet(fleet, overrides), str(destination), engine, recordings=recordings
         )

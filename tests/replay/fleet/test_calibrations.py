@@ -9,10 +9,10 @@ import pytest
 
 from analysis.fleet.calibration_steps import FleetCalibration
 from benchmarks.fleet_logs import SerialEngine
-from replay.calibration.calibrate_campaign import calibrate
+from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.fleet.fleet_file import load_fleet
 from replay.fleet.gathered_tables import fleet_results
-from replay.fleet.log_sources import fleet_logs
+from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.machine_setups import setup_of_day
 from replay.fleet.run_fleet import FleetRun, fleet_run
 from replay.fleet.write_fleet_page import report_page
@@ -34,7 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = campaign.read_text()
     campaign.write_text(f"{text}\n[method]\nlearn = false\n")
     (folder / "evidence/sledge").mkdir(parents=True)
-    calibrate(campaign, folder / "evidence/sledge/first")
+    calibrate_from_campaign(campaign, folder / "evidence/sledge/first")
     (folder / "sledge").mkdir()
     shutil.copy(folder / "campaign/load-0.csv", folder / "sledge")
     # the other one has a date
@@ -48,11 +48,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(folder: Path, destination: Path, *overrides: str) -> FleetRun:
     fleet = load_fleet(folder / "fleet.toml", overrides)
-    return fleet_run(fleet_logs([str(folder / "sledge")]), fleet, str(destination), SerialEngine)
+    return fleet_run(
+        list_fleet_logs([str(folder / "sledge")]), fleet, str(destination), SerialEngine
+    )
 
 
 def test_the_setup_is_that_of_the_latest_calibration_that_holds_on_the_day(folder: Path) -> None:
-    setups = load_fleet(folder / "fleet.toml").setups_of(str(folder / "sledge/load-0.csv"))
+    setups = load_fleet(folder / "fleet.toml").setups_of_log(str(folder / "sledge/load-0.csv"))
     by = setups[0].by
     assert by is not None
     first, last = setups[0].first, by.document.expires

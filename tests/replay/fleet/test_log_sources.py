@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from estimators.errors import FleetError
 from replay.commands.fleet_progress import TimeLeft, interval_text
-from replay.fleet.log_sources import fleet_logs
+from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.object_store import Store
-from replay.logs import logs_among
+from replay.logs import group_objects_by_log
 
 
 def test_folders_globs_and_logs_are_each_log_once(tmp_path: Path) -> None:
@@ -19,7 +19,9 @@ def test_folders_globs_and_logs_are_each_log_once(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(b"x" * 7)
     (tmp_path / "b/bag/data.mcap").write_bytes(b"y" * 5)
     sources = [str(tmp_path), f"{tmp_path}/**/*.mcap", str(tmp_path / "a/one.mcap")]
-    found = {Path(log.source).relative_to(tmp_path).as_posix(): log for log in fleet_logs(sources)}
+    found = {
+        Path(log.source).relative_to(tmp_path).as_posix(): log for log in list_fleet_logs(sources)
+    }
     assert set(found) == {"a/one.mcap", "a/two.bag", "b/three.mcap", "b/bag", "b/bag/data.mcap"}
     assert found["b/bag"].size_bytes == 12
     assert list(found) == sorted(found)
@@ -29,17 +31,17 @@ def test_folders_globs_and_logs_are_each_log_once(tmp_path: Path) -> None:
 def test_a_source_without_a_log_is_said(source: str, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(FleetError, match="no log there"):
-        fleet_logs([str(tmp_path / "empty" / source)])
+        list_fleet_logs([str(tmp_path / "empty" / source)])
 
 
 def test_in_a_storage_without_folders_a_bag_is_a_file_or_a_directory_with_metadata() -> None:
     names = ["x/metadata.yaml", "x/x_0.db3", "x/x_1.db3", "y/a.bag", "y/ledger.csv"]
-    assert logs_among(names) == {
+    assert group_objects_by_log(names) == {
         "x": ["x/metadata.yaml", "x/x_0.db3", "x/x_1.db3"],
         "y/a.bag": ["y/a.bag"],
     }
     # tables only where there is nothing else
-    assert logs_among(["z/t.parquet", "z/readme.md"]) == {"z/t.parquet": ["z/t.parquet"]}
+    assert group_objects_by_log(["z/t.parquet", "z/readme.md"]) == {"z/t.parquet": ["z/t.parquet"]}
 
 
 def test_what_is_being_written_to_a_folder_is_not_among_its_objects(tmp_path: Path) -> None:
@@ -47,8 +49,8 @@ def test_what_is_being_written_to_a_folder_is_not_among_its_objects(tmp_path: Pa
     store.write("a/b=1/whole.parquet", b"1")
     # as a writer that was killed leaves it
     (tmp_path / "a/b=1/torn.parquet#1").write_bytes(b"")
-    assert store.names("a") == ["a/b=1/whole.parquet"]
-    assert [each.name for each in store.objects("a")] == ["a/b=1/whole.parquet"]
+    assert store.list_names("a") == ["a/b=1/whole.parquet"]
+    assert [each.name for each in store.list_objects("a")] == ["a/b=1/whole.parquet"]
 
 
 def test_nothing_is_said_of_the_time_left_before_some_are_done() -> None:

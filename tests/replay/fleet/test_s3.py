@@ -8,7 +8,7 @@ import pytest
 from benchmarks.fleet_logs import SerialEngine
 from benchmarks.fleet_s3 import Server, checked
 from estimators.errors import PayscopeError
-from replay.fleet.log_sources import fleet_logs
+from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.object_store import Store
 from tests.one_line import assert_one_line
 
@@ -33,20 +33,22 @@ def test_objects_are_listed_read_and_written_whole(tmp_path: Path) -> None:
     server.start()
     try:
         store = Store("s3://parts/some/place")
-        assert store.objects() == []
+        assert store.list_objects() == []
         store.write("a/b.bin", bytes(range(256)) * 100)
-        assert [(each.name, each.size_bytes) for each in store.objects("a")] == [("a/b.bin", 25600)]
+        assert [(each.name, each.size_bytes) for each in store.list_objects("a")] == [
+            ("a/b.bin", 25600)
+        ]
         store.fetch("a/b.bin", tmp_path / "fetched")
         assert (tmp_path / "fetched").read_bytes() == store.read("a/b.bin")
-        assert not store.has("a/c.bin")
+        assert not store.has_object("a/c.bin")
         with pytest.raises(FileNotFoundError):
             store.read("a/c.bin")
         # one object is a source as well
         Store("s3://parts").write("logs/x.csv", b"t\n")
-        (log,) = fleet_logs(["s3://parts/logs/x.csv"])
+        (log,) = list_fleet_logs(["s3://parts/logs/x.csv"])
         assert (log.source, log.names) == ("s3://parts/logs/x.csv", ("logs/x.csv",))
         with pytest.raises(PayscopeError) as fault:
-            fleet_logs(["s3://parts/nothing"])
+            list_fleet_logs(["s3://parts/nothing"])
         assert_one_line(fault.value)
     finally:
         server.stop()

@@ -20,7 +20,7 @@ from replay.follow.follow_logs import Following, follow_logs
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import follow_log
 from replay.machines.machine_file import time_axis
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.follow.recorders import (
     Recording,
     bag_recorder,
@@ -67,7 +67,9 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The same drive in every format."""
     folder = tmp_path_factory.mktemp("followed")
     suffixes = dict.fromkeys(suffix for suffix, _ in FORMATS.values())
-    return {suffix: simulate(TWO_STARTS, folder / f"drive{suffix}")[0] for suffix in suffixes}
+    return {
+        suffix: simulate_scenario(TWO_STARTS, folder / f"drive{suffix}")[0] for suffix in suffixes
+    }
 
 
 def machine_of(log: Path) -> Machine:
@@ -111,7 +113,7 @@ def assert_as_replayed(rows: list[FollowedRow], replay: Run) -> None:
     assert [t_ns for t_ns, _ in stepped] == gate["t_ns"].to_list()
     assert [seen.reason for _, seen in stepped] == gate["reason_x"].to_list()
     for name in ("corr_x_1", "mi_x_nat", "predicted_std_x", "noise_share_x_1"):
-        numbers = np.array([seen.columns()[name] for _, seen in stepped])
+        numbers = np.array([seen.gate_columns()[name] for _, seen in stepped])
         np.testing.assert_array_equal(numbers, gate[name].fill_null(np.nan).to_numpy())
     methods = [name for name in replay.frames if name.startswith("estimates/")]
     assert methods

@@ -21,7 +21,7 @@ from mcap.writer import CompressionType
 from analysis.simulation import Scenario
 from recordings.follow.growing_file import find_messages, is_unfinished
 from recordings.follow.growing_recording import read_recording_end
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 from tests.one_line import assert_one_line
 from tests.replay.follow.recorders import Recording, mcap_recorder, rosbag2_recorder
 from tests.replay.sledge import Payscope
@@ -44,7 +44,8 @@ MACHINE = ("-m", "cat262c.toml", *NOISE)
 def sources(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("killed")
     return {
-        suffix: simulate(TWO_STARTS, folder / f"drive{suffix}")[0] for suffix in (".mcap", ".db3")
+        suffix: simulate_scenario(TWO_STARTS, folder / f"drive{suffix}")[0]
+        for suffix in (".mcap", ".db3")
     }
 
 
@@ -315,4 +316,4 @@ def test_a_clock_that_is_set_costs_no_row_twice(
 def later(folder: Path, seconds: float = 60.0) -> Path:
     """The same drive, recorded so many seconds later."""
     plan = {**DRIVE, "log": {"start_unix_s": 1_700_000_000 + round(seconds)}}
-    return simulate(Scenario.model_validate(plan), folder / "later.mcap")[0]
+    return simulate_scenario(Scenario.model_validate(plan), folder / "later.mcap")[0]

@@ -23,7 +23,7 @@ def stored(container: Container, start_ns: int | None = None, end_ns: int | None
     ):
         logged = batch.log_times.tolist()
         topic = topics[batch.connection_id]
-        found += [(topic, t, data) for t, data in zip(logged, batch.messages(), strict=True)]
+        found += [(topic, t, data) for t, data in zip(logged, batch.iter_messages(), strict=True)]
     return sorted(found, key=lambda message: message[0])
 
 

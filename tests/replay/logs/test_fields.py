@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from replay.logs.messages.message_fields import Field, FieldError, PathStep, resolve
-from replay.logs.messages.message_types import ListOf, RecordType, Scalar, leaves
+from replay.logs.messages.message_types import ListOf, RecordType, Scalar, iter_leaf_names
 
 VECTOR = RecordType("geometry_msgs/msg/Vector3", tuple((axis, Scalar("float64")) for axis in "xyz"))
 MESSAGE = RecordType(
@@ -25,7 +25,7 @@ MESSAGE = RecordType(
 
 
 def test_leaves_are_dotted_and_lists_show_as_lists() -> None:
-    assert list(leaves(MESSAGE)) == [
+    assert list(iter_leaf_names(MESSAGE)) == [
         "stamp",
         *(f"angular_velocity.{axis}" for axis in "xyz"),
         "covariance[]",

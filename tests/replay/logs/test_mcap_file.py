@@ -17,7 +17,7 @@ from mcap.writer import Writer as McapWriter
 from estimators.errors import LogError
 from replay import open_log
 from replay.logs.mcap.mcap_file import McapFile
-from replay.logs.mcap.mcap_index import indexed_times
+from replay.logs.mcap.mcap_index import read_indexed_times_of_chunk
 from replay.logs.storage.file_bytes import FileBytes
 from tests.replay.logs.one_line import one_line_at_most
 from tests.replay.logs.stored import stored
@@ -233,9 +233,9 @@ def test_message_indexes_that_lie_in_one_another_are_no_index(tmp_path: Path) ->
     path.write_bytes(section)
     file = FileBytes(path)
     nested = ChunkIndex(0, 0, "", 0, 0, len(section), {key: 16 * key for key in keys}, 0, 0)
-    assert indexed_times(file, nested) is None
+    assert read_indexed_times_of_chunk(file, nested) is None
     first = ChunkIndex(0, 0, "", 0, 0, len(section), {0: 0}, 0, 0)
-    assert indexed_times(file, first)[0].size == len(keys)
+    assert read_indexed_times_of_chunk(file, first)[0].size == len(keys)
     file.close()
 
 
@@ -307,7 +307,7 @@ def test_a_channel_without_a_schema_says_that_its_type_is_unknown(tmp_path: Path
         writer.finish()
     with open_log(tmp_path / "bare.mcap") as log:
         (problem,) = log.topics()["problem"]
-    assert problem == "the log does not say of what type its messages are"
+    assert problem == "the log does not state the type of its messages"
 
 
 def test_of_a_torn_chunk_it_is_said_how_many_messages_are_read(tmp_path: Path) -> None:

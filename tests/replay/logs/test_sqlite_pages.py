@@ -114,7 +114,7 @@ def by_container(path: Path) -> tuple[list[Message], list[str]]:
     found: list[Message] = []
     for batch in chain.from_iterable(g.batches for g in container.groups(ids, None, None)):
         times = batch.log_times.tolist()
-        found += [(batch.connection_id, *m) for m in zip(times, batch.messages(), strict=True)]
+        found += [(batch.connection_id, *m) for m in zip(times, batch.iter_messages(), strict=True)]
     counts = sum(container.log_times(key).size for key in ids)
     whats = [loss.what for loss in container.losses]
     container.close()
@@ -213,7 +213,7 @@ def test_only_wanted_topics_and_times_are_given(tmp_path: Path) -> None:
     found = [
         (batch.connection_id, *message)
         for batch in chain.from_iterable(g.batches for g in container.groups([1, 2], 100, 250))
-        for message in zip(batch.log_times.tolist(), batch.messages(), strict=True)
+        for message in zip(batch.log_times.tolist(), batch.iter_messages(), strict=True)
     ]
     container.close()
     assert sorted(found) == sorted(m for m in recorded if m[0] in (1, 2) and 100 <= m[1] <= 250)

@@ -27,7 +27,7 @@ def unpacked(frames: list[bytes]) -> tuple[list[tuple[int, bytes]], int]:
     """Times and contents of those that can be unpacked, and how many cannot."""
     found, failed = [], 0
     for batch, lost in unpack_messages(join_messages(7, range(len(frames)), frames)):
-        found += zip(batch.log_times.tolist(), batch.messages(), strict=True)
+        found += zip(batch.log_times.tolist(), batch.iter_messages(), strict=True)
         failed += lost
     return found, failed
 

@@ -6,13 +6,13 @@ import polars as pl
 import pytest
 
 from analysis.paper import printed_numbers
-from analysis.paper.replayed_campaign import regate, trial_bound_kg
+from analysis.paper.replayed_campaign import replay_with_gate, trial_bound_kg
 from analysis.simulation import Scenario
 from recordings.paper.paper_items import ITEMS, ItemResult
 from recordings.paper.paper_page import write_reproduction
 from replay import load_machine
 from replay.paper.reproduce_paper import Reproduction, replay_simulated
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.sledge import Payscope, one_line
 
 TRIALS, CAMPAIGNS = 10, 2
@@ -109,7 +109,9 @@ def test_a_window_that_the_gate_refuses_everywhere_has_no_bound() -> None:
         short.model_copy(update={"campaign": campaign}), load_machine("cat262c.toml")
     )
     assert 3.0 < trial_bound_kg(replayed) < 10.0
-    refused = regate(replayed, replayed.settings.with_changes({"gate.threshold_nat": 50.0}))
+    refused = replay_with_gate(
+        replayed, replayed.settings.with_changes({"gate.threshold_nat": 50.0})
+    )
     assert trial_bound_kg(refused) != trial_bound_kg(refused)
 
 
@@ -129,7 +131,7 @@ def test_a_simulation_replayed_from_memory_is_that_of_its_bags(tmp_path: Path) -
     campaign = small.campaign.model_copy(update={"loads_kg": (0.0, 250.0), "runs": 2})
     small = small.model_copy(update={"campaign": campaign})
     machine = load_machine("cat262c.toml")
-    logs = simulate(small, tmp_path / "c.bag")
+    logs = simulate_scenario(small, tmp_path / "c.bag")
     from_bags = replay_campaign(logs, machine).frames
     from_memory = replay_simulated(small, machine).replayed.frames
     for frame in ("loads", "segments"):

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from analysis.model.machine import Machine
-from analysis.model.physical_units import unit_behind
+from analysis.model.physical_units import split_unit_from_name
 from replay.init.guess_machine import draft_machine_file
 from replay.logs import open_log
 from replay.recognise.proposals import ChannelProposal
@@ -283,4 +283,4 @@ def test_a_torque_in_percent_needs_the_rated_one(tmp_path: Path) -> None:
      ("speedMin", None), ("TimeUS", None), ("Pull (mN)", None)],
 )  # fmt: skip
 def test_a_unit_behind_a_capital(name: str, unit: str | None) -> None:
-    assert unit_behind(name)[1] == unit
+    assert split_unit_from_name(name)[1] == unit

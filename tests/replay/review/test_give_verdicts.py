@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 from recordings.review.reviewer_verdicts import VERDICTS, read_verdicts
-from replay.review.review_shift import ReviewOptions, review
+from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
 from tests.replay.shift_review import shift_folder, verdict
 from tests.replay.sledge import Payscope, one_line
@@ -21,7 +21,7 @@ DESK, PHONE = 1280, 380
 def reviewed(tmp_path_factory: pytest.TempPathFactory) -> ShiftReview:
     folder = tmp_path_factory.mktemp("shift")
     logs, machine, _ = shift_folder(folder)
-    return review(logs, machine, folder / "review", ReviewOptions(target_kg=700.0))
+    return review_shift(logs, machine, folder / "review", ReviewOptions(target_kg=700.0))
 
 
 @pytest.fixture(scope="module")

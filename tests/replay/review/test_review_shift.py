@@ -20,7 +20,7 @@ from benchmarks.energy import TrueEnergy
 from estimators.errors import PayscopeError, ReviewError
 from recordings import read_frame
 from recordings.review.review_state import RECORDING, STATE
-from replay.review.review_shift import ReviewOptions, review
+from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
 from tests.replay.shift_review import SCENARIO, shift_folder, verdict
 
@@ -39,7 +39,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Path], Path, 
 def reviewed(driven: tuple[list[Path], Path, Any], tmp_path_factory: Any) -> ShiftReview:
     logs, machine, _ = driven
     folder = tmp_path_factory.mktemp("reviewed") / "review"
-    return review(logs, machine, folder, ReviewOptions(target_kg=700.0))
+    return review_shift(logs, machine, folder, ReviewOptions(target_kg=700.0))
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_a_second_review_does_not_replay_unless_something_that_counts_has_change
 ) -> None:
     logs, machine, _ = driven
     before = (folder / "ledger.parquet").read_bytes()
-    again = review(logs, machine, folder, ReviewOptions(target_kg=600.0))
+    again = review_shift(logs, machine, folder, ReviewOptions(target_kg=600.0))
     assert not again.replayed
     assert (folder / "ledger.parquet").read_bytes() == before
     page = (folder / "review.html").read_text(encoding="utf-8")
@@ -107,7 +107,7 @@ def test_a_second_review_does_not_replay_unless_something_that_counts_has_change
     # a recording that is not the one that was written is not believed
     with (folder / RECORDING).open("ab") as recording:
         recording.write(b"x")
-    assert review(logs, machine, folder, ReviewOptions()).replayed
+    assert review_shift(logs, machine, folder, ReviewOptions()).replayed
     assert (folder / "ledger.parquet").read_bytes() == before
 
 
@@ -118,7 +118,7 @@ def test_a_rejected_cycle_is_listed_with_author_and_time_and_is_not_counted(
     third = reviewed.ledger.row(2, named=True)
     said = verdict(third["id"], 'reject = true\nnote = "=<b>wall</b>"\nproduct = "gravel"\n')
     (folder / "verdicts.toml").write_text(said, encoding="utf-8")
-    again = review(logs, machine, folder, ReviewOptions())
+    again = review_shift(logs, machine, folder, ReviewOptions())
     assert (folder / "verdicts.toml").read_text(encoding="utf-8") == said
     assert again.shift["cycles_rejected"] == 1
     assert again.shift["payload_kg"] == pytest.approx(
@@ -152,7 +152,7 @@ def test_verdicts_that_are_wrong_are_one_line(
     (folder / "verdicts.toml").write_text(text, encoding="utf-8")
     before = (folder / "review.html").read_bytes()
     with pytest.raises(ReviewError, match=r"verdicts\.toml") as fault:
-        review(logs, machine, folder, ReviewOptions())
+        review_shift(logs, machine, folder, ReviewOptions())
     assert part in str(fault.value)
     assert "\n" not in str(fault.value)
     assert (folder / "review.html").read_bytes() == before
@@ -165,7 +165,7 @@ def test_a_second_review_into_the_folder_at_once_is_one_line(
     with (folder / ".lock").open("a") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
         with pytest.raises(ReviewError, match="another review is being written there"):
-            review(logs, machine, folder, ReviewOptions())
+            review_shift(logs, machine, folder, ReviewOptions())
 
 
 def test_a_folder_of_other_files_takes_no_review(
@@ -174,7 +174,7 @@ def test_a_folder_of_other_files_takes_no_review(
     logs, machine, _ = driven
     (tmp_path / "thesis.txt").touch()
     with pytest.raises(PayscopeError, match=r"thesis\.txt"):
-        review(logs, machine, tmp_path, ReviewOptions())
+        review_shift(logs, machine, tmp_path, ReviewOptions())
 
 
 def _command(logs: list[Path], machine: Path, folder: Path) -> list[str]:
@@ -200,7 +200,7 @@ def test_a_review_that_is_killed_leaves_no_half_file_and_the_next_gives_the_same
         assert shown <= OUTPUTS
         if STATE in shown:
             json.loads((folder / STATE).read_text(encoding="utf-8"))
-    again = review(logs, machine, folder, ReviewOptions())
+    again = review_shift(logs, machine, folder, ReviewOptions())
     assert again.ledger.equals(reviewed.ledger)
     assert not list(folder.glob(".payscope-*"))
 
@@ -226,6 +226,6 @@ def test_ten_reviews_that_are_killed_at_any_moment_leave_no_half_file(
             left.kill()
         shown = {each.name for each in folder.iterdir() if not each.name.startswith(".")}
         assert shown <= OUTPUTS
-        again = review(logs, machine, folder, ReviewOptions())
+        again = review_shift(logs, machine, folder, ReviewOptions())
         assert again.ledger.equals(reviewed.ledger)
         assert not list(folder.glob(".payscope-*"))

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from replay.review.give_verdicts import GivenVerdicts, recount_review
-from replay.review.review_shift import ReviewOptions, review
+from replay.review.review_shift import ReviewOptions, review_shift
 from tests.replay.shift_review import shift_folder
 
 MOST_CLICKS = 2
@@ -52,7 +52,7 @@ QUESTIONS = (
 def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("shift")
     logs, machine, _ = shift_folder(folder)
-    made = review(logs, machine, folder / "review", ReviewOptions())
+    made = review_shift(logs, machine, folder / "review", ReviewOptions())
     labels = {"product": "gravel", "operator": "A. Kim"}
     said = GivenVerdicts(reject=["1"], note="bucket caught the wall", author="R. Meier")
     recount_review(made.folder, said)

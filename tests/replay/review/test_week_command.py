@@ -11,7 +11,7 @@ import pytest
 
 from recordings.review.review_state import STATE, read_state
 from recordings.review.shift_ledger import PARQUET
-from replay.review.review_shift import ReviewOptions, review
+from replay.review.review_shift import ReviewOptions, review_shift
 from tests.replay.shift_review import shift_folder, verdict
 from tests.replay.sledge import Payscope, one_line
 
@@ -22,7 +22,7 @@ DAY_NS = 86_400 * 10**9
 def reviewed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("shift")
     logs, machine, _ = shift_folder(folder)
-    return review(logs, machine, folder / "review", ReviewOptions()).folder
+    return review_shift(logs, machine, folder / "review", ReviewOptions()).folder
 
 
 @pytest.fixture

@@ -13,10 +13,10 @@ from analysis.compare.run_comparison import ValueChange
 from analysis.model.answer import Answer
 from estimators.errors import PayscopeError
 from recordings import read_provenance
-from recordings.rrd.viewer import headless_viewer
+from recordings.rrd.viewer import run_headless_viewer
 from recordings.rrd.writer import LiveView
 from replay.runs.run_logs import RecordTo, replay_logs
-from replay.runs.watch_machine_file import watch
+from replay.runs.watch_machine_file import watch_machine_file
 from tests.replay.sledge import MACHINE, Payscope, one_line
 from tests.viewer_needed import VIEWER
 
@@ -115,7 +115,7 @@ class TestViewer:
     def test_the_open_viewer_shows_the_next_replay_at_the_time_of_the_last(
         self, log: Path, machine_file: Path, tmp_path: Path
     ) -> None:
-        with headless_viewer(None) as (client, address):
+        with run_headless_viewer(None) as (client, address):
 
             def on_answer(_: Answer, changed: list[ValueChange]) -> None:
                 held = client.get_state().recordings
@@ -141,4 +141,4 @@ class TestViewer:
             first = None
             to = RecordTo(tmp_path / "out.rrd", viewer=LiveView(address))
             with pytest.raises(KeyboardInterrupt):
-                watch(machine_file, to, [], replay, on_answer, on_error)
+                watch_machine_file(machine_file, to, [], replay, on_answer, on_error)

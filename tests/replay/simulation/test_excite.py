@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from analysis.excitation import design
+from analysis.excitation import design_excitation
 from analysis.simulation import Scenario
 from estimators.errors import DataError, OutputError
 from replay.simulation.scenario_file import load_scenario, scenario_text, write_scenario
-from replay.simulation.simulate_logs import simulate
+from replay.simulation.simulate_logs import simulate_scenario
 
 PLANAR = Path(__file__).parents[3] / "examples" / "planar.toml"
 BASE = load_scenario(None)
@@ -19,7 +19,7 @@ BASE = load_scenario(None)
 @pytest.fixture(scope="module")
 def designed():
     """What a bare `excite` designs; a design takes seconds."""
-    return design(BASE)
+    return design_excitation(BASE)
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_the_best_waveform_is_written_as_a_scenario_that_simulate_accepts(excite
     rest, driven = scenario.campaign.trial
     assert rest.kind == "rest"
     assert driven.model_dump(exclude_none=True)["force"] == best["force"]
-    (log,) = simulate(scenario, tmp_path / "best.csv")
+    (log,) = simulate_scenario(scenario, tmp_path / "best.csv")
     truth = json.loads(log.with_name("best.csv.truth.json").read_text(encoding="utf-8"))
     assert [each["kind"] for each in truth["manoeuvres"]] == ["rest", "excite"]
     assert truth["runs"][0]["mass_kg"] == 3614.0

@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.method_errors import rms_errors, run_errors
+from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs, rms_errors
 
 
 def runs(method, masses_by_load, empty_kg=3614.0):
@@ -134,7 +134,9 @@ def test_no_estimates_at_all_give_an_empty_frame_with_all_columns():
 
 def test_errors_of_single_runs_are_those_of_the_lines_with_and_without_their_load():
     # the lines of the hand-checked example
-    errors = run_errors(runs("ls", {1: [9.0, 11.0], 2: [20.0], 3: [38.0, None]}, empty_kg=0.0))
+    errors = calibrated_errors_of_runs(
+        runs("ls", {1: [9.0, 11.0], 2: [20.0], 3: [38.0, None]}, empty_kg=0.0)
+    )
     fit = calibrate_methods(runs("ls", {1: [9.0, 11.0], 2: [20.0], 3: [38.0]}, empty_kg=0.0))
     alpha, beta = fit["alpha_1"][0], fit["beta_kg"][0]
     within = [alpha * m + beta - r for m, r in ((9, 1), (11, 1), (20, 2), (38, 3))]
@@ -147,5 +149,5 @@ def test_errors_of_single_runs_are_those_of_the_lines_with_and_without_their_loa
 
 
 def test_runs_of_too_few_loads_have_no_error():
-    errors = run_errors(runs("ls", {0: [9.0, 11.0], 50: [20.0]}))
+    errors = calibrated_errors_of_runs(runs("ls", {0: [9.0, 11.0], 50: [20.0]}))
     assert errors["error_kg"].null_count() == errors["error_left_out_kg"].null_count() == 3

@@ -35,7 +35,7 @@ def test_exact_readings_give_the_line_back():
     assert found.beta_kg == pytest.approx(-100.0 / 1.02)
     assert found.rms_error_kg < 1e-6
     assert found.rms_error_left_out_kg < 1e-6
-    mass = found.calibrated(100.0 + 1.02 * 3700.0, None, 4)
+    mass = found.calibrate_estimate(100.0 + 1.02 * 3700.0, None, 4)
     assert mass.mass_kg == pytest.approx(3700.0)
 
 
@@ -77,7 +77,7 @@ def test_the_budget_adds_up_to_the_uncertainty():
         found = fitted(options=CalibrationOptions("joint_mass", stated=stated), **campaign)
         total = np.sqrt(sum(one.u_kg**2 for one in found.budget if one.u_kg is not None))
         assert total == pytest.approx(found.u_kg, rel=1e-9)
-        mass = found.calibrated(
+        mass = found.calibrate_estimate(
             found.c0_kg + found.c1_1 * found.budget_at[0], None, found.budget_at[1]
         )
         assert mass.u_kg == pytest.approx(found.u_kg)
@@ -237,7 +237,7 @@ def test_estimates_that_do_not_follow_the_loads_calibrate_nothing_and_say_so():
     found = fitted(rows)
     assert found.alpha_interval_1 == (None, None)
     assert any("told from 0" in said for said in found.says)
-    assert "told from 0" in found.calibrated(3700.0, None, 4).reason
+    assert "told from 0" in found.calibrate_estimate(3700.0, None, 4).reason
     json.dumps(found.to_dict(), allow_nan=False)
 
 
@@ -252,7 +252,7 @@ def test_estimates_that_do_not_follow_the_loads_calibrate_nothing_and_say_so():
     ],
 )
 def test_a_mass_that_the_calibration_cannot_give_is_null_with_the_reason(mass_kg, readings_, said):
-    found = fitted().calibrated(mass_kg, None, readings_)
+    found = fitted().calibrate_estimate(mass_kg, None, readings_)
     assert (found.mass_kg, found.u_kg, found.low_kg, found.high_kg) == (None,) * 4
     assert said in found.reason
 
@@ -261,20 +261,20 @@ def test_the_range_is_that_of_the_references_and_a_margin_that_is_asked_for():
     wider = fitted(options=CalibrationOptions("joint_mass", margin_1=0.2))
     assert wider.range_kg == (3564.0, 3914.0)
     # an empty machine may read below its own mass
-    just_below = fitted().calibrated(100.0 + 1.02 * 3600.0, None, 4)
+    just_below = fitted().calibrate_estimate(100.0 + 1.02 * 3600.0, None, 4)
     assert just_below.mass_kg < 3614.0
 
 
 def test_a_run_that_states_more_than_the_campaign_s_readings_has_a_wider_interval():
     found = fitted()
-    plain, own, small = (found.calibrated(3900.0, u, 4) for u in (None, 60.0, 0.1))
+    plain, own, small = (found.calibrate_estimate(3900.0, u, 4) for u in (None, 60.0, 0.1))
     assert own.u_kg > 50.0 > plain.u_kg
     assert small == plain
 
 
 def test_more_readings_narrow_an_interval_down_to_what_they_share():
     found = fitted()
-    one, four, many = (found.calibrated(3900.0, None, n).u_kg for n in (1, 4, 4000))
+    one, four, many = (found.calibrate_estimate(3900.0, None, n).u_kg for n in (1, 4, 4000))
     assert one > four > many > 5.0
 
 
@@ -319,7 +319,7 @@ def test_a_covariance_that_is_none_is_refused(covariance, said):
 )
 def test_any_campaign_gives_an_interval_about_its_mass(seed, days, runs, each, rep, day):
     found = fitted(seed=seed, days=days, runs=runs, each=each, deviations=(rep, 5.0, day))
-    mass = found.calibrated(found.c0_kg + found.c1_1 * 3739.0, None, each)
+    mass = found.calibrate_estimate(found.c0_kg + found.c1_1 * 3739.0, None, each)
     if mass.mass_kg is None:
         assert "told from 0" in mass.reason
     else:

@@ -104,7 +104,9 @@ def test_of_a_difference_the_line_takes_scale_and_shared_errors_by_its_slope():
     # the campaign's responses grow by 0.02 for each kg as well: 2 kg of 100 are in the slope
     assert like.unlike_u_kg[0] == pytest.approx(0.0, abs=0.05)
     assert like.taken_kg[0] == pytest.approx(np.hypot(2.0, 3.0), rel=0.01)
-    assert like.beside(np.array([5.0]))[0] == pytest.approx(np.sqrt(25.0 - 13.0), rel=0.02)
+    assert like.common_kg_beside_line(np.array([5.0]))[0] == pytest.approx(
+        np.sqrt(25.0 - 13.0), rel=0.02
+    )
     other = difference_on_line(line, log(32.0, of=of), [of], np.array([100.0]))
     assert other.unlike_u_kg[0] == pytest.approx(30.0, rel=0.02)
 
@@ -149,7 +151,7 @@ def test_evidence_that_does_not_say_what_moved_its_line_leaves_all_of_it_in():
     )
     of = ("cycle", 1)
     found = difference_on_line(line, log(75.0, of=of), [of], np.array([1000.0]))
-    assert found.beside(np.array([80.0]))[0] == pytest.approx(80.0 / abs(line.c1_1))
+    assert found.common_kg_beside_line(np.array([80.0]))[0] == pytest.approx(80.0 / abs(line.c1_1))
 
 
 def test_a_payload_by_difference_is_on_the_line_with_its_interval():

@@ -36,7 +36,7 @@ LOADS = pl.DataFrame(
 def test_each_load_has_its_calibrated_mass_or_the_reason_why_not():
     calibration = fitted()
     table = calibrate_loads(LOADS, calibration)
-    expected = calibration.calibrated(3900.0, 12.0, 4)
+    expected = calibration.calibrate_estimate(3900.0, 12.0, 4)
     row = table.row(1, named=True)
     assert row["calibrated_kg"] == expected.mass_kg
     assert row["calibrated_u_kg"] == expected.u_kg
@@ -54,7 +54,7 @@ def test_each_load_has_its_calibrated_mass_or_the_reason_why_not():
 
 def test_a_calibration_of_payloads_takes_payloads():
     table = calibrate_loads(LOADS, fitted("joint_payload"))
-    expected = fitted("joint_payload").calibrated(3800.0, 15.0, 4)
+    expected = fitted("joint_payload").calibrate_estimate(3800.0, 15.0, 4)
     assert table["calibrated_kg"][1] == expected.mass_kg
 
 

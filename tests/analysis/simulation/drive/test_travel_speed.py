@@ -130,7 +130,7 @@ def test_a_spring_pulls_back_to_where_the_log_begins():
         },
     )
     time_s = np.arange(0.0, made.trial_s[-1], 0.005)
-    run = made.sample(time_s)
+    run = made.sample_channels(time_s)
     v, a = run.speed_x_m_s, run.acc_x_m_s2
     place_m = np.cumsum(v) * 0.005
     free = (np.abs(v) > 0.05) & np.isin(run.phase, ["accelerating", "cruising"])

@@ -17,7 +17,7 @@ def scenario(**sections):
 def sampled(made, load_kg=0.0, rate_hz=100.0):
     motion = solve_motion(made, load_kg)
     time = np.arange(0.0, motion.duration_s + 1.0, 1 / rate_hz)
-    return time, motion.sample(time)
+    return time, motion.sample_channels(time)
 
 
 def moving(channels, *phases):
@@ -79,7 +79,7 @@ def test_a_long_start_ends_at_the_speed_where_friction_and_slope_take_the_thrott
     )
     motion = solve_motion(made, load)
     end = made.campaign.standstill_s + 150.0
-    run = motion.sample(np.array([end - 1e-6]))
+    run = motion.sample_channels(np.array([end - 1e-6]))
     resistance = coulomb + (3614.0 + load) * G * np.sin(np.radians(slope))
     assert run.speed_x_m_s[0] == pytest.approx((6000.0 - resistance) / friction, rel=1e-6)
 

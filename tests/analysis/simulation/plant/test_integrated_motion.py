@@ -70,7 +70,7 @@ def test_plant_and_exact_solution_agree(sections):
     for mine, theirs in zip(made.driven, exact.manoeuvres, strict=True):
         assert mine.times[1:] == pytest.approx(theirs[1:], abs=1e-5)
     time_s = np.arange(0.0, exact.duration_s - 1e-3, 0.0037)
-    run, truth = made.sample(time_s), exact.sample(time_s)
+    run, truth = made.sample_channels(time_s), exact.sample_channels(time_s)
     np.testing.assert_array_equal(run.phase, truth.phase)
     for name, atol in (
         ("speed_x_m_s", 1e-4),
@@ -236,7 +236,7 @@ def test_a_boom_takes_from_the_machine_the_momentum_that_it_has_itself():
 def test_a_drag_of_the_brakes_is_friction_that_no_sensor_sees():
     dragging, rubbing = drive(brakes={"drag_N": 200.0}), drive(machine={"coulomb_N": 200.0})
     time_s, mine = sampled(dragging)
-    theirs = rubbing.sample(time_s)
+    theirs = rubbing.sample_channels(time_s)
     np.testing.assert_allclose(mine.speed_x_m_s, theirs.speed_x_m_s, atol=1e-9)
     np.testing.assert_allclose(mine.measured_force_x_N, theirs.measured_force_x_N, atol=1e-6)
     assert dragging.driven[-1].body.coulomb_x_N == 0.0
@@ -327,7 +327,7 @@ def test_friction_that_differs_by_start_is_what_the_truth_says_of_each():
     assert frictions.std() == pytest.approx(100.0, rel=0.35)
     for each in starts(made):
         middle_s = made.trial_s[each.trial] + (each.times.drive_s + each.times.steady_s) / 2
-        run = made.sample(np.array([middle_s]))
+        run = made.sample_channels(np.array([middle_s]))
         assert resistance(run)[0] == pytest.approx(each.body.coulomb_x_N, abs=0.5)
 
 
@@ -340,7 +340,9 @@ def test_throttle_differs_by_start_within_its_range_and_directions_alternate():
     assert 0.4 <= shares.min() < 0.5
     assert 0.7 < shares.max() <= 0.8
     for number, each in enumerate(starts(made)):
-        run = made.sample(np.array([made.trial_s[each.trial] + each.times.steady_s - 1e-6]))
+        run = made.sample_channels(
+            np.array([made.trial_s[each.trial] + each.times.steady_s - 1e-6])
+        )
         sign = -1.0 if number % 2 else 1.0
         assert each.direction == ("reverse" if number % 2 else "forward")
         assert run.measured_force_x_N[0] == pytest.approx(sign * each.throttle * 6000.0, rel=1e-6)

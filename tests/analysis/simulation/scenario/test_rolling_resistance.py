@@ -8,7 +8,7 @@ import pytest
 
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.logs.shift_logs import ShiftSimulation
-from analysis.simulation.trials.switches import integrate_for
+from analysis.simulation.trials.switches import key_that_needs_integration
 from tests.analysis.simulation.quiet import FRICTION_N_S_M, MASS_KG, G, drive, log, scenario
 
 #: Nothing else slows the machine down.
@@ -37,7 +37,7 @@ def test_a_coasting_machine_slows_down_by_c_g_whatever_its_mass(load_kg, directi
         campaign=start(direction=direction, **COAST),
     )
     # the valve has closed
-    run = made.sample(np.arange(6.0, 6.5, 0.01))
+    run = made.sample_channels(np.arange(6.0, 6.5, 0.01))
     np.testing.assert_allclose(np.abs(run.acc_x_m_s2), 0.02 * G, rtol=1e-6)
     assert (run.acc_x_m_s2 * run.speed_x_m_s < 0.0).all()
 
@@ -67,10 +67,10 @@ def test_a_coasting_machine_slows_down_by_c_g_whatever_its_mass(load_kg, directi
 )
 def test_plant_and_exact_solution_agree(sections):
     sections = {**sections, "rolling": {"coefficient": 0.03}}
-    assert integrate_for(scenario(**sections)) is None
+    assert key_that_needs_integration(scenario(**sections)) is None
     made, exact = drive(500.0, **sections), solve_motion(scenario(**sections), 500.0)
     time_s = np.arange(0.0, exact.duration_s - 1e-3, 0.0037)
-    run, truth = made.sample(time_s), exact.sample(time_s)
+    run, truth = made.sample_channels(time_s), exact.sample_channels(time_s)
     np.testing.assert_allclose(run.speed_x_m_s, truth.speed_x_m_s, atol=1e-4)
     # within the step in which it moves off, forces are straight lines
     np.testing.assert_allclose(run.force_x_N, truth.force_x_N, atol=10.0)
@@ -80,7 +80,7 @@ def test_plant_and_exact_solution_agree(sections):
 def test_a_machine_moves_off_when_the_drive_exceeds_the_share_of_its_weight():
     exact = solve_motion(scenario(rolling={"coefficient": 0.05}), 1000.0)
     time_s = np.arange(1.0, 1.5, 1e-4)
-    run = exact.sample(time_s)
+    run = exact.sample_channels(time_s)
     moves = np.flatnonzero(run.speed_x_m_s > 0.0)[0]
     assert run.force_x_N[moves] == pytest.approx(0.05 * (MASS_KG + 1000.0) * G, rel=0.01)
 
@@ -93,7 +93,7 @@ def test_it_holds_a_machine_on_a_slope_that_is_less_steep():
         terrain={"slope_deg": 2.0},
         campaign={"manoeuvres": [excite]},
     )
-    assert (made.sample(np.arange(0.0, 2.0, 0.01)).speed_x_m_s == 0.0).all()
+    assert (made.sample_channels(np.arange(0.0, 2.0, 0.01)).speed_x_m_s == 0.0).all()
 
 
 def test_each_ground_along_the_way_resists_with_its_own_coefficient():
@@ -103,7 +103,7 @@ def test_each_ground_along_the_way_resists_with_its_own_coefficient():
         campaign={"cruise_s": 6.0},
     )
     time_s = np.arange(1.5, 9.9, 0.002)
-    run = made.sample(time_s)
+    run = made.sample_channels(time_s)
     position = np.interp(time_s, made.rows[:, 0], made.rows[:, 1])
     assert position[-1] > 9.0
     found = resistance(run, MASS_KG + 250.0) / ((MASS_KG + 250.0) * G)
@@ -121,7 +121,7 @@ def test_it_grows_with_speed_and_in_turns():
         rolling={"coefficient": 0.02, "growth_s_m": 0.2, "growth_s_rad": 5.0},
         starts={"turn_rad_s": 0.04, "scrub_N_s_rad": 0.0},
     )
-    run = made.sample(np.arange(2.0, 5.9, 0.01))
+    run = made.sample_channels(np.arange(2.0, 5.9, 0.01))
     np.testing.assert_allclose(run.yaw_rate_rad_s, 0.04, rtol=1e-3)
     expected = 0.02 * MASS_KG * G * (1.0 + 0.2 * run.speed_x_m_s) * (1.0 + 5.0 * 0.04)
     np.testing.assert_allclose(resistance(run, MASS_KG), expected, atol=0.5)
@@ -130,8 +130,8 @@ def test_it_grows_with_speed_and_in_turns():
 def test_a_cruise_is_driven_with_what_keeps_the_speed_against_it():
     made = drive(500.0, rolling={"coefficient": 0.03, "growth_s_m": 0.1})
     reached, cruising = (
-        made.sample(np.array([4.0, 5.95])).speed_x_m_s,
-        made.sample(np.array([5.95])),
+        made.sample_channels(np.array([4.0, 5.95])).speed_x_m_s,
+        made.sample_channels(np.array([5.95])),
     )
     newtons = 0.03 * (MASS_KG + 500.0) * G * (1.0 + 0.1 * reached[0])
     assert cruising.force_x_N[0] == pytest.approx(FRICTION_N_S_M * reached[0] + newtons, abs=0.1)
@@ -139,7 +139,7 @@ def test_a_cruise_is_driven_with_what_keeps_the_speed_against_it():
 
 def test_a_filling_bucket_adds_to_it_as_it_fills():
     made = drive(rolling={"coefficient": 0.03}, loading={"fill_kg_s": 100.0})
-    run = made.sample(np.arange(1.2, 5.9, 0.01))
+    run = made.sample_channels(np.arange(1.2, 5.9, 0.01))
     filling = 100.0 * run.speed_x_m_s
     np.testing.assert_allclose(
         resistance(run, run.mass_kg) - filling, 0.03 * run.mass_kg * G, atol=0.5
@@ -162,7 +162,7 @@ def test_in_a_shift_it_is_felt_in_both_directions_by_load_and_ground():
         }
     )
     assert made.shift is not None
-    (whole,) = ShiftSimulation(made, made.shift).logs()
+    (whole,) = ShiftSimulation(made, made.shift).simulate_logs()
     fills = whole.manoeuvres.filter(pl.col("load_end_kg") > pl.col("load_kg") + 1.0)
     motion = whole.noise_free
     digging = np.zeros(motion.height, np.bool_)

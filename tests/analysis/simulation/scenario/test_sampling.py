@@ -46,7 +46,7 @@ def test_a_topic_reports_the_motion_of_its_own_instants():
     made = log(sampling={"speed_phase_s": 0.0037, "speed_rate_hz": 40.0})
     stamps = made.topics["speed"]["header_stamp_ns"].to_numpy()
     motion = solve_motion(made.scenario, 0.0)
-    truth = motion.sample((stamps - BEGIN_NS) * 1e-9).speed_x_m_s
+    truth = motion.sample_channels((stamps - BEGIN_NS) * 1e-9).speed_x_m_s
     np.testing.assert_allclose(mean_speed(made), truth, atol=1e-12)
     np.testing.assert_allclose(np.diff(stamps), 25_000_000, atol=1)
 

@@ -29,8 +29,8 @@ def shift_of(**sections: dict[str, Any]) -> Scenario:
 def simulated(scenario: Scenario) -> tuple[list[SimulatedLog], ShiftTruth]:
     assert scenario.shift is not None
     simulation = ShiftSimulation(scenario, scenario.shift)
-    logs = list(simulation.logs())
-    return logs, simulation.truth()
+    logs = list(simulation.simulate_logs())
+    return logs, simulation.collect_truth()
 
 
 @cache
@@ -147,7 +147,7 @@ def test_the_same_seed_gives_the_same_shift_and_another_gives_another() -> None:
     (again,), same = simulated(scenario)
     assert truth.cycles.equals(same.cycles)
     assert all(frame.equals(again.topics[name]) for name, frame in first.topics.items())
-    _, other = simulated(scenario.seeded(2))
+    _, other = simulated(scenario.with_seed(2))
     assert other.cycles["load_kg"].to_list() != truth.cycles["load_kg"].to_list()
 
 

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.model.axes import straight_regressor
-from analysis.stages.estimation.masses import masses, withhold
+from analysis.stages.estimation.masses import summarise_masses, withhold_masses
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import accepted_samples, gate
 from estimators.methods import pooled
@@ -26,7 +26,7 @@ NUMBERS = ("mass_kg", "mass_std_kg", "friction_x_N_s_m", "friction_x_std_N_s_m",
 
 
 def test_a_row_a_method_with_a_believable_mass(log, machine):
-    table = masses(*log, machine())
+    table = summarise_masses(*log, machine())
     assert table["method"].to_list() == ["ls", "rls", "fgls", "tls", "pooled"]
     assert not table["withheld"].any()
     for row in table.iter_rows(named=True):
@@ -36,7 +36,7 @@ def test_a_row_a_method_with_a_believable_mass(log, machine):
 
 
 def test_a_verdict_that_forbids_the_mass_takes_out_every_number(log, machine):
-    table = withhold(masses(*log, machine()), CANNOT_WEIGH, ())
+    table = withhold_masses(summarise_masses(*log, machine()), CANNOT_WEIGH, ())
     assert table["withheld"].all()
     for name in NUMBERS:
         assert table[name].null_count() == 5, name
@@ -44,8 +44,8 @@ def test_a_verdict_that_forbids_the_mass_takes_out_every_number(log, machine):
 
 
 def test_a_method_that_the_log_contradicts_is_taken_out_alone(log, machine):
-    table = masses(*log, machine())
-    kept = withhold(table, WEIGHS, ("ls", "rls"))
+    table = summarise_masses(*log, machine())
+    kept = withhold_masses(table, WEIGHS, ("ls", "rls"))
     assert kept["withheld"].to_list() == [True, True, False, False, False]
     for name in NUMBERS:
         assert kept[name][:2].null_count() == 2, name
@@ -53,8 +53,8 @@ def test_a_method_that_the_log_contradicts_is_taken_out_alone(log, machine):
 
 
 def test_nothing_is_withheld_where_nothing_speaks_against_it(log, machine):
-    table = masses(*log, machine())
-    assert withhold(table, WEIGHS, ()).equals(table)
+    table = summarise_masses(*log, machine())
+    assert withhold_masses(table, WEIGHS, ()).equals(table)
 
 
 def test_pooled_is_one_fit_over_every_accepted_sample_of_the_whole_log(log, machine):
@@ -63,14 +63,16 @@ def test_pooled_is_one_fit_over_every_accepted_sample_of_the_whole_log(log, mach
     A, f = straight_regressor(excitation, settings)
     used = accepted_samples(excitation, gated, settings)
     whole = pooled.trace(A, f, np.where(used, 0, -1))
-    row = masses(*log, machine()).row(by_predicate=pl.col("method") == "pooled", named=True)
+    row = summarise_masses(*log, machine()).row(
+        by_predicate=pl.col("method") == "pooled", named=True
+    )
     assert row["mass_kg"] == pytest.approx(whole.theta[0, 0])
     assert row["mass_std_kg"] == pytest.approx(whole.std[0, 0])
     assert row["rows"] == estimates["pooled"].height == 3
 
 
 def test_rls_is_its_last_state(log, machine):
-    row = masses(*log, machine()).row(by_predicate=pl.col("method") == "rls", named=True)
+    row = summarise_masses(*log, machine()).row(by_predicate=pl.col("method") == "rls", named=True)
     last = log[2]["rls"].row(-1, named=True)
     assert (row["mass_kg"], row["mass_std_kg"]) == (last["mass_kg"], last["mass_std_kg"])
 
@@ -79,14 +81,14 @@ def test_windowed_methods_are_the_mean_weighted_by_what_each_window_knows(log, m
     frame = log[2]["ls"]
     weight = frame["mass_std_kg"] ** -2.0
     expected = (frame["mass_kg"] * weight).sum() / weight.sum()
-    row = masses(*log, machine()).row(0, named=True)
+    row = summarise_masses(*log, machine()).row(0, named=True)
     assert row["mass_kg"] == pytest.approx(expected)
     # windows overlap: the mean of hundreds is no twentieth of one
     assert row["mass_std_kg"] > frame["mass_std_kg"].min() / 10
 
 
 def test_without_an_empty_mass_there_is_no_payload(log, machine):
-    table = masses(*log, machine(body={"empty_mass_kg": None}))
+    table = summarise_masses(*log, machine(body={"empty_mass_kg": None}))
     assert table["payload_kg"].null_count() == 5
     assert table["mass_kg"].null_count() == 0
 
@@ -95,6 +97,6 @@ def test_a_method_without_rows_has_no_mass(log, machine):
     excitation, gated, estimates = log
     nothing = gated.with_columns(accepted_x=pl.lit(value=False))
     empty = {method: frame.clear() for method, frame in estimates.items()}
-    table = masses(excitation, nothing, empty, machine())
+    table = summarise_masses(excitation, nothing, empty, machine())
     assert table["mass_kg"].null_count() == 5
     assert table["rows"].to_list() == [0] * 5

@@ -7,7 +7,7 @@ import pytest
 from analysis.model.settings import Settings
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import accepted_samples, gate
-from analysis.stages.gating.segments import manoeuvres, segments
+from analysis.stages.gating.segments import number_manoeuvres, pool_by_manoeuvre
 from tests.analysis.settings_by_name import settings_of
 
 TRIP = ("standstill", "start", "brake", "standstill")
@@ -66,7 +66,7 @@ def test_a_row_of_ls_is_the_least_squares_of_the_window_that_ends_there(two_star
 
 def test_pooled_agrees_with_the_segments(two_starts):
     frames, gated = traced(two_starts)
-    table = segments(two_starts, gated, Settings()).drop_nulls("mass_kg")
+    table = pool_by_manoeuvre(two_starts, gated, Settings()).drop_nulls("mass_kg")
     names = ["mass_kg", "mass_std_kg", "friction_x_N_s_m", "residual_rms_N", "condition_1"]
     assert frames["pooled"].select(names).equals(table.select(names))
     assert frames["pooled"].height == 2
@@ -75,7 +75,7 @@ def test_pooled_agrees_with_the_segments(two_starts):
 def test_pooled_stands_at_the_last_sample_it_used(two_starts):
     frames, gated = traced(two_starts)
     used = accepted_samples(two_starts, gated, Settings())
-    numbers = np.where(used, manoeuvres(two_starts, Settings()), -1)
+    numbers = np.where(used, number_manoeuvres(two_starts, Settings()), -1)
     last = [int(np.flatnonzero(numbers == i)[-1]) for i in np.unique(numbers[used])]
     assert frames["pooled"]["t_ns"].to_list() == two_starts["t_ns"][last].to_list()
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.stages.gating.digging import digging, without_digging
+from analysis.stages.gating.digging import find_digging_starts, refuse_windows_that_dig
 from replay import load_machine, open_log, run
 from replay.logs import TimeAxis
 from tests.analysis.without_bucket import WITHOUT_BUCKET
@@ -79,7 +79,7 @@ def test_no_start_without_a_pile_digs(
     masses: list[float], friction: float, constant: float
 ) -> None:
     frame = starts(masses, friction, constant, [0.0] * len(masses))
-    assert digging(frame, MACHINE).is_empty()
+    assert find_digging_starts(frame, MACHINE).is_empty()
 
 
 @given(
@@ -94,20 +94,20 @@ def test_a_pile_that_is_met_at_speed_and_slows_the_machine_down_is_told(
 ) -> None:
     frame = starts([mass] * 3, friction, constant, [pile] * 3, free_s)
     assert "braking" in frame["phase"].unique()
-    assert digging(frame, MACHINE).height == 3
+    assert find_digging_starts(frame, MACHINE).height == 3
 
 
 def test_nobody_drives_into_a_pile_at_the_speed_of_a_road() -> None:
     frame = starts([3900.0] * 3, 400.0, 150.0, [6000.0] * 3, 1.0)
-    assert digging(frame, MACHINE).height == 3
+    assert find_digging_starts(frame, MACHINE).height == 3
     fast = frame.with_columns(pl.col("speed_x_m_s") * 6.0)
-    assert digging(fast, MACHINE).is_empty()
+    assert find_digging_starts(fast, MACHINE).is_empty()
 
 
 @given(st.floats(3000.0, 6000.0))
 def test_a_move_of_a_second_digs_nowhere_however_its_force_grows(growth: float) -> None:
     frame = starts([3600.0] * 3, 400.0, 150.0, [growth] * 3, lasts_s=1.1)
-    assert digging(frame, MACHINE).is_empty()
+    assert find_digging_starts(frame, MACHINE).is_empty()
 
 
 def test_what_grows_by_more_than_the_machine_can_drive_with_is_no_pile() -> None:
@@ -121,12 +121,12 @@ def test_what_grows_by_more_than_the_machine_can_drive_with_is_no_pile() -> None
         .then(pl.col("regressor_acc_x_m_s2") - pushed / 3600.0)
         .otherwise("regressor_acc_x_m_s2")
     )
-    assert digging(odd, MACHINE).is_empty()
+    assert find_digging_starts(odd, MACHINE).is_empty()
 
 
 def test_starts_into_a_pile_dig_and_their_windows_are_refused_with_the_reason() -> None:
     frame = starts([3600.0, 3900.0, 4300.0], 400.0, 150.0, [0.0, 4000.0, 0.0])
-    digs = digging(frame, MACHINE)
+    digs = find_digging_starts(frame, MACHINE)
     assert digs.height == 1
     assert digs["start_t_ns"][0] == pytest.approx(10.0e9, abs=0.1e9)
     gated = pl.DataFrame(
@@ -136,7 +136,7 @@ def test_starts_into_a_pile_dig_and_their_windows_are_refused_with_the_reason() 
             "reason_x": ["accepted"] * frame.height,
         }
     )
-    left = without_digging(gated, frame, digs, MACHINE)
+    left = refuse_windows_that_dig(gated, frame, digs, MACHINE)
     seconds = left["t_ns"] / 1e9
     refused = left.filter(~pl.col("accepted_x"))
     assert set(refused["reason_x"]) == {"digging"}
@@ -146,7 +146,7 @@ def test_starts_into_a_pile_dig_and_their_windows_are_refused_with_the_reason() 
 
 def test_a_force_that_reads_nothing_digs_nowhere() -> None:
     frame = starts([3600.0] * 3, 400.0, 150.0, [0.0] * 3).with_columns(force_x_N=pl.lit(0.0))
-    assert digging(frame, MACHINE).is_empty()
+    assert find_digging_starts(frame, MACHINE).is_empty()
 
 
 def turned_back(frame: pl.DataFrame) -> pl.DataFrame:
@@ -162,14 +162,16 @@ def one_after_the_other(*frames: pl.DataFrame) -> pl.DataFrame:
 def test_a_machine_that_does_not_dig_has_no_pile() -> None:
     body = MACHINE.machine.model_copy(update={"digs": False})
     frame = starts([3600.0] * 3, 400.0, 150.0, [4000.0] * 3)
-    assert digging(frame, MACHINE).height == 3
-    assert digging(frame, MACHINE.model_copy(update={"machine": body})).is_empty()
+    assert find_digging_starts(frame, MACHINE).height == 3
+    assert find_digging_starts(frame, MACHINE.model_copy(update={"machine": body})).is_empty()
 
 
 def test_what_pushes_back_whichever_way_the_machine_goes_is_no_pile() -> None:
     ahead = starts([3600.0] * 4, 400.0, 150.0, [4000.0] * 4)
-    assert digging(turned_back(ahead), MACHINE).height == 4  # a log with its signs turned round
-    assert digging(one_after_the_other(ahead, turned_back(ahead)), MACHINE).is_empty()
+    assert (
+        find_digging_starts(turned_back(ahead), MACHINE).height == 4
+    )  # a log with its signs turned round
+    assert find_digging_starts(one_after_the_other(ahead, turned_back(ahead)), MACHINE).is_empty()
 
 
 def test_a_resistance_that_falls_as_often_is_no_pile() -> None:
@@ -177,7 +179,7 @@ def test_a_resistance_that_falls_as_often_is_no_pile() -> None:
     pushed = starts([3600.0] * 4, 400.0, 4000.0, [0.0] * 4)
     since_s = (pl.col("t_ns") / 1e9 % 7.0 - 3.0).clip(0.0)
     falls = pushed.with_columns(force_x_N=pl.col("force_x_N") - 1000.0 * since_s)
-    assert digging(one_after_the_other(grows, falls), MACHINE).is_empty()
+    assert find_digging_starts(one_after_the_other(grows, falls), MACHINE).is_empty()
 
 
 def test_a_machine_that_drives_on_is_in_no_pile() -> None:
@@ -189,9 +191,9 @@ def test_a_machine_that_drives_on_is_in_no_pile() -> None:
         force_x_N=pl.col("force_x_N") + 400.0,
         phase=pl.when(rolls).then(pl.lit("braking")).otherwise("phase"),
     )
-    assert digging(frame, MACHINE).height == 4
+    assert find_digging_starts(frame, MACHINE).height == 4
     # the end of the log does not say whether it drives on
-    assert digging(rolling, MACHINE).height <= 1
+    assert find_digging_starts(rolling, MACHINE).height <= 1
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(3)))

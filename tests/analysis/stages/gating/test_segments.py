@@ -7,7 +7,7 @@ import pytest
 from analysis.model.schema import PHASE, PHASES, build
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import accepted_samples, gate
-from analysis.stages.gating.segments import manoeuvres, segments
+from analysis.stages.gating.segments import number_manoeuvres, pool_by_manoeuvre
 
 TRIP = ("standstill", "start", "brake", "standstill")
 
@@ -19,7 +19,7 @@ def phase_frame(*stretches):
 
 
 def ids(settings, *stretches):
-    return manoeuvres(phase_frame(*stretches), settings).tolist()
+    return number_manoeuvres(phase_frame(*stretches), settings).tolist()
 
 
 def test_a_start_from_standstill_into_cruise_is_one_manoeuvre_and_braking_another():
@@ -51,7 +51,7 @@ def two_starts(drive, excitation_of):
 def made(excitation, settings=None):
     settings = settings or Settings()
     gated = gate(excitation, settings)
-    return segments(excitation, gated, settings), gated
+    return pool_by_manoeuvre(excitation, gated, settings), gated
 
 
 def test_each_start_gives_its_pooled_mass_and_braking_says_why_it_has_none(two_starts):
@@ -69,7 +69,7 @@ def test_each_start_gives_its_pooled_mass_and_braking_says_why_it_has_none(two_s
 
 def test_times_and_counts_of_the_segments_are_those_of_their_rows(two_starts):
     table, gated = made(two_starts)
-    numbers = manoeuvres(two_starts, Settings())
+    numbers = number_manoeuvres(two_starts, Settings())
     used = accepted_samples(two_starts, gated, Settings())
     t_ns = two_starts["t_ns"].to_numpy()
     for row in table.iter_rows(named=True):
@@ -124,6 +124,6 @@ def test_a_stretch_of_one_phase_is_named_after_it_and_refused_for_what_it_is(pha
 def test_samples_that_determine_no_mass_leave_null_and_never_nan(two_starts):
     flat = two_starts.with_columns(regressor_acc_x_m_s2=pl.lit(0.0))
     gated = gate(two_starts, Settings())
-    table = segments(flat, gated, Settings())
+    table = pool_by_manoeuvre(flat, gated, Settings())
     assert (table["samples_accepted"] > 0).any()
     assert table["mass_kg"].null_count() == table.height

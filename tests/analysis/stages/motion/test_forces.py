@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from analysis.model.machine import Body
 from analysis.model.schema import build
 from analysis.stages.motion.forces import (
-    forces,
+    compute_excitation,
     longitudinal_force,
     regressor_acceleration,
     yaw_torque,
@@ -88,7 +88,7 @@ def test_excitation_keeps_the_time_and_length_and_carries_no_gap_column(machine)
     frame = smoothed(
         20, force_x_N=np.ones(20), specific_force_x_m_s2=np.ones(20), direction_x_1=np.ones(20)
     )
-    made = forces(frame, machine())
+    made = compute_excitation(frame, machine())
     assert made["t_ns"].equals(frame["t_ns"])
     assert "gap" not in made.columns
     assert {"force_x_N", "regressor_acc_x_m_s2", "speed_rate_x_m_s2", "phase"} <= set(made.columns)

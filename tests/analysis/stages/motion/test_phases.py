@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 
 from analysis.model.schema import build
 from analysis.model.settings import Settings
-from analysis.stages.motion.phases import phases, speed_rate, stopping_samples, yaw_speeding_sign
+from analysis.stages.motion.phases import (
+    classify_motion_phases,
+    speed_rate,
+    stopping_samples,
+    yaw_speeding_sign,
+)
 
 
 def classify(speed, settings=None, **columns):
@@ -23,7 +28,9 @@ def classify(speed, settings=None, **columns):
             "gap": np.zeros(speed.size, bool),
         },
     )
-    return phases(frame, speed, speed_rate(speed, settings), settings).cast(pl.String)
+    return classify_motion_phases(frame, speed, speed_rate(speed, settings), settings).cast(
+        pl.String
+    )
 
 
 def runs(found):

@@ -5,10 +5,10 @@ import polars as pl
 import pytest
 from scipy.signal import butter, sosfreqz
 
-from analysis.stages.motion.forces import forces
+from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.noise.channel_noise import channel_noise, notes
-from analysis.stages.noise.grid_noise import own_std
+from analysis.stages.noise.channel_noise import channel_noise, note_noise_sources
+from analysis.stages.noise.grid_noise import white_noise_std
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive
 from tests.analysis.conftest import make_machine
@@ -37,7 +37,7 @@ def noise_of(read, **settings):
     machine = make_machine(settings={"acceleration": "kinematic"}, **KINEMATIC)
     machine = machine.model_copy(update={"settings": machine.settings.with_changes(given)})
     aligned, _ = align(derive(read, machine)[0], machine)
-    excitation = forces(smooth(aligned, machine.settings.smooth), machine)
+    excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
     return channel_noise(aligned, excitation, machine, read), aligned
 
 
@@ -138,23 +138,24 @@ def test_noise_is_never_more_than_the_channel_varies():
 
 def test_a_note_says_what_tells_the_noise():
     noise, _ = noise_of(readings(100.0), filter__cutoff_hz=2.0)
-    assert notes(noise) == [
-        "noise of regressor_acc_x_m_s2, speed_x_m_s, force_x_N: the grid does not show it, so the "
-        "channels' own samples tell it, through what is done to them"
+    assert note_noise_sources(noise) == [
+        "noise of regressor_acc_x_m_s2, speed_x_m_s, force_x_N: estimated from the raw "
+        "samples and propagated through filter and derivative, because the grid is too coarse to "
+        "show it"
     ]
-    assert notes(noise_of(readings(100.0))[0]) == []
+    assert note_noise_sources(noise_of(readings(100.0))[0]) == []
 
 
 @pytest.mark.parametrize("rate_hz", [10_000.0, 1_000.0, 100.0, 50.0, 10.0])
 def test_a_channels_own_samples_tell_its_noise(rate_hz):
     t_ns, force = readings(rate_hz, 300.0)["force_x_N"]
-    assert own_std(t_ns, force, 3e9 / rate_hz) == pytest.approx(FORCE_N, rel=0.15)
+    assert white_noise_std(t_ns, force, 3e9 / rate_hz) == pytest.approx(FORCE_N, rel=0.15)
 
 
 def test_steps_of_a_reading_are_noise_of_a_twelfth_of_their_square():
     t_ns, speed = readings(100.0, speed_m_s=1e-9)["speed_x_m_s"]
     step = 0.1
-    found = own_std(t_ns, np.round(speed / step) * step, 3e7)
+    found = white_noise_std(t_ns, np.round(speed / step) * step, 3e7)
     assert found == pytest.approx(step / np.sqrt(12.0), rel=0.05)
 
 

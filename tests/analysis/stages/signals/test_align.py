@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from analysis.stages.signals.align import align, alignment_notes
-from analysis.stages.signals.derive import derive, read_measured
+from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
 from tests.one_line import assert_one_line
@@ -121,7 +121,7 @@ def test_a_delay_of_any_fraction_of_a_step_is_taken_off(raw_topic, machine, dela
     late = {"topic": "/late", "field": "force", "delay_s": delay_us / 1e6}
     loader = machine(force_x_N=late)
     aligned, _ = align(
-        derive(read_measured(assign_timestamps(raw)[0], loader)[0], loader)[0], loader
+        derive(read_measured_channels(assign_timestamps(raw)[0], loader)[0], loader)[0], loader
     )
     np.testing.assert_allclose(aligned[FORCE], 5.0 * aligned[SPEED] + 1.0, atol=1e-9)
 

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.stages.signals import filters
-from analysis.stages.signals.derive import derive, read_measured
+from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
 
@@ -14,7 +14,7 @@ T = np.arange(500) * 10 * MS + 1_700_000_000_000_000_000
 
 
 def derived(raw, machine):
-    read, losses = read_measured(assign_timestamps(raw)[0], machine)
+    read, losses = read_measured_channels(assign_timestamps(raw)[0], machine)
     frames, notes = derive(read, machine)
     return frames, losses, notes
 

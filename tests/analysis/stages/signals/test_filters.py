@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.stages.signals.filters import (
-    derivative,
+    differentiate,
     interpolate_line,
     interpolation_ready_ns,
     low_pass,
     period_ns,
-    stretches,
+    slices_between_gaps,
 )
 
 MS = 1_000_000
@@ -45,7 +45,7 @@ def test_a_constant_passes_and_fast_noise_does_not(causal):
 
 def known_by(function, t, times):
     """When the results are known: a central difference waits for the next sample."""
-    return interpolation_ready_ns(t, t, times + 1 if function is derivative else times)
+    return interpolation_ready_ns(t, t, times + 1 if function is differentiate else times)
 
 
 @settings(deadline=None)
@@ -56,7 +56,7 @@ def test_the_causal_forms_never_look_ahead(cut, change, seed, jitter):
     x = np.cumsum(generator.normal(size=T.size))
     later = x.copy()
     later[cut + 1 :] += change
-    for function, extra in ((low_pass, (10.0, 3.0)), (derivative, (3.0,))):
+    for function, extra in ((low_pass, (10.0, 3.0)), (differentiate, (3.0,))):
         times, before = function(t, x, *extra, causal=True)
         _, after = function(t, later, *extra, causal=True)
         past = known_by(function, t, times) <= t[cut]
@@ -69,7 +69,7 @@ def test_nothing_leaks_over_a_gap(causal):
     x = np.where(np.arange(400) >= 200, 1000.0, 0.0)
     for times, y in (
         low_pass(t, x, 10.0, 30 * MS, causal=causal),
-        derivative(t, np.where(x > 0, 1000.0, 0.0), 30 * MS, causal=causal),
+        differentiate(t, np.where(x > 0, 1000.0, 0.0), 30 * MS, causal=causal),
     ):
         assert set(np.round(np.unique(y[times < t[200]]), 9)) == {0.0}
         assert np.ptp(y[times >= t[200]]) < 1e-6
@@ -129,20 +129,20 @@ def test_the_derivative_of_a_line_is_its_slope_at_any_stamps(steps, slope, start
     t = 1_700_000_000_000_000_000 + np.cumsum(steps)
     x = start + slope * ((t - t[0]) / 1e9)
     for causal in (True, False):
-        times, rate = derivative(t, x, 300 * MS, causal=causal)
+        times, rate = differentiate(t, x, 300 * MS, causal=causal)
         np.testing.assert_array_equal(times, t[1:-1] if causal else t)
         np.testing.assert_allclose(rate, slope, atol=1e-6)
 
 
 def test_two_samples_have_no_derivative():
-    times, rate = derivative(T[:2], np.zeros(2), 30 * MS, causal=False)
+    times, rate = differentiate(T[:2], np.zeros(2), 30 * MS, causal=False)
     assert times.size == rate.size == 0
 
 
 @given(st.lists(st.integers(1, 100), min_size=1, max_size=40))
 def test_stretches_cut_at_every_long_step_and_nowhere_else(steps):
     t = np.cumsum(steps)
-    parts = stretches(t, 50.0)
+    parts = slices_between_gaps(t, 50.0)
     np.testing.assert_array_equal(np.concatenate([t[part] for part in parts]), t)
     assert all((np.diff(t[part]) <= 50).all() for part in parts)
     assert len(parts) == 1 + (np.diff(t) > 50).sum()

@@ -8,7 +8,12 @@ from scipy.spatial.transform import Rotation
 
 from analysis.model.machine import ImuMounting
 from analysis.model.settings import AlignSettings
-from analysis.stages.signals.mounting import inclination, move_to_origin, rotation, to_machine_axes
+from analysis.stages.signals.mounting import (
+    move_to_origin,
+    pitch_and_roll,
+    rotate_to_machine_axes,
+    rotation_to_machine_axes,
+)
 from estimators.errors import DataError
 
 AXES = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
@@ -21,9 +26,9 @@ def columns(names, vectors):
 
 
 def turned(seen, imu):
-    """What `to_machine_axes` makes of columns that share their stamps."""
+    """What `rotate_to_machine_axes` makes of columns that share their stamps."""
     stamps = {name: np.arange(x.size) * 10_000_000 for name, x in seen.items()}
-    out = to_machine_axes({n: (stamps[n], x) for n, x in seen.items()}, imu, AlignSettings())
+    out = rotate_to_machine_axes({n: (stamps[n], x) for n, x in seen.items()}, imu, AlignSettings())
     assert all(np.array_equal(out[name][0], t) for name, t in stamps.items())
     return {name: x for name, (_, x) in out.items()}
 
@@ -34,7 +39,7 @@ def stacked(out, names):
 
 @given(angles, angles, angles)
 def test_the_rotation_is_proper(roll, pitch, yaw):
-    R = rotation(ImuMounting(roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw))
+    R = rotation_to_machine_axes(ImuMounting(roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw))
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(R) == pytest.approx(1.0)
 
@@ -43,7 +48,7 @@ def test_the_rotation_is_proper(roll, pitch, yaw):
 def test_gravity_seen_by_a_tilted_imu_comes_back_upright(roll, pitch, yaw):
     imu = ImuMounting(roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw)
     upright = np.tile([0.0, 0.0, 9.81], (4, 1))
-    seen = upright @ rotation(imu)
+    seen = upright @ rotation_to_machine_axes(imu)
     out = turned(columns(AXES, seen) | columns(RATES, seen), imu)
     # a turn of less than 1e-12 rad counts as none
     np.testing.assert_allclose(stacked(out, AXES), upright, atol=1e-10)
@@ -117,15 +122,15 @@ def test_the_machines_pitch_and_roll_whatever_its_heading_and_however_its_imu_si
     imu = ImuMounting(roll_deg=imu_roll, pitch_deg=imu_pitch, yaw_deg=imu_yaw)
     attitude = Rotation.from_euler("ZYX", [heading, nose_down, roll], degrees=True)
     # from IMU axes to those of the machine, then to the world's
-    seen = (attitude * Rotation.from_matrix(rotation(imu))).as_quat() * length
-    found = inclination(seen[:, None], imu)
+    seen = (attitude * Rotation.from_matrix(rotation_to_machine_axes(imu))).as_quat() * length
+    found = pitch_and_roll(seen[:, None], imu)
     # REP-103 counts a nose that points down, payscope one that points up
     np.testing.assert_allclose(found["pitch"], np.deg2rad(-nose_down), atol=1e-7)
     np.testing.assert_allclose(found["roll"], np.deg2rad(roll), atol=1e-7)
 
 
 def test_an_imu_without_an_orientation_gives_no_angle():
-    found = inclination(np.zeros((4, 2)), ImuMounting())
+    found = pitch_and_roll(np.zeros((4, 2)), ImuMounting())
     assert np.isnan(found["pitch"]).all()
     assert np.isnan(found["roll"]).all()
 
@@ -135,7 +140,7 @@ def test_an_axis_with_stamps_of_its_own_is_interpolated_and_not_extrapolated():
     t = np.arange(100) * 10_000_000
     late = t[:50] + 4_000_000
     seen = {name: (t, np.ones(100)) for name in RATES[:2]} | {RATES[2]: (late, late * 1e-7)}
-    out = to_machine_axes(seen, ImuMounting(roll_deg=180), AlignSettings())
+    out = rotate_to_machine_axes(seen, ImuMounting(roll_deg=180), AlignSettings())
     stamps, yaw_rate = out[RATES[2]]
     np.testing.assert_array_equal(stamps, t[1:50])
     np.testing.assert_allclose(yaw_rate, -1e-7 * stamps)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from analysis.model.machine import ImuMounting
 from analysis.model.schema import build
-from analysis.stages.signals.mounting import rotation
+from analysis.stages.signals.mounting import rotation_to_machine_axes
 from analysis.stages.signals.mounting_guess import gravity_tilt_deg, guess_mounting
 from tests.analysis import phased
 
@@ -23,7 +23,7 @@ def said(imu, noise=0.05, seed=1, slope_deg=0.0, still=True):
     speed = phased.sampled("speed", 50.0, phase_s=0.004, seed=seed)
     slope = np.deg2rad(slope_deg)
     moved = np.stack([acc + G * np.sin(slope), 0 * acc, 0 * acc + G * np.cos(slope)], axis=1)
-    seen = moved @ rotation(imu)
+    seen = moved @ rotation_to_machine_axes(imu)
     seen = seen + noise * np.random.default_rng(seed).normal(size=seen.shape)
     if not still:
         v = np.interp(t_ns - t_ns[0], speed[0] - t_ns[0], speed[1])
@@ -57,8 +57,8 @@ def test_any_mounting_is_found_from_nine_starts(roll, pitch, yaw):
     assert guess.stood
     assert guess.yaw_deg is not None
     assert guess.yaw_std_deg < 1.0
-    assert angle_deg(rotation(sits(guess)), rotation(imu)) < 1.0
-    tilt = np.degrees(np.arccos(np.clip(rotation(imu)[2, 2], -1, 1)))
+    assert angle_deg(rotation_to_machine_axes(sits(guess)), rotation_to_machine_axes(imu)) < 1.0
+    tilt = np.degrees(np.arccos(np.clip(rotation_to_machine_axes(imu)[2, 2], -1, 1)))
     assert guess.tilt_deg == pytest.approx(tilt, abs=0.5)
     if abs(tilt - 10.0) > 1.0:
         assert guess.tilt_is_sure == (tilt > 10.0)
@@ -69,7 +69,7 @@ def test_a_place_that_slopes_a_little_changes_no_angle(slope_deg):
     for imu in (ImuMounting(), ImuMounting(roll_deg=90.0, yaw_deg=-90.0)):
         guess = guess_mounting(*said(imu, slope_deg=slope_deg))
         assert guess is not None
-        assert angle_deg(rotation(sits(guess)), rotation(imu)) < 1.0
+        assert angle_deg(rotation_to_machine_axes(sits(guess)), rotation_to_machine_axes(imu)) < 1.0
 
 
 def test_a_level_imu_is_level():

@@ -13,14 +13,14 @@ from rosbags.typesys import Stores, get_typestore
 
 from replay import open_log
 from replay.commands.info import show
-from replay.init.describe_log import describe
+from replay.init.describe_log import describe_log
 from replay.logs.decoding.batch_stream import Stream, take_all
 from replay.logs.decoding.decode_plan import Plan
-from replay.logs.decoding.decoder import schema_of
+from replay.logs.decoding.decoder import frame_schema_of_fields
 from replay.logs.decoding.decoder_choice import PerMessageDecoder, decoder_name, make_decoder
 from replay.logs.message_definitions import compile_type
 from replay.logs.messages.message_fields import resolve
-from replay.logs.messages.message_types import leaves
+from replay.logs.messages.message_types import iter_leaf_names
 from replay.logs.messages.raw_batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 from replay.logs.storage.container import Connection
 from tests.replay.logs.decoding.random_types import batch_of, encode, random_message
@@ -41,7 +41,7 @@ def test_every_type_of_a_release_is_columnar_and_equal_to_rosbags(release: Store
         rng = Random(0)
         messages = [random_message(store, name, rng) for _ in range(2)]
         batch = batch_of([encode(store, m, "ros1" if ros1 else "cdr_le") for m in messages])
-        fields = [resolve(leaf, kind.record) for leaf in leaves(kind.record)]
+        fields = [resolve(leaf, kind.record) for leaf in iter_leaf_names(kind.record)]
         decoded = Plan(kind.record, ros1=ros1, fields=fields).decode(batch)
         assert same(decoded.frame, PerMessageDecoder(kind, fields).decode(batch).frame), name
 
@@ -68,7 +68,7 @@ def test_a_type_without_a_plan_is_read_by_rosbags_and_info_says_so(tmp_path: Pat
         assert log.losses() == ()
         console = Console(width=200, color_system=None)
         with console.capture() as capture:
-            show(describe(log), UTC, console)
+            show(describe_log(log), UTC, console)
     assert "! /long: read message by message with rosbags, which is slow" in capture.get()
 
 
@@ -77,7 +77,9 @@ def test_large_batches_are_split_by_messages_and_by_bytes() -> None:
         lengths = np.full(count, size)
         times = np.arange(count)
         data = np.zeros(size, np.uint8)
-        return [part.rows for part in RawBatch(0, data, 0 * times, lengths, times).parts()]
+        return [
+            part.rows for part in RawBatch(0, data, 0 * times, lengths, times).split_to_batches()
+        ]
 
     assert rows(2 * BATCH_ROWS + 1, 10) == [BATCH_ROWS, BATCH_ROWS, 1]
     assert rows(5, BATCH_BYTES // 2) == [2, 2, 1]
@@ -105,14 +107,14 @@ def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
         yield RawBatch(0, whole, many, many + len(good), np.arange(5007, 5007 + many.size))
 
     fields = [resolve("effort[left]", kind.record)]
-    stream = Stream(make_decoder(kind, fields), schema_of(fields))
+    stream = Stream(make_decoder(kind, fields), frame_schema_of_fields(fields))
     take_all(([batch] for batch in batches()), {0: stream})
     frame, tally = stream.finish(), stream.tally
     assert frame["log_time_ns"].to_list() == [0, 2, 5, *range(6, 5007 + 2 * BATCH_ROWS + 1)]
     assert set(frame["effort[left]"]) == {0.5}
     assert frame["effort[left]"].n_chunks() < 8
     assert (tally.rows, tally.undecodable) == (frame.height, 1)
-    assert tally.first_fault.startswith("a list is longer than what is left of it")
+    assert tally.first_fault.startswith("a list is longer than the rest of the message")
 
 
 def test_describing_a_log_does_not_wait_for_the_compiler(own_data: Path) -> None:

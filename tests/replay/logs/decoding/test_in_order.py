@@ -51,4 +51,4 @@ def test_messages_of_a_batch_are_sorted_and_keep_their_bytes(times: list[int]) -
     batch = sorted_batch(join_messages(7, times, [b"%d" % k for k in range(len(times))]))
     order = sorted(range(len(times)), key=lambda k: times[k])
     assert batch.log_times.tolist() == sorted(times)
-    assert list(batch.messages()) == [b"%d" % k for k in order]
+    assert list(batch.iter_messages()) == [b"%d" % k for k in order]

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from estimators import interpreted
 from replay.logs.bag.bag_grammar import GRAMMAR as BAG
 from replay.logs.blocks import Block, Grammar
-from replay.logs.blocks.select_messages import chunk_stats, select
+from replay.logs.blocks.select_messages import chunk_stats, select_messages_of_connections
 from replay.logs.blocks.slabs import Slab, SlabIndex
 from replay.logs.decoding.decode_plan import Plan
 from replay.logs.decoding.decoder import DecodedBatch
@@ -120,7 +120,7 @@ def test_records_in_chunks_whole_and_damaged(
         part = rows.scan(0, data.size)
         block = Block(0, 0, data.size, "", data.size)
         slab = Slab(data, rows.found, ((block, *part),), ())
-        batches = select(data, slab.rows, wanted, 3, 2**62)
+        batches = select_messages_of_connections(data, slab.rows, wanted, 3, 2**62)
         return [
             part,
             slab.rows.tolist(),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from replay.logs.decoding.decode_plan import Plan
 from replay.logs.message_definitions import compile_type
 from replay.logs.messages.message_fields import resolve
-from replay.logs.messages.message_types import leaves
+from replay.logs.messages.message_types import iter_leaf_names
 from replay.logs.storage.container import Connection
 from tests.replay.logs.decoding.random_types import batch_of
 
@@ -19,7 +19,7 @@ TYPE = compile_type(
         "ros1msg",
     )
 )  # fmt: skip
-FIELDS = [resolve(leaf, TYPE.record) for leaf in leaves(TYPE.record)]
+FIELDS = [resolve(leaf, TYPE.record) for leaf in iter_leaf_names(TYPE.record)]
 PLAN = Plan(TYPE.record, ros1=True, fields=FIELDS)
 Parts = tuple[bytes, bytes, bytes, list[bytes], float]
 

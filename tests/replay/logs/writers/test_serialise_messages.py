@@ -46,7 +46,7 @@ def _column(store: Typestore, description: Any, values: Sequence[Any]) -> Column
         return columns(store, detail, values)
     if node == Nodetype.BASE:
         return (
-            RaggedColumn.texts(values)
+            RaggedColumn.from_texts(values)
             if detail[0] == "string"
             else np.array(values, _dtype(detail))
         )
@@ -124,7 +124,7 @@ def test_what_all_messages_share_is_said_once_and_what_is_left_out_is_empty(
 def test_messages_of_the_same_lengths_are_one_layout() -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     texts = ["a", "bc", "d", "ef", "a"]
-    made = serialise(store, "std_msgs/msg/String", {"data": RaggedColumn.texts(texts)}, 5, CDR)
+    made = serialise(store, "std_msgs/msg/String", {"data": RaggedColumn.from_texts(texts)}, 5, CDR)
     assert [None if same.chosen is None else same.chosen.tolist() for same in made] == [
         [0, 2, 4],
         [1, 3],

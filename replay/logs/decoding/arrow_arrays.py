@@ -31,37 +31,41 @@ ELEMENT_TYPES: Final[dict[str, Any]] = {
 }
 
 
-def of_values(bits: Ints, kind: str, absent: Flags | None = None) -> Array:
+def array_of_values(bits: Ints, kind: str, absent: Flags | None = None) -> Array:
     """Single values (n,) as they are gathered; null where they are absent."""
     if kind == "bool":
         return pa.array(bits != 0, mask=absent)
-    validity = _validity(absent)
+    validity = _make_validity_bitmap(absent)
     return pa.Array.from_buffers(
         _TYPES.get(kind, _INT64), bits.size, [validity, pa.py_buffer(bits)]
     )
 
 
-def of_elements(numbers: NDArray[Any], kind: str) -> Array:
+def array_of_elements(numbers: NDArray[Any], kind: str) -> Array:
     """Elements of lists (n,), of their own size."""
     if kind == "bool":
         return pa.array(numbers != 0)
     return pa.Array.from_buffers(ELEMENT_TYPES[kind], numbers.size, [None, pa.py_buffer(numbers)])
 
 
-def of_times(times: Ints) -> Array:
+def array_of_times(times: Ints) -> Array:
     """Times (n,) in ns."""
     return pa.Array.from_buffers(_INT64, times.size, [None, pa.py_buffer(times)])
 
 
-def of_strings(
+def array_of_strings(
     views: NDArray[np.uint32], text: NDArray[np.uint8], absent: Flags | None = None
 ) -> Array:
     """Strings (n,) from their views (n, 4) and the text of the long ones."""
-    buffers = [_validity(absent), pa.py_buffer(views), *([pa.py_buffer(text)] if text.size else [])]
+    buffers = [
+        _make_validity_bitmap(absent),
+        pa.py_buffer(views),
+        *([pa.py_buffer(text)] if text.size else []),
+    ]
     return pa.Array.from_buffers(pa.string_view(), len(views), buffers)
 
 
-def of_lists(counts: Ints, elements: Array) -> Array:
+def array_of_lists(counts: Ints, elements: Array) -> Array:
     """Lists of so many elements each (n,), null where there are -1."""
     ends = np.zeros(counts.size + 1, np.int64)
     absent = counts < 0
@@ -69,12 +73,12 @@ def of_lists(counts: Ints, elements: Array) -> Array:
     return pa.Array.from_buffers(
         pa.large_list(elements.type),
         counts.size,
-        [_validity(absent), pa.py_buffer(ends)],
+        [_make_validity_bitmap(absent), pa.py_buffer(ends)],
         children=[elements],
     )
 
 
-def _validity(absent: Flags | None) -> Any:
+def _make_validity_bitmap(absent: Flags | None) -> Any:
     if absent is None or not absent.any():
         return None
     return pa.py_buffer(np.packbits(~absent, bitorder="little"))

@@ -1,0 +1,40 @@
+"""Checks on the screen, as `run` and `explain` print them: number, limit, meaning and remedy."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from replay.commands.print_tables import make_plain_table, print_line, print_table
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from analysis.model.verdict import Check
+
+
+def make_check_table(checks: Sequence["Check"]) -> "Table":
+    """A row a check: its number, its limit, what it led to."""
+    from recordings.report.number_text import format_check_outcome
+
+    table = make_plain_table("check", "value", "limit")
+    table.add_column("")
+    table.add_column("meaning", overflow="fold")
+    for check in checks:
+        value = "–" if check.value is None else f"{check.value:.3g}"
+        passed = "near" if check.is_near else "ok"
+        state = format_check_outcome(check, passed=passed, failed="[red]failed[/]", absent="n/a")
+        table.add_row(check.check, value, check.limit, state, check.meaning)
+    return table
+
+
+def print_remedies(screen: "Console", failed: Sequence["Check"]) -> None:
+    """Print what would mend each failed check that has a number."""
+    for check in failed:
+        if check.remedy and check.value is not None:
+            print_line(screen, f"{check.check}: {check.remedy}")
+
+
+def print_failed_checks(screen: "Console", failed: Sequence["Check"]) -> None:
+    """Print failed checks as a table, then their remedies."""
+    print_table(screen, make_check_table(failed))
+    print_remedies(screen, failed)
