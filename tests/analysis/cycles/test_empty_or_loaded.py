@@ -12,17 +12,21 @@ NO_DIGGING = pl.DataFrame(schema={"start_t_ns": pl.Int64, "end_t_ns": pl.Int64})
 
 
 def classified(
-    payload_kg: float, seed: int, scatter_kg: float, wrong: dict[int, float] | None = None
+    payload_kg: float,
+    seed: int,
+    scatter_kg: float,
+    wrong: dict[int, float] | None = None,
+    states: int = STATES,
 ) -> np.ndarray | None:
     """Of one manoeuvre a state, every second one with a load; some with a wrong mass in kg."""
-    loads = payload_kg * (np.arange(STATES) % 2)
-    mass_kg = 1670.0 + loads + np.random.default_rng(seed).normal(0.0, scatter_kg, STATES)
+    loads = payload_kg * (np.arange(states) % 2)
+    mass_kg = 1670.0 + loads + np.random.default_rng(seed).normal(0.0, scatter_kg, states)
     for state, wrong_kg in (wrong or {}).items():
         mass_kg[state] = wrong_kg
-    begin = np.arange(STATES) * 10**10
+    begin = np.arange(states) * 10**10
     times_ns = (begin, begin + 5 * 10**9)
     return loaded_states(
-        mass_kg, np.full(STATES, STATE_U_KG), np.arange(STATES), times_ns, NO_DIGGING
+        mass_kg, np.full(states, STATE_U_KG), np.arange(states), times_ns, NO_DIGGING
     )
 
 
@@ -32,6 +36,16 @@ def test_small_loads_that_take_turns_are_told_by_that(seed: int) -> None:
     loaded = classified(3.75 * STATE_U_KG, seed, STATE_U_KG / 2.0)
     assert loaded is not None
     assert (loaded == (np.arange(STATES) % 2 == 1)).all()
+
+
+def test_many_loads_need_not_all_take_turns() -> None:
+    """Of 120 states with loads of two of their uncertainties a sixth lie on the wrong side."""
+    told = [classified(2.0 * STATE_U_KG, seed, STATE_U_KG, states=120) for seed in range(10)]
+    shares = [
+        float((each == (np.arange(120) % 2 == 1)).mean()) for each in told if each is not None
+    ]
+    assert len(shares) >= 8
+    assert min(shares) > 0.75
 
 
 @pytest.mark.parametrize("wrong_kg", [76_016.0, -4_000.0])
@@ -54,3 +68,4 @@ def test_two_masses_far_above_the_others_are_not_the_only_loads(seed: int) -> No
 @pytest.mark.parametrize("seed", range(10))
 def test_masses_that_differ_by_chance_are_not_told(seed: int) -> None:
     assert classified(0.0, seed, STATE_U_KG) is None
+    assert classified(0.0, seed, STATE_U_KG, states=120) is None
