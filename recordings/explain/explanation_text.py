@@ -13,7 +13,6 @@ from recordings.report.finding_text import (
     indistinguishable_causes,
     mass_change_text,
     may_change_mass,
-    order_by_effect,
     proposal_text,
 )
 from recordings.report.number_text import format_number, format_plus_minus
@@ -48,7 +47,8 @@ def verdict_sentence(explained: Explanation) -> str:
     if not any(map(may_change_mass, found)):
         names = ", ".join(cause_name(each.cause) for each in found)
         return f"{said}{here}; none of the findings is known to affect the mass: {names}."
-    first, others = order_by_effect(found)[0], len(found) - 1
+    # the list's own order: a sentence that skips would be another order of likelihood
+    first, others = found[0], len(found) - 1
     more = f", and {counted(others, 'finding')} more" if others else ""
     change = mass_change_text(first) or (
         "" if may_change_mass(first) else "not known to affect the mass"
@@ -80,10 +80,10 @@ def _describe_decision(stretch: GateStretch) -> str:
 
 
 def describe_findings(explained: Explanation) -> Iterator[str]:
-    """Every finding with what follows from it, in the order of `order_by_effect`."""
-    for number, each in enumerate(order_by_effect(explained.findings or ()), 1):
+    """Every finding, ranked, with what follows from it."""
+    for each in explained.findings or ():
         where = ", ".join(filter(None, (each.channel, finding_span_text(each))))
-        yield f"{number}. {cause_name(each.cause)}{f' ({where})' if where else ''}: {each.says}"
+        yield f"{each.rank}. {cause_name(each.cause)}{f' ({where})' if where else ''}: {each.says}"
         for line in (
             each.evidence,
             mass_change_text(each),

@@ -22,20 +22,6 @@ def consequence_text(finding: Finding) -> str:
     return _LEADS_TO[finding.severity]
 
 
-def order_by_effect(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Order causes as they are printed everywhere.
-
-    Those that invalidate the mass come first, then those that may change it, then the others; the
-    likeliest first among each.
-    """
-    return tuple(
-        sorted(
-            findings,
-            key=lambda each: (each.severity != "withhold", not may_change_mass(each), each.rank),
-        )
-    )
-
-
 def findings_of_run(run: Run) -> tuple[Finding, ...]:
     """The findings of a run the likeliest first; none where none were looked for."""
     frame = run.frames.get("findings")
@@ -110,11 +96,11 @@ def findings_text(run: Run) -> str:
     """Every finding in Markdown; a sentence where none shows, nothing where none was looked for."""
     if "findings" not in run.frames:
         return ""
-    found = order_by_effect(findings_of_run(run))
+    found = findings_of_run(run)
     if not found:
         return "# Findings\n\nNone of the known causes of a wrong mass was detected in this log."
     parts = ["# Findings"]
-    for number, each in enumerate(found, 1):
+    for each in found:
         lines = [
             each.evidence,
             *filter(
@@ -123,7 +109,7 @@ def findings_text(run: Run) -> str:
             consequence_text(each),
         ]
         where = ", ".join(filter(None, (each.channel, finding_span_text(each))))
-        parts.append(f"## {number}. {cause_name(each.cause)}{f' ({where})' if where else ''}")
+        parts.append(f"## {each.rank}. {cause_name(each.cause)}{f' ({where})' if where else ''}")
         strength = f"{format_number(each.strength_1)} × the detection threshold"
         parts.append(f"{each.says}; {strength}\n\n" + "\n".join(f"- {line}" for line in lines))
     return "\n\n".join(parts)

@@ -15,7 +15,6 @@ from recordings.report.finding_text import (
     finding_line,
     findings_of_run,
     findings_text,
-    order_by_effect,
 )
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
@@ -156,7 +155,7 @@ def format_summary(run: Run) -> str:
             )
             lines.append(f"{method:<8} {mass}{turns}")
     lines += planar_fit_lines(said.planar, said.planar_budget)
-    for each in order_by_effect(findings_of_run(run))[:_FOUND]:
+    for each in findings_of_run(run)[:_FOUND]:
         lines.append(f"finding  {each.rank}. {finding_line(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:

@@ -137,7 +137,7 @@ def _print_explanation(
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)
-    part("causes, by effect on the mass, then by likelihood:", describe_findings(explained))
+    part("causes, the likeliest first:", describe_findings(explained))
     if explained.manoeuvre is not None:
         part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
     part("manoeuvres that stand out:", map(manoeuvre_line, explained.worst))

@@ -248,10 +248,9 @@ def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
         finding_line,
         findings_of_rows,
         may_change_mass,
-        order_by_effect,
     )
 
-    found = order_by_effect(findings_of_rows(answer.findings))
+    found = findings_of_rows(answer.findings)
     shown = found if verbose else [each for each in found if may_change_mass(each)][:_MOST_LINES]
     yield from (f"finding: {finding_line(each)}" for each in shown)
     left = len(found) - len(shown)

@@ -228,7 +228,7 @@ ATTACKS: tuple[Attack, ...] = (
     Attack("use", "an unknown key where one is asked for", used_unknown, 2, "payscope keys add"),
     Attack("use", "no signature where one is asked for", used_unsigned, 2, "is unsigned"),
     Attack("use", "weighed with other settings", used_with_other_settings, 2,
-           "is of other settings"),
+           "was made with other settings"),
     Attack("use", "weighed for another machine", used_of_other_machine, 2, "sledge-8"),
     Attack("use", "a campaign after a forged α", chained_to_forged, 2,
            "nothing can be chained to it: tampered"),

@@ -216,7 +216,7 @@ def no_stamp(_: Made, bundle: Path, __: Path, ___: Path) -> None:
 @pytest.mark.parametrize(
     ("attack", "outcome", "words"),
     [
-        (of_other_evidence, BundleOutcome.TAMPERED, "is of another signature"),
+        (of_other_evidence, BundleOutcome.TAMPERED, "belongs to another signature"),
         (of_another_authority, BundleOutcome.TAMPERED, "is by no authority of --tsa"),
         (with_another_time, BundleOutcome.TAMPERED, "is by no authority of --tsa"),
         (cut_off, BundleOutcome.TAMPERED, "is no time-stamp response"),

@@ -160,7 +160,7 @@ def test_evidence_that_is_not_of_this_shift_is_refused_in_a_line(
 
     refused("--require-signed", says="unsigned")
     refused("--key", key_files(tmp_path)[1], says="calibrates nothing")
-    refused("--set", "machine.name=other", says="not of 'other'")
+    refused("--set", "machine.name=other", says="not to 'other'")
     later = tmp_path / "later.csv"
     sledge_shift(SHORT[:1], begin_s=2_000_000_000.0).write_csv(later)
     refused(log=later, says="expired on")
@@ -172,7 +172,7 @@ def test_evidence_that_is_not_of_this_shift_is_refused_in_a_line(
         (["nowhere.bag"], "no such file"),
         (["empty"], "empty: no bag in this directory"),
         (["shift", "--target", "-3"], "--target"),
-        (["shift", "--require-signed"], "are of --calibration"),
+        (["shift", "--require-signed"], "need --calibration"),
         (["shift", "--calibration", "nowhere"], "nowhere"),
         (["broken.mcap"], "broken.mcap"),
     ],

@@ -56,7 +56,7 @@ def calibration_budget_rows(
     ]
     names = {row.component for row in rows}
     if DAY not in names:
-        rows.append(BudgetRow(DAY, "day", None, None, "unknown: the runs cannot separate it"))
+        rows.append(BudgetRow(DAY, "day", None, None, "unknown: the runs do not tell it apart"))
     if LACK_OF_FIT not in names:
         rows.append(
             BudgetRow(LACK_OF_FIT, "line", 0.0, None, "none found beyond the runs' scatter")
@@ -71,9 +71,7 @@ def calibration_budget_rows(
     ]
     if common_kg is None:
         rows.append(
-            BudgetRow(
-                "common error", "absorbed", 0.0, None, "priors and scale: the same in every m̂"
-            )
+            BudgetRow("common error", "absorbed", 0.0, None, "priors and scale: in every m̂ alike")
         )
     else:
         known = "priors and scale: no second day shows whether they stay, so they count once"

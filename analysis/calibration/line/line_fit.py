@@ -282,9 +282,9 @@ def _notes_on_days(calibration: Calibration) -> list[str]:
             if calibration.common_kg
             else "; the intervals hold for that day"
         )
-        return [f"day to day: unknown, because all runs were driven on one day{common}"]
+        return [f"day to day: unknown, all runs are of one day{common}"]
     if calibration.day_kg is None:
-        return ["day to day: the runs cannot separate it, so it is part of run to run"]
+        return ["day to day: the runs do not tell it apart, so that run to run has it in it"]
     if calibration.day_freedom is not None and calibration.day_freedom < 4:
         return [
             f"day to day: {days} days tell it with {calibration.day_freedom} degrees of freedom; "

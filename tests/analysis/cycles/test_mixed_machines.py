@@ -35,7 +35,7 @@ def test_a_machine_half_as_heavy_again_is_another_one() -> None:
     assert found is not None
     assert found.log == 1
     said = found.warning_text("truck2.bag")
-    assert "3,600 kg before truck2.bag and 5,000 kg from it on (+39%)" in said
+    assert "3,600 kg before truck2.bag and 5,000 kg from then on (+39%)" in said
 
 
 def test_fuel_and_mud_are_no_other_machine() -> None:

@@ -14,7 +14,7 @@ def stop(made):
     """Times and channels of the last stop, from half a second after the brakes begin."""
     times = made.driven[-1].times
     time_s = np.arange(times.braking_s + 1.5, times.end_s - 0.01, 0.005)
-    return time_s, made.sample(time_s)
+    return time_s, made.sample_channels(time_s)
 
 
 @pytest.mark.parametrize("direction", ["forward", "reverse"])

@@ -47,7 +47,7 @@ def solved(*manoeuvres, **sections):
 
 def sampled(motion, rate_hz=100.0):
     time = np.arange(0.0, motion.duration_s, 1 / rate_hz)
-    return time, motion.sample(time)
+    return time, motion.sample_channels(time)
 
 
 def regressor(run):

@@ -78,7 +78,7 @@ def test_a_clock_that_counts_from_its_start_is_given_no_date(drives):
     written = recording_markdown(Run(run.frames, about))["answer"]
     assert "47.580 s of the log's own clock" in written
     assert "1970" not in written
-    assert "Times on the axes are of the log's own clock" in written
+    assert "Times on the axes are those of the log's own clock" in written
     assert "UTC" not in written
 
 

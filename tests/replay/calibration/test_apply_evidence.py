@@ -114,7 +114,7 @@ def test_evidence_that_is_not_of_this_log_is_refused_in_a_line(
 
     refused("--require-signed", says="unsigned")
     refused("--key", keys[1], says="calibrates nothing")
-    refused("--set", "machine.name=other", says="not of 'other'")
+    refused("--set", "machine.name=other", says="not to 'other'")
     refused("--set", "settings.priors.lag_s=0.03", says="settings.priors.lag_s = 0.02 there")
     refused(evidence=tmp_path / "nowhere", says="nowhere")
     broken = tmp_path / "broken"

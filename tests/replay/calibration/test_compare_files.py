@@ -108,7 +108,7 @@ def test_untouched_evidence_holds_and_what_is_not_compared_is_listed(bundle: Pat
     assert not found.findings, items(found)
     done, unseen = "\n".join(found.done), "\n".join(found.unseen)
     assert "the frames of each run's recording, by their fingerprint" in done
-    assert "the frames of calibration.rrd, made anew" in done
+    assert "the frames of calibration.rrd, recomputed" in done
     assert "topics, counts, stamps, losses, notes, speeds and verdict of each log" in done
     assert "What a viewer draws of a recording" in unseen
     assert "people, place, conditions, sensors and parts" in unseen

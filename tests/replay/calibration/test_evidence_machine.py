@@ -110,7 +110,7 @@ def test_a_sisters_log_is_refused_by_run_sweep_review_and_check(
     about = read_provenance(tmp_path / "plain.rrd")
     assert (about.logged_machine_id, about.machine["machine"]["id"]) == (SISTER, SISTER)
     said = payscope("show", tmp_path / "plain.rrd", "loads", "--calibration", made.folder)
-    one_line(said, f"is of machine '{OWN}', not of '{SISTER}'")
+    one_line(said, f"belongs to machine '{OWN}', not to '{SISTER}'")
 
 
 def check_log(log: Path, tmp_path: Path, previous: Path) -> None:
@@ -152,7 +152,7 @@ def test_a_sisters_machine_file_is_refused_though_all_else_is_the_same(
     file = tmp_path / "sledge.toml"
     text = (folder / "sledge.toml").read_text()
     file.write_text(text.replace("[machine]", f'[machine]\nid = "{SISTER}"', 1))
-    words = f"is of machine '{OWN}', not of '{SISTER}'"
+    words = f"belongs to machine '{OWN}', not to '{SISTER}'"
     for command in (("run",), ("review", "-o", tmp_path / "review")):
         ask = ("-m", file, "--calibration", made.folder)
         one_line(payscope(command[0], folder / "load-1.parquet", *ask, *command[1:]), words)

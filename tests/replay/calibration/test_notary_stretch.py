@@ -281,7 +281,7 @@ def test_a_list_by_a_key_of_ones_own_is_no_recorders(notarised: Notarised, tmp_p
     found = notarised.verify(forged, signed=True)
     assert found.outcome is INCOMPLETE
     assert "is signed by an unknown key" in items(found)
-    assert any("kept with the key that signed this evidence" in note for note in found.notes)
+    assert any("signed with the same key as this evidence" in note for note in found.notes)
 
 
 def test_a_line_that_names_another_machine_is_none_of_the_campaign(

@@ -175,5 +175,5 @@ def test_bundles_that_cannot_be_read_and_wrong_usage(
     assert "number 2: is missing between" in left.out
     left = payscope("verify", made.first, made.bundle, "--previous", made.first)
     assert left.status == 2
-    assert "--previous is of one folder" in left.err
+    assert "--previous needs a single folder" in left.err
     assert '"chain"' in payscope("verify", made.first, made.bundle, "--json").out

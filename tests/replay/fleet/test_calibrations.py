@@ -94,7 +94,7 @@ def test_evidence_of_other_settings_is_a_fault_of_its_logs_and_left_out_of_a_wha
     override = "settings.gate.threshold_nat=0.9"
     did = run(folder, tmp_path / "results", override)
     assert len(did.failed) == 2
-    assert all("is of other settings" in why for why in did.failed.values())
+    assert all("was made with other settings" in why for why in did.failed.values())
     files = NamedFiles(
         str(folder / "sledge.toml"), (override,), (str(folder / "evidence/sledge/first"),)
     )

@@ -16,7 +16,7 @@ def batches(columns, predicate, n_rows):
         rows = pl.DataFrame({"x": range(chunk * 10, chunk * 10 + 10)})
         yield rows if predicate is None else rows.filter(predicate)
 
-source = SimpleNamespace(schema=pl.Schema({"x": pl.Int64}), topic="slow", batches=batches)
+source = SimpleNamespace(schema=pl.Schema({"x": pl.Int64}), topic="slow", iter_batches=batches)
 rows = lazy_frame(source).filter(pl.col("x") > 3).head(3).collect(engine="streaming")
 print(rows["x"].to_list(), flush=True)
 """

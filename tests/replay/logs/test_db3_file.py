@@ -157,7 +157,7 @@ def test_topics_that_damage_made_unreadable_are_said_and_so_are_their_messages(
     database.close()
     with open_log(path) as log:
         assert log.topics().is_empty()
-        assert "no topic that they are of" in log.losses()[0].what
+        assert "messages without their topics" in log.losses()[0].what
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)

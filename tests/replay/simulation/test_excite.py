@@ -62,7 +62,7 @@ def test_a_yard_that_nothing_fits_leaves_with_one_and_writes_nothing(excite, des
     assert "No waveform fits the yard" in answer.out
     assert not list(tmp_path.iterdir())
     with pytest.raises(DataError, match="fits the yard"):
-        write_scenario(replace(designed, best=None).scenario(BASE), tmp_path / "best.toml")
+        write_scenario(replace(designed, best=None).to_scenario(BASE), tmp_path / "best.toml")
 
 
 @pytest.mark.parametrize(
@@ -90,5 +90,5 @@ def test_the_scenario_that_is_read_is_never_overwritten(excite, designed, tmp_pa
     before = mine.read_bytes()
     assert excite("mine.toml", "-o", "mine.toml", "--force").status == 2
     with pytest.raises(OutputError, match="exists already"):
-        write_scenario(designed.scenario(BASE), mine)
+        write_scenario(designed.to_scenario(BASE), mine)
     assert mine.read_bytes() == before

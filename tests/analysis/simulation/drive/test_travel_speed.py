@@ -25,7 +25,7 @@ def travel(**keys):
 
 def sampled(made, step_s=0.02):
     """The channels of a log, every so often."""
-    return made.sample(np.arange(0.0, made.trial_s[-1], step_s))
+    return made.sample_channels(np.arange(0.0, made.trial_s[-1], step_s))
 
 
 def travelled(campaign=(), sections=(), **keys):

@@ -25,7 +25,7 @@ SMOOTH = {"friction_N_s_m": 0.0}
 def sampled(made, begin_s=0.0, end_s=None, step_s=0.002):
     """Times and channels of a log."""
     time_s = np.arange(begin_s, made.trial_s[-1] if end_s is None else end_s, step_s)
-    return time_s, made.sample(time_s)
+    return time_s, made.sample_channels(time_s)
 
 
 def times(made, number=-1):

@@ -126,7 +126,7 @@ def test_a_length_beyond_the_end_of_its_message_is_refused_and_takes_no_memory(
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert decoded.undecodable == 100
-    assert "longer than what is left" in decoded.first_fault
+    assert "longer than the rest of the message" in decoded.first_fault
     assert peak < 1e6
 
 
