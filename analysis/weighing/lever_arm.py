@@ -19,7 +19,7 @@ and Panel Data, ch. 5). Frequency and damping are those that leave the least.
 
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -57,14 +57,17 @@ class BodySwing:
 
     def with_gravity(self, squat_1: float) -> "BodySwing":
         """Add what a squat by g s has of the swing, where gravity was off by the pitch."""
-        turn_1_s = 2.0 * np.pi * self.frequency_hz
-        return replace(self, lever_s2=self.lever_s2 - squat_1 / turn_1_s**2)
+        return replace(self, lever_s2=self.lever_s2 - squat_1 / self.omega_1_s**2)
+
+    @property
+    def omega_1_s(self) -> float:
+        """ω, in rad/s."""
+        return 2.0 * np.pi * self.frequency_hz
 
     @property
     def is_stable(self) -> bool:
         """Whether what is measured below the axis still tells the acceleration."""
-        turn_1_s = 2.0 * np.pi * self.frequency_hz
-        return self.lever_s2 * turn_1_s**2 > -LIMITS.lever_max_below_1
+        return self.lever_s2 * self.omega_1_s**2 > -LIMITS.lever_max_below_1
 
     def swing_m_s2(self, measured: Floats, rate_hz: float) -> Floats:
         """Take κ · y'' from what is measured on that body, (n,) in m/s²."""
@@ -77,11 +80,11 @@ class BodySwing:
     def _filter(self, x: Floats, rate_hz: float, numerator: tuple[float, ...]) -> Floats:
         from scipy.signal import bilinear, lfilter, lfilter_zi
 
-        turn_1_s = 2.0 * np.pi * self.frequency_hz
+        omega_1_s = self.omega_1_s
         # what is measured has the swing in it
-        swings = 1.0 + self.lever_s2 * turn_1_s**2
-        below = (swings, 2.0 * self.damping_1 * turn_1_s, turn_1_s**2)
-        b, a = bilinear(turn_1_s**2 * np.array(numerator), below, rate_hz)
+        swings = 1.0 + self.lever_s2 * omega_1_s**2
+        below = (swings, 2.0 * self.damping_1 * omega_1_s, omega_1_s**2)
+        b, a = bilinear(omega_1_s**2 * np.array(numerator), below, rate_hz)
         return lfilter(b, a, x, zi=lfilter_zi(b, a) * x[0])[0]
 
 
@@ -94,15 +97,18 @@ def estimate_swing(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     """
     if motion.rate_hz < LIMITS.lever_min_rate_hz:
         return None
+    compared = _WheelComparison.of(measured, motion)
+    if compared is None:
+        return None
     tried = [
-        _estimate_lever_arm(measured, motion, BodySwing(frequency_hz=hz, damping_1=damping_1))
+        compared.estimate_lever_arm(BodySwing(frequency_hz=hz, damping_1=damping_1))
         for hz, damping_1 in product(_FREQUENCIES_HZ, _DAMPINGS_1)
     ]
     known = [each for each in tried if each is not None]
     if not known:
         return None
     first, _ = min(known, key=lambda each: each[1])
-    found = _search_springs(measured, motion, first)
+    found = _search_springs(compared, first)
     if found is None:
         return None
     least_s2 = max(LIMITS.lever_min_s2, LIMITS.pitch_squat_min_std * found.u_s2)
@@ -111,7 +117,7 @@ def estimate_swing(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     return replace(found, u_s2=float(np.hypot(found.u_s2, LIMITS.lever_shape_u * found.lever_s2)))
 
 
-def _search_springs(measured: Floats, motion: MotionSamples, first: BodySwing) -> BodySwing | None:
+def _search_springs(compared: "_WheelComparison", first: BodySwing) -> BodySwing | None:
     """The springs that leave the least, of a body that is driven without its own swing."""
     from scipy.optimize import Bounds, minimize
 
@@ -120,7 +126,7 @@ def _search_springs(measured: Floats, motion: MotionSamples, first: BodySwing) -
         return replace(first, frequency_hz=hz, damping_1=damping_1)
 
     def cost(logs: Floats) -> float:
-        found = _estimate_lever_arm(measured, motion, springs(logs))
+        found = compared.estimate_lever_arm(springs(logs))
         return np.inf if found is None else found[1]
 
     begin = np.log([first.frequency_hz, first.damping_1])
@@ -133,61 +139,86 @@ def _search_springs(measured: Floats, motion: MotionSamples, first: BodySwing) -
         bounds=Bounds(low, high),
         options={"initial_simplex": corners, "xatol": _TOLERANCE, "fatol": np.inf},  # pyright: ignore[reportArgumentType] the stubs know no simplex
     )
-    found = _estimate_lever_arm(measured, motion, springs(best.x))
+    found = compared.estimate_lever_arm(springs(best.x))
     return None if found is None else found[0]
 
 
-def _estimate_lever_arm(
-    measured: Floats, motion: MotionSamples, springs: BodySwing
-) -> tuple[BodySwing, float] | None:
-    """The lever arm by these springs, and the mean square that it leaves."""
-    assert motion.specific_force is not None
-    rate_hz = motion.rate_hz
-    step_s, lag = 1.0 / rate_hz, max(rows_in_duration(LIMITS.lever_lag_s, rate_hz) // EVERY, 1)
-    shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
-    swings = springs.pitch_rate_m_s3(motion.specific_force, rate_hz)
-    by_force = springs.pitch_rate_m_s3(motion.force, rate_hz)
-    parts: list[Floats] = []
-    group = motion.group
-    first, last = np.flatnonzero(first_of_stretch(group)), np.flatnonzero(last_of_stretch(group))
-    for begin, end in zip(first.tolist(), (last + 1).tolist(), strict=True):
-        if end - begin < shortest:
-            continue
-        part = slice(begin, end)
-        a, v, force = measured[part], motion.speed[part], motion.force[part]
-        gained = (np.cumsum(a) - a / 2.0) * step_s
-        columns = (gained, np.abs(v) * force, -a, -swings[part], v - gained, -by_force[part])
-        rows = np.column_stack([average_overlapping(x) for x in columns])
-        rows = rows[lag:] - rows[:-lag]
-        parts.append(rows - rows.mean(axis=0))
-    if len(parts) < LIMITS.squat_min_stretches:
-        return None
-    scale = np.sqrt(np.mean([(rows**2).mean(axis=0) for rows in parts], axis=0))
-    if not (scale > 0.0).all():
-        return None
-    parts = [rows / scale for rows in parts]
-    instruments = [rows[:, [0, 1, 2, 5]] for rows in parts]
-    pairs = list(zip(instruments, parts, strict=True))
-    solved = fit_instrumental_variables(
-        np.array([z.T @ rows[:, :4] for z, rows in pairs]),
-        np.array([z.T @ rows[:, 4] for z, rows in pairs]),
-    )
-    if solved is None:
-        return None
-    theta, covariance = solved
-    left = sum(float(((rows[:, 4] - rows[:, :4] @ theta) ** 2).sum()) for rows in parts)
-    unit_s2 = float(scale[4] / scale[3])
-    lever_s2, std_s2 = float(theta[3]) * unit_s2, float(np.sqrt(covariance[3, 3])) * unit_s2
-    return replace(springs, lever_s2=lever_s2, u_s2=std_s2), left * float(scale[4]) ** 2
+@dataclass(frozen=True)
+class _WheelComparison:
+    """Wheels and accelerometer in differences, apart from what depends on the springs.
+
+    Attributes:
+        motion: the samples.
+        spans: first sample of each stretch that is long enough, and the one behind its last.
+        lag: differences are over so many means.
+        shared: by stretch, (means, 4) of what the accelerometer gained, slip, delay and response.
+    """
+
+    motion: MotionSamples
+    spans: list[slice]
+    lag: int
+    shared: list[Floats]
+
+    @classmethod
+    def of(cls, measured: Floats, motion: MotionSamples) -> Self | None:
+        """Compare the stretches that are long enough; None where they are too few."""
+        lag = max(rows_in_duration(LIMITS.lever_lag_s, motion.rate_hz) // EVERY, 1)
+        shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
+        flags = (each(motion.group) for each in (first_of_stretch, last_of_stretch))
+        first, last = (np.flatnonzero(each).tolist() for each in flags)
+        spans = [slice(begin, end + 1) for begin, end in zip(first, last, strict=True)]
+        spans = [part for part in spans if part.stop - part.start >= shortest]
+        if len(spans) < LIMITS.squat_min_stretches:
+            return None
+        shared: list[Floats] = []
+        for part in spans:
+            a, v, force = measured[part], motion.speed[part], motion.force[part]
+            gained = (np.cumsum(a) - a / 2.0) / motion.rate_hz
+            shared.append(_difference_means((gained, np.abs(v) * force, -a, v - gained), lag))
+        return cls(motion, spans, lag, shared)
+
+    def estimate_lever_arm(self, springs: BodySwing) -> tuple[BodySwing, float] | None:
+        """The lever arm by these springs, and the mean square that it leaves."""
+        motion = self.motion
+        assert motion.specific_force is not None
+        swings = springs.pitch_rate_m_s3(motion.specific_force, motion.rate_hz)
+        by_force = springs.pitch_rate_m_s3(motion.force, motion.rate_hz)
+        parts = [
+            np.column_stack([shared, _difference_means((-swings[part], -by_force[part]), self.lag)])
+            for part, shared in zip(self.spans, self.shared, strict=True)
+        ]
+        scale = np.sqrt(np.mean([(rows**2).mean(axis=0) for rows in parts], axis=0))
+        if not (scale > 0.0).all():
+            return None
+        parts = [rows / scale for rows in parts]
+        columns, instruments, response = [0, 1, 2, 4], [0, 1, 2, 5], 3
+        solved = fit_instrumental_variables(
+            np.array([rows[:, instruments].T @ rows[:, columns] for rows in parts]),
+            np.array([rows[:, instruments].T @ rows[:, response] for rows in parts]),
+        )
+        if solved is None:
+            return None
+        theta, covariance = solved
+        residuals = (rows[:, response] - rows[:, columns] @ theta for rows in parts)
+        left = sum(float(residual @ residual) for residual in residuals)
+        unit_s2 = float(scale[response] / scale[4])
+        lever_s2, std_s2 = float(theta[3]) * unit_s2, float(np.sqrt(covariance[3, 3])) * unit_s2
+        found = replace(springs, lever_s2=lever_s2, u_s2=std_s2)
+        return found, left * float(scale[response]) ** 2
+
+
+def _difference_means(columns: tuple[Floats, ...], lag: int) -> Floats:
+    """Differences over `lag` means of each column, (means - lag, columns), without their mean."""
+    rows = np.column_stack([average_overlapping(x) for x in columns])
+    rows = rows[lag:] - rows[:-lag]
+    return rows - rows.mean(axis=0)
 
 
 def subtract_swing(motion: MotionSamples, swing: BodySwing) -> MotionSamples:
     """The same without what the swinging body adds to the accelerometer."""
     assert motion.specific_force is not None
-    swing_m_s2, level = (
-        swing.swing_m_s2(motion.specific_force, motion.rate_hz),
-        motion.without_gravity,
-    )
+    swing_m_s2 = swing.swing_m_s2(motion.specific_force, motion.rate_hz)
+    level = motion.without_gravity
     return replace(
         motion,
         specific_force=motion.specific_force - swing_m_s2,
