@@ -149,7 +149,8 @@ def _join_dumps(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> l
     """Stretches of samples that dump, over moments in which the bucket is shaken.
 
     A boom that has not come back in between is driven away from the dump it was at. It may be out
-    long before, on the way there: a machine that stands then dumps while it stands.
+    long before, on the way there: a machine that stands then dumps while it stands. A bucket that
+    is still full when the recording ends has not been dumped.
 
     Args:
         t_ns: (n,) of the samples.
@@ -163,7 +164,17 @@ def _join_dumps(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> l
     load_returns = np.diff(np.searchsorted(inside_ns, when)) > 0
     parts = np.split(when, np.flatnonzero((np.diff(when) > ONE_DUMP_NS) & load_returns) + 1)
     spans = [(int(part[0]), int(part[-1])) for part in parts]
+    if _is_cut_short(spans, int(t_ns[-1])):
+        spans.pop()
     return [_trim_to_stands(span, stands_ns) for span in spans]
+
+
+def _is_cut_short(spans: Sequence[Span], ends_ns: int) -> bool:
+    """Whether the recording ends before the last bucket is half empty, as long as others take."""
+    start_ns, end_ns = spans[-1]
+    usual_ns = float(np.median([end - start for start, end in spans]))
+    at_end = ends_ns - end_ns < LIMITS.boom_sample_ns
+    return at_end and end_ns - start_ns < LIMITS.emptied_fraction * usual_ns
 
 
 def _trim_to_stands(span: Span, stands_ns: Ints) -> Span:

@@ -195,7 +195,8 @@ def _subtract_squat(
     """Take a squat off the accelerometer that the wheels show, where their radius is known.
 
     An accelerometer that says more than wheels of a known radius sees gravity through a body that
-    pitches as it gains speed.
+    pitches as it gains speed. Grades that come back with every start bend the comparison as much,
+    and leave the two in disagreement.
     """
     share, radius_u_1 = -found.gain[0], motion.wheel_radius_u_1
     if radius_u_1 is None or not found.gain_counts:
@@ -204,6 +205,9 @@ def _subtract_squat(
         return found
     even = _fit_comparison(measured * (1.0 - share), motion, noise, priors, earlier)
     if even is None or even.gain_counts:
+        return found
+    unexplained_m_s = LIMITS.squat_residual_ratio * found.disagreement_m_s
+    if not even.is_consistent and even.disagreement_m_s > unexplained_m_s:
         return found
     u = float(np.linalg.norm([found.gain[1], radius_u_1, LIMITS.speed_scale_squat_u * share]))
     return replace(even, squat=(share, u))

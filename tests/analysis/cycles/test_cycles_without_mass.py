@@ -38,6 +38,16 @@ def test_a_load_that_is_on_board_at_the_end_is_said_and_not_in_the_tonnes_of_the
     assert missing_load_sentences(row)[0].startswith("On board when the recording ends: 0.680 ±")
 
 
+@pytest.mark.parametrize(("until_s", "dumped"), [(782.0, False), (785.0, True)])
+def test_a_bucket_that_is_not_half_empty_when_the_recording_ends_is_on_board(
+    until_s: float, dumped: bool
+) -> None:
+    """The boom is out for five seconds at each dump: from 781 to 786 s at the last."""
+    row = summed(cut(drawn_shift(LOADS, boom=True), until_s))
+    assert row["cycles_counted"] == len(LOADS) - (not dumped)
+    assert row["total_kg"] == pytest.approx(sum(LOADS if dumped else LOADS[:-1]))
+
+
 def test_without_a_boom_a_last_load_may_have_been_dumped_and_u_holds_both() -> None:
     row = summed(unfinished(drawn_shift(LOADS)))
     assert row["uncounted_cycles"] == pytest.approx(0.5)

@@ -45,3 +45,14 @@ def test_hills_are_no_squat_at_whichever_place_the_load_is(
 
 def test_level_ground_rules_a_squat_out() -> None:
     assert squat_of(0.0, 0, seed=3).std < 0.002
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_grades_that_wheels_and_accelerometer_still_disagree_by_are_no_squat(seed: int) -> None:
+    """Grades that change alike at every start read as a few percent of the acceleration."""
+    _, motion = starts(0.0, -0.02, seed)
+    blind = replace(motion, without_gravity=None, wheel_radius_u_1=0.005)
+    wheels = compare_wheels(blind, WhiteNoise(0.004), PRIORS)
+    assert wheels is not None
+    assert not wheels.is_consistent
+    assert wheels.squat == (0.0, 0.0)
