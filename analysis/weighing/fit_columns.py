@@ -235,9 +235,10 @@ def _weigh_piece_rows(
     """
     A = np.concatenate([piece.A for piece in pieces])
     f = np.concatenate([piece.f for piece in pieces])
-    lengths, which = np.unique(
-        np.concatenate([piece.count for piece in pieces]), return_inverse=True
-    )
+    counts = np.concatenate([piece.count for piece in pieces])
+    # lengths are few and short: counting them is quicker than sorting all rows
+    occurs = np.bincount(counts) > 0
+    lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
     covariances = np.stack([noise.covariance(int(length)) for length in lengths])
     weight = _row_weights(A[:, :2], f, covariances, which)
     ends_at = np.cumsum([piece.f.size for piece in pieces])[:-1]

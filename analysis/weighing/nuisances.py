@@ -218,7 +218,7 @@ WARMING: Final[Mapping[str, WarmingShape]] = {
     ),
     "viscous_cubic": WarmingShape(
         3,
-        lambda x: x**3 - LIMITS.progress_cube_slope * x,
+        lambda x: x * (x**2 - LIMITS.progress_cube_slope),
         "how that change levels off: oil that is warm stays so",
     ),
 }

@@ -42,13 +42,12 @@ def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> Stretc
     assert motion.without_gravity is not None
     first: list[int] = []
     products: list[Floats] = []
-    scale_N = motion.largest_force
+    channels = (motion.without_gravity, motion.force / motion.largest_force, gravity)
     for part in group_rows(motion.group):
         travelled_m = np.cumsum(np.abs(motion.speed[part])) / motion.rate_hz
         near = part[travelled_m < LIMITS.grade_reach_m]
         if near.size < MEAN + EVERY * (LIMITS.pitch_min_rows + 2 * LIMITS.pitch_rate_means):
             continue
-        channels = (motion.without_gravity, motion.force / scale_N, gravity)
         a, force, pitch = (average_overlapping(channel[near]) for channel in channels)
         grade = np.vander(
             trim_to_means_with_rate(average_overlapping(travelled_m[: near.size]))
