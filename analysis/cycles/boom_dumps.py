@@ -163,18 +163,16 @@ def _join_dumps(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> l
         return []
     load_returns = np.diff(np.searchsorted(inside_ns, when)) > 0
     parts = np.split(when, np.flatnonzero((np.diff(when) > ONE_DUMP_NS) & load_returns) + 1)
-    spans = [(int(part[0]), int(part[-1])) for part in parts]
-    if _is_cut_short(spans, int(t_ns[-1])):
-        spans.pop()
-    return [_trim_to_stands(span, stands_ns) for span in spans]
+    spans = [_trim_to_stands((int(part[0]), int(part[-1])), stands_ns) for part in parts]
+    returns = inside_ns.size > 0 and int(inside_ns[-1]) > spans[-1][1]
+    return spans if returns else _drop_cut_short(spans, int(t_ns[-1]))
 
 
-def _is_cut_short(spans: Sequence[Span], ends_ns: int) -> bool:
-    """Whether the recording ends before the last bucket is half empty, as long as others take."""
-    start_ns, end_ns = spans[-1]
+def _drop_cut_short(spans: list[Span], ends_ns: int) -> list[Span]:
+    """Drop the last dump where the recording ends before its bucket is half empty."""
     usual_ns = float(np.median([end - start for start, end in spans]))
-    at_end = ends_ns - end_ns < LIMITS.boom_sample_ns
-    return at_end and end_ns - start_ns < LIMITS.emptied_fraction * usual_ns
+    half_empty = ends_ns - spans[-1][0] >= LIMITS.emptied_fraction * usual_ns
+    return spans if half_empty else spans[:-1]
 
 
 def _trim_to_stands(span: Span, stands_ns: Ints) -> Span:

@@ -41,8 +41,6 @@ class CycleLimits:
     emptying_ns: int = 2 * 10**9
     #: Fraction of the usual time with the boom out after which a bucket is half empty.
     emptied_fraction: float = 0.5
-    #: Longest time in ns between two samples of a boom: within it of the end, a boom is out there.
-    boom_sample_ns: int = 5 * 10**8
     #: Largest speed of a machine that dumps, as a fraction of the speed that it reaches,
     creeping_speed_fraction: float = 0.25
     #: which is this quantile of its speed.
