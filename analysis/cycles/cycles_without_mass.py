@@ -76,7 +76,7 @@ def uncounted_cycles(
 
 
 def unweighed_load_kg(
-    number: float, number_u: float, mean_kg: float | None, std_kg: float | None
+    number: float, number_u: float, mean_kg: float | None, std_kg: float | None, counted: int
 ) -> tuple[float, float]:
     """Estimate the load of so many cycles, with its uncertainty, by the loads that have a mass.
 
@@ -85,11 +85,14 @@ def unweighed_load_kg(
         number_u: its standard uncertainty.
         mean_kg: of the counted payloads.
         std_kg: their standard deviation.
+        counted: how many they are: the mean of a few is another than that of the rest.
     """
     if mean_kg is None:
         return 0.0, 0.0
     spread_kg = LIMITS.single_load_std_fraction * abs(mean_kg) if std_kg is None else std_kg
-    return number * mean_kg, float(np.sqrt((number_u * mean_kg) ** 2 + number * spread_kg**2))
+    mean_u_kg = spread_kg / np.sqrt(max(counted, 1))
+    parts = (number_u * mean_kg, np.sqrt(number) * spread_kg, number * mean_u_kg)
+    return number * mean_kg, float(np.linalg.norm(parts))
 
 
 def _row_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:

@@ -4,6 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from analysis.cycles.cycles_without_mass import unweighed_load_kg
 from recordings.report.shift_text import shift_payload_sentence
 from recordings.review.shift_facts import missing_load_sentences
 from tests.analysis.cycles.drawn import NS, drawn_shift
@@ -96,6 +97,23 @@ def test_loads_below_the_noise_of_a_start_are_told_by_what_is_dug() -> None:
     row = summed(frames)
     assert row["cycles_counted"] == 30
     assert abs(row["total_kg"] - sum(loads)) < 2.5 * row["total_u_kg"]
+
+
+def test_of_such_loads_those_that_are_not_seen_to_be_dug_are_told_by_their_mass() -> None:
+    """Of three of 30, a mass is on the wrong side of the border once in thirty."""
+    counted = 0
+    for seed in range(10):
+        loads = np.random.default_rng(seed).normal(140.0, 20.0, 30).tolist()
+        undug = {"unseen_digs": (7, 12, 20), "seed": seed}
+        counted += summed(drawn_shift(loads, noise_kg=50.0, boom=True, **undug))["cycles_counted"]
+    assert counted >= 10 * 30 - 4
+
+
+def test_one_load_that_is_weighed_is_no_price_for_all_others() -> None:
+    few, many = (unweighed_load_kg(30.0, 0.0, 300.0, 60.0, counted) for counted in (2, 60))
+    assert few[0] == many[0] == 9000.0
+    assert few[1] > 1000.0 > 2.0 * many[1]
+    assert unweighed_load_kg(30.0, 0.0, 300.0, None, 1)[1] > 0.5 * 9000.0
 
 
 def test_idle_hours_invent_nothing() -> None:
