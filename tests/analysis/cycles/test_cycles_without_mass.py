@@ -104,8 +104,8 @@ def test_of_such_loads_those_that_are_not_seen_to_be_dug_are_told_by_their_mass(
     counted = 0
     for seed in range(10):
         loads = np.random.default_rng(seed).normal(140.0, 20.0, 30).tolist()
-        undug = {"unseen_digs": (7, 12, 20), "seed": seed}
-        counted += summed(drawn_shift(loads, noise_kg=50.0, boom=True, **undug))["cycles_counted"]
+        frames = drawn_shift(loads, noise_kg=50.0, seed=seed, unseen_digs=(7, 12, 20), boom=True)
+        counted += summed(frames)["cycles_counted"]
     assert counted >= 10 * 30 - 4
 
 
