@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from estimators.errors import counted
 from replay.commands import print_tables
 from replay.commands.common_options import Calibration, RequireSigned, SignerKey, read_calibration
 from replay.commands.print_checks import make_check_table, print_remedies
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 #: Findings, losses and notes that are printed without -v; the others are counted.
 _MOST_LINES: Final = 3
+#: Rows of the table of loads: those of a campaign, not those of a shift.
+_MOST_LOADS: Final = 24
 _OF_MASS: Final = {
     "mass kg": ("mass_kg", "mass_std_kg"),
     "payload kg": ("payload_kg", None),
@@ -216,9 +219,13 @@ def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
         heads = table_heads_of_loads(answer)
         loads = make_plain_table(*heads[:-1])
         loads.add_column(heads[-1], overflow="fold")
-        for load in table_rows_of_loads(answer):
+        rows = table_rows_of_loads(answer)
+        shown = rows if verbose else rows[:_MOST_LOADS]
+        for load in shown:
             loads.add_row(*load)
         print_table(screen, loads)
+        if left := len(rows) - len(shown):
+            print_line(screen, f"{counted(left, 'more load')} (-v)")
     most = uncertainty_advice(answer)
     if most:
         print_line(screen, most)

@@ -102,6 +102,19 @@ class TestRun:
         assert "what is far" not in said
         assert "2 checks passed" in said
 
+    @pytest.mark.parametrize(("verbose", "shown"), [(0, 24), (1, 243)])
+    def test_the_loads_of_a_shift_are_counted_beyond_two_dozen(
+        self, capsys: pytest.CaptureFixture[str], verbose: int, shown: int
+    ) -> None:
+        load = {"start_t_ns": 0, "end_t_ns": 10**9, "manoeuvres": 2, "mass_kg": 3600.0}
+        load |= {"u_kg": 30.0, "payload_kg": 0.0, "payload_u_kg": 30.0}
+        load |= {"scale_unknown": "", "braking_left_out": False, "withheld_for": ""}
+        loads = [{"load_id": number} | load for number in range(243)]
+        print_answer(Answer((), loads, [], [], [], 0.1, Verdict()), verbose=verbose)
+        said = capsys.readouterr().out
+        assert len(re.findall(r"3600 ± 30", said)) == shown
+        assert ("219 more loads (-v)" in said) is (verbose == 0)
+
     @pytest.mark.parametrize("width", [80, 100, 160])
     def test_no_row_of_a_table_is_wider_than_the_screen(
         self,
