@@ -150,18 +150,19 @@ def changed_settings(a: Machine, b: Machine) -> list[ValueChange]:
     for machine in (a, b):
         plain = machine.model_dump(mode="json")
         del plain["settings"]
-        flat.append(_keys_by_stage(machine.settings, plain))
+        flat.append(_flatten_settings_and_keys(machine.settings, plain))
     return list(_iter_changed_entries(flat[0], flat[1]))
 
 
-def _keys_by_stage(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
+def _flatten_settings_and_keys(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
     by_stage = {f"settings.{name}": value for name, value in settings.to_flat_dict().items()}
     return {**by_stage, **dict(_flatten_to_dotted_names(machine, ""))}
 
 
 def _iter_setting_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
     yield from _iter_changed_entries(
-        _keys_by_stage(a.settings, a.machine), _keys_by_stage(b.settings, b.machine)
+        _flatten_settings_and_keys(a.settings, a.machine),
+        _flatten_settings_and_keys(b.settings, b.machine),
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
-from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.mass_differences import difference_on_line
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.cycles.haul_spillage import subtract_spillage_from_payloads
@@ -22,7 +22,7 @@ _COMMON: Final = ("common", "shared")
 
 
 def calibrate_cycles(
-    cycles: pl.DataFrame, calibration: Calibration, unlike: Unlike | None = None
+    cycles: pl.DataFrame, calibration: Calibration, shared_errors: SharedErrors | None = None
 ) -> pl.DataFrame:
     """Put payloads on the line m̂ = c0 + c1 m: of a difference of masses the constant cancels.
 
@@ -37,7 +37,7 @@ def calibrate_cycles(
     Args:
         cycles: the frame.
         calibration: of the machine.
-        unlike: what the log says of errors that it shares with its campaign; None takes none off.
+        shared_errors: the log's estimate of errors shared with its campaign; None corrects none.
 
     Raises:
         DataError: the line is of another estimator.
@@ -50,7 +50,7 @@ def calibrate_cycles(
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
     scale_1 = values(cycles, "scale_1")
     payload_kg = values(cycles, "payload_kg") / scale_1
-    on_line = difference_on_line(calibration, unlike, numbers, payload_kg)
+    on_line = difference_on_line(calibration, shared_errors, numbers, payload_kg)
     common, shared = (
         on_line.common_kg_beside_line(values(cycles, f"own_u_{n}_kg")) for n in _COMMON
     )
@@ -71,7 +71,7 @@ def calibrate_cycles(
     )
     if _is_ticket_better(cycles, on_scale, tuple(found)):
         return cycles
-    off_kg, u_kg = _distance_from_line(calibration, unlike)
+    off_kg, u_kg = _distance_from_line(calibration, shared_errors)
     reasons = pl.Series(
         "reason", [_exclusion_reason(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
     )
@@ -111,20 +111,26 @@ def _is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequen
     return relative(cycles) < relative(on_line)
 
 
-def _distance_from_line(calibration: Calibration, unlike: Unlike | None) -> tuple[float, float]:
+def _distance_from_line(
+    calibration: Calibration, shared_errors: SharedErrors | None
+) -> tuple[float, float]:
     """Mean distance of the log's masses from their line, with its standard uncertainty."""
     of_masses = (
-        [] if unlike is None else [x for (of, _), x in unlike.moved_kg.items() if of == MOVED[0]]
+        []
+        if shared_errors is None
+        else [x for (of, _), x in shared_errors.moved_kg.items() if of == MOVED[0]]
     )
     if (
-        unlike is None
+        shared_errors is None
         or not of_masses
         or not calibration.responses
         or calibration.method == _OF_PAYLOAD
     ):
         return 0.0, 0.0
     moved_kg = np.mean(of_masses, axis=0)
-    return unlike.off_kg(moved_kg, unlike.line_shifts(calibration.responses, 1.0, 0.0))
+    return shared_errors.off_kg(
+        moved_kg, shared_errors.line_shifts(calibration.responses, 1.0, 0.0)
+    )
 
 
 def _exclusion_reason(

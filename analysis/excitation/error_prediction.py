@@ -40,7 +40,7 @@ class MeasuredSignals(NamedTuple):
     yaw_rate_rad_s: Floats
 
     @classmethod
-    def measure_motion(cls, motion: Channels) -> Self:
+    def from_motion(cls, motion: Channels) -> Self:
         """A motion as ideal instruments give it."""
         return cls(*(getattr(motion, name) for name in cls._fields))
 

@@ -295,7 +295,7 @@ def _score_shape(
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
     motion = solve_motion(scenario_with_manoeuvres(scenario, longer), load_kg)
     driven = motion.sample_channels(np.arange(round(last_s * rate_hz)) / rate_hz)
-    truth = MeasuredSignals.measure_motion(driven)
+    truth = MeasuredSignals.from_motion(driven)
     asked = _ASKED[drive]
 
     def worst(predictions: Mapping[str, Prediction]) -> float:

@@ -9,7 +9,7 @@ from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
 
 
-def delay_channel(motion: MotionSamples, channel: str, late_s: float) -> MotionSamples:
+def correct_channel_delay(motion: MotionSamples, channel: str, late_s: float) -> MotionSamples:
     """The motion with `force`, `speed` or `imu` moved back by how late it is."""
     if channel == "force":
         return motion.shift_force(late_s)

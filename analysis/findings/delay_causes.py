@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.altered_motion import delay_channel
+from analysis.findings.altered_motion import correct_channel_delay
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import gravity_by_pitch
 from analysis.findings.finding_inputs import ACC, FindingInputs
@@ -233,7 +233,7 @@ def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
         if smooth
         else lambda: refit_mended(
             inputs,
-            lambda motion: delay_channel(motion, channel, late_s),
+            lambda motion: correct_channel_delay(motion, channel, late_s),
             min(std_s / abs(late_s), 1.0),
         ),
         alternatives=(*others, *(("imu_low_passed",) if filtered else ())),

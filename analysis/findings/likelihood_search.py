@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.altered_motion import delay_channel
+from analysis.findings.altered_motion import correct_channel_delay
 from analysis.findings.channel_causes import is_near_spike
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
@@ -144,7 +144,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
     fit = inputs.fit
     if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
         return None
-    late = delay_channel(motion, "force", fit.lag_s)
+    late = correct_channel_delay(motion, "force", fit.lag_s)
     before, after = (remaining_motion(inputs, of)[0] for of in (motion, late))
     if (
         before.square_left * before.variance
@@ -152,7 +152,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
     ):
         return None
     # the wheels tell whether it is the accelerometer that is early or late
-    turned = delay_channel(motion, "imu", -fit.lag_s)
+    turned = correct_channel_delay(motion, "imu", -fit.lag_s)
     without, with_it = (remaining_motion(inputs, of)[1] for of in (motion, turned))
     by_imu = (
         without is not None
@@ -177,7 +177,7 @@ def remove_delay_iteratively(
                 total + step, -LIMITS.longest_likelihood_delay_s, LIMITS.longest_likelihood_delay_s
             )
         )
-        motion = delay_channel(begun, channel, total)
+        motion = correct_channel_delay(begun, channel, total)
         again = score_causes(inputs, motion, taken).get(pick.name)
         if again is None:
             break
@@ -207,7 +207,7 @@ def _attribute_delay(
     """
     motion, own = settled
     turned = replace(own, name=_BESIDE[own.name], value=-own.value)
-    other = delay_channel(begun, turned.name.partition(":")[2], turned.value)
+    other = correct_channel_delay(begun, turned.name.partition(":")[2], turned.value)
     # tried whole: noise of the force makes its derivative too large, and a delay too small
     left, left_other = (remaining_motion(inputs, each, taken)[0] for each in (motion, other))
     apart = left.square_left * left.variance - left_other.square_left * left_other.variance

@@ -54,7 +54,7 @@ class Table2:
     offset_share_1: float
 
 
-def fitted_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
+def fit_calibration_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
     """Fit (19) to a campaign: a row a method, `chain`, `alpha_1` and `beta_kg`."""
     return (
         calibrate_methods(campaign.estimate_by_method_and_trial())
@@ -63,8 +63,10 @@ def fitted_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
     )
 
 
-IDEAL_LINES: Final = Extract(CAMPAIGNS, partial(fitted_lines, chain="ideal"))
-CHAINED_LINES: Final = Extract(CHAINED_CAMPAIGNS, partial(fitted_lines, chain="front_axle"))
+IDEAL_LINES: Final = Extract(CAMPAIGNS, partial(fit_calibration_lines, chain="ideal"))
+CHAINED_LINES: Final = Extract(
+    CHAINED_CAMPAIGNS, partial(fit_calibration_lines, chain="front_axle")
+)
 
 
 def make_table_2(extracts: Extracts) -> Table2:

@@ -26,7 +26,7 @@ from analysis.planar.planar_budget import (
 )
 from analysis.planar.planar_motion import make_drive
 from analysis.planar.planar_regressor import Regressor
-from analysis.planar.planar_samples import Plane, collect_plane, plane_noise
+from analysis.planar.planar_samples import PlanarSamples, collect_planar_samples, planar_noise
 from analysis.planar.planar_terms import TERMS, terms_of_drive
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
@@ -56,7 +56,7 @@ _STAGES: Final = ((X, _FORCE, (0, 4)), (Z, _TORQUE, (1, 5)))
 class PlanarLog:
     """Inputs of every fit of a log."""
 
-    plane: Plane
+    plane: PlanarSamples
     excitation: pl.DataFrame
     machine: Machine
 
@@ -90,7 +90,9 @@ def fit_planar(
         is null, and `combinations` says what it determines instead. And `planar_budget`, what the
         uncertainty of all motion together is made of.
     """
-    log = PlanarLog(collect_plane(excitation, machine.settings, noise), excitation, machine)
+    log = PlanarLog(
+        collect_planar_samples(excitation, machine.settings, noise), excitation, machine
+    )
     joint = fit_all_motion(log, verdict)
     start = joint[1].estimate.coefficients[: len(PARAMETERS)] if joint else np.zeros(6)
     start = start if np.isfinite(start).all() else np.zeros(6)
@@ -181,7 +183,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Na
         return None
     of = np.where(used, 0, -1)
     start = base_parameters.fit(
-        plane.motion, plane.f, PARAMETERS, of, noise=plane_noise(plane, used)
+        plane.motion, plane.f, PARAMETERS, of, noise=planar_noise(plane, used)
     ).coefficients
     fitted = fit_in_rounds(log, of, start, Prior.around_zero({}, 2), _BOTH)
     row = _make_fit_row("joint", log, used, fitted, ())
@@ -198,7 +200,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Na
 
 
 def is_fit_plausible(
-    plane: Plane, estimate: BaseEstimate, row: Mapping[str, Any], settings: Settings
+    plane: PlanarSamples, estimate: BaseEstimate, row: Mapping[str, Any], settings: Settings
 ) -> bool:
     """Whether the joint fit passes, on its own ungated samples, what straight motion must pass."""
     limits = settings.verdict
@@ -265,11 +267,9 @@ def fit_with_coefficients(
     terms = terms_of_drive(drive, "xz"[rows])
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known.names}
-    noise = plane_noise(log.plane, segment_id >= 0)[rows][:, of_columns]
+    noise = planar_noise(log.plane, segment_id >= 0)[rows][:, of_columns]
     prior = prior_for_rows(known, rows, names).joined_with(Prior.around_zero(width, noise.shape[0]))
-    regressor = Regressor.from_drive(
-        drive.cut_to_slice(part), of_columns, [term for term, _ in terms], rows
-    )
+    regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)
     fitted = base_parameters.fit(
         regressor,
         log.plane.f[part, rows],

@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import values
-from analysis.planar.planar_samples import Plane
+from analysis.planar.planar_samples import PlanarSamples
 from estimators.arrays import Bools, Floats
 from estimators.planar.planar_rows import PARAMETERS
 
@@ -62,7 +62,7 @@ class Drive:
         largest_acc_y: likewise, m/s².
     """
 
-    plane: Plane
+    plane: PlanarSamples
     machine: Machine
     coefficients: Floats
     of_samples: Floats
@@ -116,11 +116,9 @@ class Drive:
     def _coefficient_of_term(self, name: str) -> float:
         return float(self.coefficients[_AT[name]])
 
-    def cut_to_slice(self, part: slice) -> "Drive":
+    def cut(self, part: slice) -> "Drive":
         """Cut the drive to a slice of samples."""
-        return replace(
-            self, plane=self.plane.cut_to_slice(part), of_samples=self.of_samples[:, part]
-        )
+        return replace(self, plane=self.plane.cut(part), of_samples=self.of_samples[:, part])
 
     def turning_samples(self, part: slice) -> TurningSamples:
         """The samples of a slice."""
@@ -139,7 +137,7 @@ class Drive:
 
 
 def make_drive(
-    plane: Plane, excitation: pl.DataFrame, machine: Machine, coefficients: Floats
+    plane: PlanarSamples, excitation: pl.DataFrame, machine: Machine, coefficients: Floats
 ) -> Drive:
     """Work out what the terms need.
 

@@ -18,7 +18,7 @@ from estimators.planar import planar_rows
 
 
 @dataclass(frozen=True, slots=True)
-class Plane:
+class PlanarSamples:
     """A log's motion in the plane.
 
     Attributes:
@@ -46,9 +46,9 @@ class Plane:
     has_torque: bool
     noise: Mapping[str, float]
 
-    def cut_to_slice(self, part: slice) -> "Plane":
+    def cut(self, part: slice) -> "PlanarSamples":
         """A slice of the log, which shares its memory."""
-        return Plane(
+        return PlanarSamples(
             t_ns=self.t_ns[part],
             motion=self.motion.cut(part),
             f=self.f[part],
@@ -62,9 +62,9 @@ class Plane:
         )
 
 
-def collect_plane(
+def collect_planar_samples(
     excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None = None
-) -> Plane:
+) -> PlanarSamples:
     """Collect what the planar fits need."""
     n, has_torque = excitation.height, Z in available_axes(excitation)
     phase = excitation["phase"]
@@ -95,7 +95,7 @@ def collect_plane(
         speeds_up = ((along > 0) | (about > 0)) & ~slows
         usable = known & ~braking_within_sight(slows, settings)
         usable &= ~stop_endings(slows, speeds_up, stands)
-    return Plane(
+    return PlanarSamples(
         t_ns=excitation["t_ns"].to_numpy(),
         motion=motion,
         f=f,
@@ -121,7 +121,7 @@ def stop_endings(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
     return (event == 0) & (event[before] == 1) & (event[after] == 3)
 
 
-def plane_noise(plane: Plane, used: Bools) -> Floats:
+def planar_noise(plane: PlanarSamples, used: Bools) -> Floats:
     """The noise in each column of each row, (2, 6), after the moving mean; `used` (n,) rows."""
     motion, noise = plane.motion, plane.noise
     speed_rms, yaw_rate_rms = (

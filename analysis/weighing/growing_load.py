@@ -5,8 +5,9 @@ with the other manoeuvres. A change that all share is hidden in their common ter
 gives it a term of its own. Beside that term, friction that drives or a resistance that falls with
 the square of the speed is what a growing load leaves in the others.
 
-A load that changes while a manoeuvre creeps for a second or two shows in no residual: `find_creeps`
-tells such manoeuvres by their speed, and that other loads are moved before and after.
+A load that changes while a manoeuvre creeps for a second or two shows in no residual:
+`find_creeping_manoeuvres` finds such manoeuvres by their speed and by the different loads that are
+moved before and after.
 """
 
 from dataclasses import dataclass
@@ -190,11 +191,14 @@ def _max_plausible_loss_kg(fit: JointFit) -> float:
     return LIMITS.max_loss_load_ratio * float(np.ptp(fit.masses_kg))
 
 
-def find_creeps(fit: JointFit) -> Ints:
-    """Number the manoeuvres that creep between two loads, of a log whose loads come back.
+def find_creeping_manoeuvres(fit: JointFit) -> Ints:
+    """Find slow manoeuvres between two different loads, in a log whose loads return.
 
     Args:
-        fit: its load states and samples.
+        fit: the joint fit of the log, with its load states.
+
+    Returns:
+        (k,) numbers of the manoeuvres, as in `fit.states.unit`; empty if no load returns.
     """
     states, none = fit.states, np.empty(0, np.int64)
     if states is None or not states.load_returns:

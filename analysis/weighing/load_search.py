@@ -52,7 +52,7 @@ def add_load_states(
     if not misfits or found.motion.manoeuvres < FEWEST:
         return settled
     of = _add_uneven_ground(found, of, fit_rows(found, of.noise).group)
-    alike = _SameMeans.of(found, of)
+    alike = _PartitionComparison.from_fit(found, of)
     fits = list[JointFit]()
     hints = np.append(0, np.cumsum(kind > 1))
     if hints[-1]:
@@ -78,8 +78,8 @@ def _has_certain_loads(found: JointFit) -> bool:
 
 
 @dataclass(frozen=True)
-class _SameMeans:
-    """Fits of one log with means of one length, so that what they leave can be compared.
+class _PartitionComparison:
+    """Compare load assignments of one log by fits over means of the same length.
 
     Attributes:
         task: what is fitted, without loads.
@@ -94,8 +94,8 @@ class _SameMeans:
     samples: int
 
     @classmethod
-    def of(cls, found: JointFit, of: JointFitInputs) -> Self:
-        """Take the means of an earlier fit."""
+    def from_fit(cls, found: JointFit, of: JointFitInputs) -> Self:
+        """Prepare the comparison with the mean length and manoeuvres of an earlier fit."""
         motion, terms = found.motion, applicable_terms(found.motion, several=True)
         task = FitTask(motion, of.noise, of.priors, terms, of.wheels, None, of.uneven_1_s)
         number = np.unique(unit_of_each_stretch(motion))

@@ -16,7 +16,7 @@ from analysis.weighing.fit_columns import FitRows
 from analysis.weighing.growing_load import (
     LoadFilling,
     LoadGrowth,
-    find_creeps,
+    find_creeping_manoeuvres,
     find_growing_loads,
     fit_filling,
 )
@@ -199,7 +199,7 @@ def _weigh_with_priors(
     if not _has_enough_samples(whole):
         return None
     fit = of_states(whole)
-    excluded = find_creeps(fit).tolist()
+    excluded = find_creeping_manoeuvres(fit).tolist()
     if excluded:
         whole = _exclude_manoeuvres(whole, excluded)
         fit = of_states(whole, fit)

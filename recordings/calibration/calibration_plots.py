@@ -28,7 +28,7 @@ def draw_report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> 
     return found
 
 
-def calibrated_band(fitted: Calibration) -> list[tuple[float, float, float]]:
+def calibrated_intervals_kg(fitted: Calibration) -> list[tuple[float, float, float]]:
     """(reference, low, high) of the calibrated mass of a run like the campaign's, in kg."""
     low, high = fitted.range_kg
     readings = fitted.budget_at[1]
@@ -42,7 +42,7 @@ def calibrated_band(fitted: Calibration) -> list[tuple[float, float, float]]:
 
 def _draw_line(fitted: Calibration) -> Drawing:
     known = [point for point in fitted.points if point.calibrated_kg is not None]
-    edges = calibrated_band(fitted)
+    edges = calibrated_intervals_kg(fitted)
     low, high = fitted.range_kg
     percent = f"{fitted.confidence_1:.0%}".replace("%", " %")
     picture = Drawing(
@@ -66,7 +66,7 @@ def _draw_line(fitted: Calibration) -> Drawing:
 
 
 def _draw_residuals(fitted: Calibration) -> Drawing:
-    edges = [(mass, low - mass, high - mass) for mass, low, high in calibrated_band(fitted)]
+    edges = [(mass, low - mass, high - mass) for mass, low, high in calibrated_intervals_kg(fitted)]
     errors = [(p, p.error_kg, "point") for p in fitted.points if p.error_kg is not None]
     left = [
         (p, p.error_left_out_kg, "left") for p in fitted.points if p.error_left_out_kg is not None

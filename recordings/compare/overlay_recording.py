@@ -48,7 +48,7 @@ class _OverlaidRun:
     def columns_drawn_in_view(self, view: View) -> tuple[DisplayColumn, ...]:
         return drawn_columns_of_view(view, self.run, self.shown)
 
-    def frames_by_place(self) -> dict[str, pl.DataFrame]:
+    def frames_by_entity(self) -> dict[str, pl.DataFrame]:
         return {entity_under_side(self.name, frame): rows for frame, rows in self.shown.items()}
 
 
@@ -82,7 +82,7 @@ def write_overlay(
         ]
         return Scene(
             name="A and B",
-            shown={name: rows for side in sides for name, rows in side.frames_by_place().items()},
+            shown={name: rows for side in sides for name, rows in side.frames_by_entity().items()},
             layout=lay_out_tabs(_overlay_pages(*sides), unix_span_ns(a)),
             texts={COMPARED: text},
         )

@@ -10,7 +10,7 @@ import polars as pl
 from estimators.errors import OutputError
 from recordings.paper.paper_items import Item, ItemResult
 from recordings.paper.paper_pictures import draw_paper_figure
-from recordings.report.atomic_output import atomic_files, check_output
+from recordings.report.atomic_output import atomic_files, require_writable_output
 
 #: The page that holds every item.
 PAGE: Final = "reproduction.md"
@@ -31,7 +31,7 @@ def check_reproduction(
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
     for path in _list_output_files(items, folder, output_format):
-        check_output(path, force=force)
+        require_writable_output(path, force=force)
 
 
 def write_reproduction(

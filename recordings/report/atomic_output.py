@@ -97,7 +97,7 @@ def atomic_file(target: Path, *, force: bool) -> Generator[Path]:
         yield stage / target.name
 
 
-def check_folder(target: Path, *, force: bool) -> None:
+def require_writable_folder(target: Path, *, force: bool) -> None:
     """Refuse a folder as an output before the work that it is for.
 
     Raises:
@@ -107,7 +107,7 @@ def check_folder(target: Path, *, force: bool) -> None:
         pass
 
 
-def check_output(target: Path, *, force: bool) -> None:
+def require_writable_output(target: Path, *, force: bool) -> None:
     """Refuse an output before the work that it is for, rather than after.
 
     Raises:

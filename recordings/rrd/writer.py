@@ -13,7 +13,7 @@ import polars as pl
 from analysis.model.run_record import Run
 from analysis.model.schema import FRAMES
 from estimators.errors import OutputError, RecordingError
-from recordings.report.atomic_output import atomic_file, check_output
+from recordings.report.atomic_output import atomic_file, require_writable_output
 from recordings.report.finding_text import finding_line, findings_of_run
 from recordings.rrd.blueprint import events_entity, lay_out_run, picture_entity, text_entity
 from recordings.rrd.display_frames import display_frames, span_ns
@@ -158,7 +158,7 @@ def check_recording(path: Path, *, force: bool) -> None:
     """
     if path.suffix != SUFFIX:
         raise OutputError(f"{path}: a recording ends in {SUFFIX}, or no viewer opens it")
-    check_output(path, force=force)
+    require_writable_output(path, force=force)
 
 
 def _write_to_pipe(

@@ -46,7 +46,12 @@ from recordings.calibration.evidence_document import (
 )
 from recordings.calibration.timestamp import refuse_without_library, timestamp_request
 from recordings.calibration.write_bundle import encode_tables, write_bundle
-from recordings.report.atomic_output import atomic_file, atomic_files, check_folder, check_output
+from recordings.report.atomic_output import (
+    atomic_file,
+    atomic_files,
+    require_writable_folder,
+    require_writable_output,
+)
 from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, signing_key
@@ -177,7 +182,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     key = signing_key(key_file)
     xml_key = None if dcc is None else check_dcc_output(campaign_file, campaign, dcc, force=force)
     before = None if previous is None else previous_evidence(previous, campaign.machine.id, key)
-    check_folder(folder, force=force)
+    require_writable_folder(folder, force=force)
     stretch = load_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
         check_can_request_timestamp(timestamp_request_file, key, force=force)
@@ -231,7 +236,7 @@ def check_can_request_timestamp(file: Path, key: SigningKey | None, *, force: bo
     if key is None:
         raise EvidenceError("--timestamp-request needs a signature; give --key")
     refuse_without_library()
-    check_output(file, force=force)
+    require_writable_output(file, force=force)
 
 
 def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:

@@ -18,7 +18,7 @@ from analysis.calibration.campaign.campaign_readings import (
     read_campaign_runs,
     responses_of_runs_to_learnt_means,
 )
-from analysis.calibration.line.unlike_driving import RunResponse
+from analysis.calibration.line.shared_errors import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
     TermOfLog,

@@ -12,7 +12,7 @@ from analysis.calibration.campaign.campaign_subjects import Conditions, Referenc
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.report.atomic_output import atomic_files, check_folder
+from recordings.report.atomic_output import atomic_files, require_writable_folder
 from recordings.signatures.signing import signing_key
 from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
@@ -77,7 +77,7 @@ def check_mass(
     if last is None or last.calibration is None:
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")
     campaign = _check_campaign(last, log, known)
-    check_folder(folder, force=force)
+    require_writable_folder(folder, force=force)
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()

@@ -9,7 +9,7 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import SUMS
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.report.atomic_output import atomic_file, check_output
+from recordings.report.atomic_output import atomic_file, require_writable_output
 
 if TYPE_CHECKING:
     from recordings.dcc.dcc_signature import DccKey
@@ -46,7 +46,7 @@ def check_dcc_output(
     from recordings.dcc.write_dcc import refuse_incomplete
 
     refuse_incomplete(campaign, source)
-    check_output(dcc.file, force=force)
+    require_writable_output(dcc.file, force=force)
     if dcc.key_file is None and dcc.certificate_file is not None:
         raise EvidenceError("--dcc-certificate and --dcc-key belong together; give both")
     return None if dcc.key_file is None else dcc_key(dcc.key_file, dcc.certificate_file)

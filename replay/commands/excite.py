@@ -55,14 +55,14 @@ def command(
     determines the parameters least. Exit status 1 when no waveform reaches the accuracy.
     """
     from analysis.excitation import design_excitation
-    from recordings.report.atomic_output import check_output, refuse_input_as_output
+    from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
     from replay.commands.print_tables import print_json, stdout_console
     from replay.simulation.scenario_file import load_scenario, write_scenario
 
     wanted = _parse_share(accuracy)
     if output:
         refuse_input_as_output(output, [scenario] if scenario else [])
-        check_output(output, force=force)
+        require_writable_output(output, force=force)
     base = load_scenario(scenario, overrides or [])
     made = design_excitation(base, motion, wanted, window, yard)
     if as_json:

@@ -121,13 +121,13 @@ def query_command(
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
     """Query all results by SQL; the rows are always in the same order."""
-    from recordings.report.atomic_output import check_output
+    from recordings.report.atomic_output import require_writable_output
     from replay.commands.frame_output import choose_format, frame_text, print_frame
     from replay.fleet.gathered_tables import fleet_query, fleet_results
 
     chosen = choose_format(output_format and output_format.value, output)
     if output is not None:
-        check_output(output, force=force)
+        require_writable_output(output, force=force)
     rows = fleet_query(fleet_results(destination), sql)
     if chosen == "table" and output is None and rows.height > _ROWS_SHOWN:
         typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)

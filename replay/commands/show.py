@@ -102,7 +102,7 @@ def _show_frame(
     force: bool,
 ) -> None:
     """Print the rows of one frame from one second to another, or at one, or write them."""
-    from recordings.report.atomic_output import check_output, refuse_input_as_output
+    from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
     from replay.commands.frame_output import choose_format, frame_text, print_frame
     from replay.recording.read_stage import RecordedStage
 
@@ -110,7 +110,7 @@ def _show_frame(
     output_format = choose_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [recording])
-        check_output(output, force=force)
+        require_writable_output(output, force=force)
     stage = RecordedStage.read(recording, name)
     if calibration is not None:
         stage = stage.calibrate_loads(calibration)

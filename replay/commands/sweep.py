@@ -122,7 +122,7 @@ def _print_sweep(
         Whether any combination can weigh.
     """
     from estimators.errors import OutputError
-    from recordings.report.atomic_output import check_output, refuse_input_as_output
+    from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
     from recordings.report.picture import check_picture
     from replay.commands.frame_output import choose_format, print_frame
     from replay.commands.print_tables import stdout_console
@@ -134,7 +134,7 @@ def _print_sweep(
     output_format = choose_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [*logs, machine_file])
-        check_output(output, force=force)
+        require_writable_output(output, force=force)
     if figure is not None:
         refuse_input_as_output(figure, [*logs, machine_file])
         check_picture(figure, force=force)

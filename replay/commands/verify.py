@@ -77,7 +77,7 @@ def command(
 
     first, *more = folders
     if not more and first.is_file():
-        _verify_list(first, key, signed=require_signed, as_json=as_json)
+        _verify_notary_list(first, key, signed=require_signed, as_json=as_json)
         return
     if more and previous is not None:
         raise typer.BadParameter("--previous needs a single folder; name it among the others")
@@ -114,7 +114,7 @@ def _write_page(folders: list[Path], output: Path | None, *, force: bool) -> Non
     typer.echo(f"{target}: SHA-256 {verifier_sha256()}")
 
 
-def _verify_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:
+def _verify_notary_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:
     """Check a notary's list."""
     from replay.commands.print_tables import print_json, print_line, stdout_console
     from replay.notary.verify_list import UNSEEN, verify_list

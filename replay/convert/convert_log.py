@@ -15,7 +15,7 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, OutputError, nearest
-from recordings.report.atomic_output import check_folder, refuse_input_as_output
+from recordings.report.atomic_output import refuse_input_as_output, require_writable_folder
 from replay.convert.unfinished_folder import (
     ConversionPlan,
     PartWriter,
@@ -123,7 +123,7 @@ def convert_log(
         OutputError: the folder cannot be written, or is there already.
     """
     refuse_input_as_output(target, [log.path])
-    check_folder(target, force=force)
+    require_writable_folder(target, force=force)
     making = RunningConversion(log, topics)
     try:
         with unfinished_folder(target) as folder:

@@ -24,7 +24,11 @@ from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
-from recordings.report.atomic_output import atomic_file, check_folder, check_output
+from recordings.report.atomic_output import (
+    atomic_file,
+    require_writable_folder,
+    require_writable_output,
+)
 from recordings.signatures.signing import make_key_pair
 from replay.calibration.apply_evidence import CalibrationRequest
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
@@ -160,12 +164,12 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
     hauling = scenario.model_copy(update={"shift": _SHIFT})
     hauled, truth = log_paths(hauling, shift), shift_truth_path(shift)
     for output in (machine_file, campaign_file, *keys, recording, picture, *hauled, truth):
-        check_output(output, force=force)
-    check_folder(evidence, force=force)
+        require_writable_output(output, force=force)
+    require_writable_folder(evidence, force=force)
     if page.exists() and force:
         check_review_folder(page)
     else:
-        check_folder(page, force=force)
+        require_writable_folder(page, force=force)
     with atomic_file(machine_file, force=force) as partial:
         shutil.copyfile(machine_path(_MACHINE), partial)
     on_stage("simulate")

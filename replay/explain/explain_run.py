@@ -12,7 +12,7 @@ from analysis.explain.explanation import COLUMNS, SMALL
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError, RecordingError
-from recordings.report.atomic_output import check_output, refuse_input_as_output
+from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
 from recordings.report.picture import check_picture
 from recordings.rrd.reader import OpenRecording, open_recording
 from recordings.rrd.recording_table import drawn_columns
@@ -101,7 +101,7 @@ def _check_request(asked: ExplainRequest) -> None:
                 f"{asked.mended_file}: --apply mends a machine file; name it with -m"
             )
         refuse_input_as_output(asked.mended_file, inputs)
-        check_output(asked.mended_file, force=asked.force)
+        require_writable_output(asked.mended_file, force=asked.force)
 
 
 def _check_moment(asked: ExplainRequest, run: Run) -> None:

@@ -22,7 +22,7 @@ from typing import Final, Literal
 
 import polars as pl
 
-from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.shift_totals import recount_shift
@@ -249,8 +249,8 @@ def replay_log(log: Log, setup: MachineSetup, source: str) -> Run:
     against = contradicted_priors(made.frames["nuisances"])
     frames = dict(made.frames)
     if not against:
-        unlike = Unlike.from_frames(frames)
-        frames["cycles"] = calibrate_cycles(frames["cycles"], setup.by.calibration, unlike)
+        shared_errors = SharedErrors.from_frames(frames)
+        frames["cycles"] = calibrate_cycles(frames["cycles"], setup.by.calibration, shared_errors)
         frames["shift"] = recount_shift(frames["shift"], frames["cycles"])
     return setup.by.calibrate_run(Run(frames, made.provenance))
 

@@ -15,7 +15,11 @@ from mcap.writer import CompressionType, Writer
 
 from analysis.online.answer_progress import missing_text
 from analysis.online.online_report import OnlineReport, report_schema
-from recordings.report.atomic_output import AppendedFile, check_output, refuse_input_as_output
+from recordings.report.atomic_output import (
+    AppendedFile,
+    refuse_input_as_output,
+    require_writable_output,
+)
 
 TOPIC: Final = "/payscope/mass"
 #: The record that says what is followed.
@@ -51,7 +55,7 @@ class ReportFile:
         is_empty = path.is_file() and path.stat().st_size == 0
         if path.is_file() and not force:
             reported, size = _read_reports(path, identity)
-        check_output(path, force=force or is_empty or size > 0)
+        require_writable_output(path, force=force or is_empty or size > 0)
         self.path = path
         self.until_unix_ns = max((each.log_time for each in reported), default=0)
         self._stream = _Stream(AppendedFile(path, size))

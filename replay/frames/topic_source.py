@@ -248,7 +248,7 @@ def opened_log(path: Path, time: TimeAxis | None = None) -> Log:
         LogError: as `open_log`.
     """
     with _one_at_a_time:
-        key = (str(path.absolute()), file_state(path), time)
+        key = (str(path.absolute()), file_sizes_and_times(path), time)
         log = _opened.pop(key, None)
         if log is None:
             log = open_log(path, time=time)
@@ -259,7 +259,7 @@ def opened_log(path: Path, time: TimeAxis | None = None) -> Log:
         return log
 
 
-def file_state(path: Path) -> tuple[tuple[str, int, int], ...]:
+def file_sizes_and_times(path: Path) -> tuple[tuple[str, int, int], ...]:
     """Name, size and time of change of a file, or of the files in a directory."""
     try:
         files = sorted(path.iterdir()) if path.is_dir() else [path]

@@ -93,7 +93,7 @@ class MessageLog(Log):
         streams = {
             c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
         }
-        groups = self._container.groups(list(streams), start_ns, end_ns)
+        groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
         self._take_all_messages((group.batches for group in groups), streams)
         return {topic: self._finish_reading(topic, reading) for topic, reading in readings.items()}
 
@@ -104,7 +104,7 @@ class MessageLog(Log):
 
         stream = self._begin_reading(topic, fields)
         streams = {connection.id: stream for connection in self._topics[topic].connections}
-        groups = self._container.groups(list(streams), start_ns, end_ns)
+        groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
         try:
             for _, rows in drain_all(groups, streams):
                 yield rows
@@ -125,7 +125,7 @@ class MessageLog(Log):
         readings = {topic: self._begin_reading(topic, names) for topic, names in fields.items()}
         topics = {stream: topic for topic, stream in readings.items()}
         streams = {c.id: s for t, s in readings.items() for c in self._topics[t].connections}
-        groups = self._container.groups(list(streams), start_ns, end_ns)
+        groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
         for stream, rows in drain_all(groups, streams):
             yield topics[stream], rows
         for topic, stream in readings.items():
@@ -235,7 +235,7 @@ class MessageLog(Log):
 
         def count_messages() -> Iterator[list[RawBatch]]:
             nonlocal message_bytes
-            for group, _ in self._container.groups(list(topics), None, None):
+            for group, _ in self._container.read_message_groups(list(topics), None, None):
                 for batch in group:
                     times[batch.connection_id].append(batch.log_times)
                     message_bytes += int(batch.lengths.sum())

@@ -12,7 +12,11 @@ from typing import Any, Final
 import polars as pl
 
 from estimators.errors import OutputError, QueryError
-from recordings.report.atomic_output import atomic_file, check_output, refuse_input_as_output
+from recordings.report.atomic_output import (
+    atomic_file,
+    refuse_input_as_output,
+    require_writable_output,
+)
 from replay.frames.select_statement import normalise_select, query_fault, quoted_names, select_rows
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import SOURCE, LossWarning
@@ -57,7 +61,7 @@ class Query:
             PayscopeError: a log cannot be read, the file cannot be written.
         """
         refuse_input_as_output(path, self.named.recordings)
-        check_output(path, force=force)
+        require_writable_output(path, force=force)
         listed = [name for name, dtype in self.rows.collect_schema().items() if dtype.is_nested()]
         if file_format == "csv" and listed:
             raise OutputError(

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
@@ -139,8 +139,8 @@ def review_shift(
         if by is not None:
             told = frames_for_calibration(made, folder)
             against = contradicted_priors(told["nuisances"])
-            unlike = Unlike.from_frames(told)
-            cycles = cycles if against else calibrate_cycles(cycles, by.calibration, unlike)
+            shared_errors = SharedErrors.from_frames(told)
+            cycles = cycles if against else calibrate_cycles(cycles, by.calibration, shared_errors)
         shift = ShiftCount.from_cycles(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
         on_stage("write")
         targets = [folder / name for name in (RECORDING, *OUTPUTS)]

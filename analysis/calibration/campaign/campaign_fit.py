@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.calibration.campaign.campaign_plan import JOINT_ESTIMATORS, CalibrationCampaign
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point, StatedPart
 from analysis.calibration.line.line_fit import fit_calibration
-from analysis.calibration.line.unlike_driving import RunResponse
+from analysis.calibration.line.shared_errors import RunResponse
 from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_drift_against
 from analysis.calibration.use.error_limits import (
     DecisionRule,

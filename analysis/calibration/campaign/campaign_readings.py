@@ -12,7 +12,7 @@ from analysis.calibration.campaign.campaign_plan import (
     CampaignRun,
     Estimator,
 )
-from analysis.calibration.line.unlike_driving import RunResponse, Unlike
+from analysis.calibration.line.shared_errors import RunResponse, SharedErrors
 from analysis.model.methods import METHODS, LogSummary
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
@@ -84,7 +84,7 @@ def responses_of_runs_to_learnt_means(
         runs: the campaign's runs in it, in order.
         estimator: which mass.
     """
-    shared = Unlike.from_frames(replayed.frames)
+    shared = SharedErrors.from_frames(replayed.frames)
     if shared is None or estimator not in JOINT_ESTIMATORS:
         return ()
     said = replayed.frames["manoeuvres"].to_dicts()

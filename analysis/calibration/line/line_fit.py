@@ -37,7 +37,7 @@ from analysis.calibration.line.point_errors import (
     scatter_over_stated_std,
     slope_attenuation,
 )
-from analysis.calibration.line.unlike_driving import RunResponse, line_responses
+from analysis.calibration.line.shared_errors import RunResponse, line_responses
 from analysis.calibration.line.variance_components import restricted_likelihood
 from estimators.arrays import Floats
 from estimators.errors import DataError

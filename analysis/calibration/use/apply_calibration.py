@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.line.calibration import CalibratedMass, Calibration
-from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_drift_against
 from analysis.calibration.use.mass_differences import NORMAL, difference_on_line
 from analysis.model.schema import CALIBRATED, conform
@@ -30,14 +30,14 @@ class LaterLog:
 
     Attributes:
         refused: why no mass of it is calibrated; "" where nothing speaks against it.
-        unlike: what it says of errors that it shares with its campaign; None takes none off.
+        shared_errors: its estimate of errors shared with its campaign; None corrects none.
         empty_kg: known mass of the empty machine; None where it is not known.
         empty_u_kg: its standard uncertainty.
         unseen: what would have changed unseen since evidence of one day.
     """
 
     refused: str = ""
-    unlike: Unlike | None = None
+    shared_errors: SharedErrors | None = None
     empty_kg: float | None = None
     empty_u_kg: float = 0.0
     unseen: Mapping[int, str] = field(default_factory=dict[int, str])
@@ -97,7 +97,7 @@ def _calibrate_load_columns(
     empties: int,
 ) -> dict[str, Any]:
     """The calibrated columns of a load."""
-    off_kg, unlike_u_kg = _unlike_driving_shift(row, calibration, log.unlike)
+    off_kg, unlike_u_kg = _unlike_driving_shift(row, calibration, log.shared_errors)
     one = _calibrate_load(row, calibration, refused, off_kg, unlike_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
@@ -125,15 +125,15 @@ def _calibrate_load_columns(
 
 
 def _unlike_driving_shift(
-    row: Mapping[str, Any], calibration: Calibration, unlike: Unlike | None
+    row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
     """Offset of m̂ because its log is driven unlike the campaign, with its uncertainty."""
     key = ("mass" if calibration.method == "joint_mass" else "payload", row["load_id"])
-    if unlike is None or not calibration.responses or key not in unlike.moved_kg:
+    if shared_errors is None or not calibration.responses or key not in shared_errors.moved_kg:
         return 0.0, 0.0
     away_kg = ((row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
-    line_kg = unlike.line_shifts(calibration.responses, 1.0, away_kg)
-    return unlike.off_kg(unlike.moved_kg[key], line_kg)
+    line_kg = shared_errors.line_shifts(calibration.responses, 1.0, away_kg)
+    return shared_errors.off_kg(shared_errors.moved_kg[key], line_kg)
 
 
 def _calibrate_load(
@@ -181,7 +181,10 @@ def payload_interval(
     random_kg = max(u_random_kg, repeats_kg)
     common_kg = float(np.sqrt(max(u_kg**2 - u_random_kg**2, 0.0)))
     found = difference_on_line(
-        calibration, log.unlike, [("payload", row["load_id"])], np.array([row["own_payload_kg"]])
+        calibration,
+        log.shared_errors,
+        [("payload", row["load_id"])],
+        np.array([row["own_payload_kg"]]),
     )
     beside_kg = found.common_kg_beside_line(np.array([common_kg]))[0]
     parts = (random_kg / abs(calibration.c1_1), beside_kg, found.unlike_u_kg[0], found.line_kg[0])
@@ -198,7 +201,7 @@ def find_empty_machine(
         return None
     count = np.array([row["manoeuvres"] for row in empty], np.float64)
     share = count / count.sum()
-    apart = [_unlike_driving_shift(row, calibration, log.unlike) for row in empty]
+    apart = [_unlike_driving_shift(row, calibration, log.shared_errors) for row in empty]
     mass_kg = float(
         share @ [row["mass_kg"] - off for row, (off, _) in zip(empty, apart, strict=True)]
     )

@@ -5,7 +5,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.apply_calibration import LaterLog
 from analysis.calibration.use.learnt_priors import contradicted_priors, undetectable_changes
 from analysis.model.machine import Body
@@ -24,11 +24,11 @@ def describe_later_log(
         body: the machine with the empty mass that the calibration has.
         refused: why nothing of the log is to be calibrated, if that is known already.
     """
-    nuisances, unlike = frames["nuisances"], Unlike.from_frames(frames)
+    nuisances, shared_errors = frames["nuisances"], SharedErrors.from_frames(frames)
     return LaterLog(
         refused or contradicted_priors(nuisances),
-        unlike,
+        shared_errors,
         body.empty_mass_kg,
         body.empty_mass_u_kg or 0.0,
-        undetectable_changes(nuisances, unlike),
+        undetectable_changes(nuisances, shared_errors),
     )

@@ -14,7 +14,7 @@ import polars as pl
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.special import chdtrc
 
-from analysis.calibration.line.unlike_driving import RunResponse, Unlike
+from analysis.calibration.line.shared_errors import RunResponse, SharedErrors
 from analysis.model.machine import Machine
 from analysis.model.prior_settings import LearnableTerm, LearntTerm
 from analysis.model.strict_config import STRICT
@@ -202,22 +202,24 @@ def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], 
             yield row, own[0], std
 
 
-def undetectable_changes(nuisances: pl.DataFrame, unlike: Unlike | None) -> dict[int, str]:
+def undetectable_changes(
+    nuisances: pl.DataFrame, shared_errors: SharedErrors | None
+) -> dict[int, str]:
     """Largest change since a calibration that this log would not contradict, by load.
 
     Args:
         nuisances: the frame.
-        unlike: what the means of learnt priors move masses by.
+        shared_errors: the log's masses' responses to the means of learnt priors.
     """
-    if unlike is None:
+    if shared_errors is None:
         return {}
-    place = {term: k for k, term in enumerate(unlike.terms)}
+    place = {term: k for k, term in enumerate(shared_errors.terms)}
     times = np.zeros(len(place))
     for row, _, std in estimates_of_log(nuisances):
         if row["term"] in place and row["term"] in _CHANGES:
             times[place[row["term"]]] = CONTRADICTS * std / row["prior_mean_u"]
     return {
         number: _ONE_DAY.format(float(np.max(np.abs(moved_kg) * times, initial=0.0)))
-        for (of, number), moved_kg in unlike.moved_kg.items()
+        for (of, number), moved_kg in shared_errors.moved_kg.items()
         if of == "mass"
     }

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from analysis.calibration.line.calibration import Calibration
-from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.line.shared_errors import SharedErrors
 from estimators.arrays import Floats
 
 #: What grows with the load makes of a slope beside the gain, as a standard deviation: rolling
@@ -57,7 +57,7 @@ class DifferenceOnLine:
 
 def difference_on_line(
     calibration: Calibration,
-    unlike: Unlike | None,
+    shared_errors: SharedErrors | None,
     numbers: Sequence[tuple[str, int]],
     payload_kg: Floats,
 ) -> DifferenceOnLine:
@@ -65,34 +65,34 @@ def difference_on_line(
 
     Args:
         calibration: of masses, or of payloads, whose line has a level.
-        unlike: what the log says of errors that it shares; None takes nothing off.
+        shared_errors: the log's estimate of errors shared with its campaign; None corrects none.
         numbers: (n,) of `MOVED`, and which.
         payload_kg: (n,) by the log alone; NaN where there is none.
     """
     absolute = calibration.method == "joint_payload"
-    gain = line_gain(calibration) if absolute else _combine_gains(calibration, unlike)
+    gain = line_gain(calibration) if absolute else _combine_gains(calibration, shared_errors)
     slope, size = gain.slope_1, abs(gain.slope_1)
     level_kg = calibration.c0_kg if absolute else 0.0
     mass_kg = (payload_kg - level_kg) / slope
     none = np.zeros(len(numbers))
     off_kg, taken_kg, unlike_u_kg, shared_u_kg = none, none, none, none
-    if unlike is not None and calibration.responses:
+    if shared_errors is not None and calibration.responses:
         centre_kg = calibration.centre_kg if absolute else 0.0
-        nothing = np.zeros(len(unlike.terms))
-        moved = np.array([unlike.moved_kg.get(each, nothing) for each in numbers])
-        of_level = unlike.line_shifts(calibration.responses, 1.0, 0.0)
-        of_slope = unlike.line_shifts(calibration.responses, 0.0, 1.0)
+        nothing = np.zeros(len(shared_errors.terms))
+        moved = np.array([shared_errors.moved_kg.get(each, nothing) for each in numbers])
+        of_level = shared_errors.line_shifts(calibration.responses, 1.0, 0.0)
+        of_slope = shared_errors.line_shifts(calibration.responses, 0.0, 1.0)
         each = (1.0 - gain.by_level_1) * of_slope
         each = each + gain.by_level_1 * of_level / calibration.centre_kg
         line = np.outer(mass_kg - centre_kg, each) + (of_level if absolute else 0.0)
-        told = np.array([each in unlike.moved_kg for each in numbers]) & np.isfinite(mass_kg)
+        told = np.array([each in shared_errors.moved_kg for each in numbers]) & np.isfinite(mass_kg)
         moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
-        off = [unlike.off_kg(*each) for each in zip(moved, line, strict=True)]
+        off = [shared_errors.off_kg(*each) for each in zip(moved, line, strict=True)]
         off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
         share = np.nan_to_num(np.abs(mass_kg)) / max(float(np.nansum(np.abs(mass_kg))), 1e-9)
-        scale_kg = np.array([unlike.scale_kg.get(each, 0.0) for each in numbers])
-        taken_kg = np.hypot(share * unlike.learnt_part_kg(moved.sum(axis=0)), scale_kg)
-        shared_u_kg = share * unlike.u_kg((moved - line).sum(axis=0))
+        scale_kg = np.array([shared_errors.scale_kg.get(each, 0.0) for each in numbers])
+        taken_kg = np.hypot(share * shared_errors.learnt_part_kg(moved.sum(axis=0)), scale_kg)
+        shared_u_kg = share * shared_errors.u_kg((moved - line).sum(axis=0))
     mass_kg = (payload_kg - off_kg - level_kg) / slope
     variance = gain.variance_1 * mass_kg**2
     if absolute:
@@ -128,15 +128,15 @@ def line_gain(calibration: Calibration) -> DifferenceGain:
     return DifferenceGain(calibration.c1_1, calibration.covariance[2], 0.0)
 
 
-def _combine_gains(calibration: Calibration, unlike: Unlike | None) -> DifferenceGain:
+def _combine_gains(calibration: Calibration, shared_errors: SharedErrors | None) -> DifferenceGain:
     """The gain by slope and by level of the line, combined by their uncertainties."""
-    if unlike is None or not calibration.responses:
+    if shared_errors is None or not calibration.responses:
         return line_gain(calibration)
     at_kg, slope = calibration.centre_kg, calibration.c1_1
     level_variance, both, slope_variance = calibration.covariance
     # the line's own uncertainty at its centre, of c0 + c1 m
     own = level_variance + 2.0 * both * at_kg + slope_variance * at_kg**2
-    means_kg = unlike.u_kg(unlike.line_shifts(calibration.responses, 1.0, 0.0))
+    means_kg = shared_errors.u_kg(shared_errors.line_shifts(calibration.responses, 1.0, 0.0))
     by_level, by_level_kg2 = calibration.level_kg / at_kg, max(own, 0.0) + means_kg**2
     variances = np.array([by_level_kg2 / at_kg**2, slope_variance + (_BY_LOAD_1 * slope) ** 2])
     if abs(by_level - slope) > _APART * float(np.sqrt(variances.sum())):

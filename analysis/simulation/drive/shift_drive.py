@@ -122,9 +122,9 @@ class ShiftDriver(MachineDriver):
         shift, number = self.shift, len(self.cycles)
         self._cycle, self._number = number, 0
         begin_s, starts, before_kg = self.time_s, self.starts, self._carried_kg
-        operator = self._draw_load("shift_operator")
+        operator = self._cycle_generator("shift_operator")
         self._rest_between_cycles(operator)
-        pours = bool(self._draw_load("shift_pour").random() < shift.pour_cycles)
+        pours = bool(self._cycle_generator("shift_pour").random() < shift.pour_cycles)
         self._drive_legs(1.0, shift.haul_m - _REACH_M, shift.empty_starts_most, operator)
         dig_s = self.time_s
         self._dig_into_pile(operator)
@@ -169,7 +169,7 @@ class ShiftDriver(MachineDriver):
         mass_kg = body.mass_kg - self._burnt_kg
         return replace(body, mass_kg=mass_kg, rolling_x_N=self.rolling_resistance(mass_kg))
 
-    def _draw_load(self, stream: str) -> np.random.Generator:
+    def _cycle_generator(self, stream: str) -> np.random.Generator:
         return make_generator(self.scenario.sensors.seed, 0, len(self.cycles), stream)
 
     def _drive_legs(
@@ -241,7 +241,7 @@ class ShiftDriver(MachineDriver):
     def _dig_into_pile(self, operator: np.random.Generator) -> None:
         """Drive into the pile; the bucket fills, and closes when the machine stands."""
         shift = self.shift
-        drawn = self._draw_load("shift_load").normal(shift.load_kg, shift.load_std_kg)
+        drawn = self._cycle_generator("shift_load").normal(shift.load_kg, shift.load_std_kg)
         wanted_kg = float(np.clip(drawn, shift.load_least_kg, shift.load_most_kg))
         body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
         self._note_boom(_DIG, at_s=self.time_s)
@@ -269,7 +269,7 @@ class ShiftDriver(MachineDriver):
     def _dump_load(self) -> float:
         """Stand, and dump halfway; when that is."""
         shift, loaded = self.shift, self._body_with_load()
-        drawn = self._draw_load("shift_carry_back").exponential(shift.carry_back_kg)
+        drawn = self._cycle_generator("shift_carry_back").exponential(shift.carry_back_kg)
         times = self.rest(shift.dump_s / 2.0, loaded.mass_kg)
         self._note_boom(_CARRY, at_s=times.start_s)
         self._note_boom(_DUMP, at_s=self.time_s)

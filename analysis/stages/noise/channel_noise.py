@@ -123,7 +123,7 @@ def channel_noise(
     """
     rate_hz = machine.settings.align.rate_hz
     gap = aligned["gap"].to_numpy()
-    columns = _columns_of_all_axes(aligned, machine)
+    columns = _force_and_yaw_columns(aligned, machine)
     phase = excitation["phase"]
     stands = (phase == "standstill").fill_null(False).to_numpy()
     moves = phase.is_not_null().to_numpy() & ~stands
@@ -179,7 +179,7 @@ def add_noise_of_samples(
         return
 
     def of_grid(aligned: pl.DataFrame) -> Floats:
-        columns = _columns_of_all_axes(aligned, machine)
+        columns = _force_and_yaw_columns(aligned, machine)
         x = np.column_stack([columns[name] for name in names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
@@ -202,7 +202,7 @@ def columns_to_channels(name: str, machine: Machine) -> tuple[str, ...]:
     return ("torque_left_N_m", "torque_right_N_m")
 
 
-def _columns_of_all_axes(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
+def _force_and_yaw_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
     """The columns of all axes, (rows,) each."""
     body = machine.machine
     columns = {

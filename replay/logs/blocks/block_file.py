@@ -11,7 +11,7 @@ from analysis.model.loss import Loss
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.block_messages import BlockStore
 from replay.logs.blocks.slabs import Grammar
-from replay.logs.storage import Connection, FileBytes, Group
+from replay.logs.storage import BatchGroup, Connection, FileBytes
 
 
 class BlockFile(ABC):
@@ -73,11 +73,11 @@ class BlockFile(ABC):
         """How many log times a connection has."""
         return self._store.message_count_of(connection_id)
 
-    def groups(
+    def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[Group]:
+    ) -> Iterator[BatchGroup]:
         """Messages in file order; a damaged chunk costs that chunk."""
-        return self._store.groups(connection_ids, start_ns, end_ns)
+        return self._store.read_message_groups(connection_ids, start_ns, end_ns)
 
     def earliest_ns(self) -> int:
         """The earliest log time by the index."""

@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.lost_blocks import BlockDamage
 from replay.logs.blocks.slabs import Grammar, Slab, read_slabs
-from replay.logs.storage import END_NS, KEY, TIME, FileBytes, Group, group_by_key, make_empty_times
+from replay.logs.storage import (
+    END_NS,
+    KEY,
+    TIME,
+    BatchGroup,
+    FileBytes,
+    group_by_key,
+    make_empty_times,
+)
 
 if TYPE_CHECKING:
     from replay.logs.blocks.select_messages import ChunkStats
@@ -190,10 +198,10 @@ class BlockStore:
                 self._times.setdefault(key, []).extend(parts)
             self._unread = []
 
-    def groups(
+    def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[Group]:
-        """See `Container.groups`."""
+    ) -> Iterator[BatchGroup]:
+        """See `Container.read_message_groups`."""
         # compiled code, which describing a log does not wait for
         from replay.logs.blocks.select_messages import select_messages_of_connections
 
@@ -215,7 +223,7 @@ class BlockStore:
             self._judge_slab(slab)
             done += len(slab.parts) + len(slab.damaged)
             found = list(select_messages_of_connections(slab.data, slab.rows, chosen, first, last))
-            yield Group(found, int(floors[done]))
+            yield BatchGroup(found, int(floors[done]))
 
     def _judge_slab(self, slab: Slab) -> None:
         for block, why in slab.damaged:

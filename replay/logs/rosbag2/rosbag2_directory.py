@@ -27,9 +27,9 @@ from replay.logs.storage import (
     END_NS,
     LARGEST_BYTES,
     UNKNOWN_NS,
+    BatchGroup,
     Connection,
     Container,
-    Group,
     LossList,
     make_empty_times,
     prefetch,
@@ -174,9 +174,9 @@ class Rosbag2Directory:
         part_number, inner = self._origin[connection_id]
         return self._parts[part_number].message_count(inner)
 
-    def groups(
+    def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[Group]:
+    ) -> Iterator[BatchGroup]:
         """Messages file by file."""
         later = [part.earliest_ns() for part in self._parts[1:]]
         for part_number, part in enumerate(self._parts):
@@ -188,20 +188,22 @@ class Rosbag2Directory:
             }
             if not outer:
                 continue
-            stored = part.groups(list(outer), start_ns, end_ns)
+            stored = part.read_message_groups(list(outer), start_ns, end_ns)
             if self._metadata.message_zstd:
                 stored = prefetch(self._decompress_part(part, stored))
             for batches, floor_ns in stored:
                 renamed = [replace(b, connection_id=outer[b.connection_id]) for b in batches]
-                yield Group(renamed, min(floor_ns, behind))
+                yield BatchGroup(renamed, min(floor_ns, behind))
 
-    def _decompress_part(self, part: Container, stored: Iterator[Group]) -> Iterator[Group]:
+    def _decompress_part(
+        self, part: Container, stored: Iterator[BatchGroup]
+    ) -> Iterator[BatchGroup]:
         lost: Counter[int] = Counter()
         floor_ns = UNKNOWN_NS
         for batches, next_floor_ns in stored:
             for unpacked, damaged in chain.from_iterable(map(unpack_messages, batches)):
                 lost[unpacked.connection_id] += damaged
-                yield Group([unpacked], floor_ns)
+                yield BatchGroup([unpacked], floor_ns)
             floor_ns = next_floor_ns
         topics = {c.id: c.topic for c in part.connections}
         for key, count in lost.items():

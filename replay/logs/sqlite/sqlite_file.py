@@ -24,10 +24,10 @@ from replay.logs.storage import (
     OFFSET,
     TIME,
     UNKNOWN_NS,
+    BatchGroup,
     Connection,
     Damage,
     FileBytes,
-    Group,
     group_by_key,
     make_empty_times,
 )
@@ -111,9 +111,9 @@ class Db3File:
             self._damage.note(what, topic)
         return times[times >= 0]
 
-    def groups(
+    def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[Group]:
+    ) -> Iterator[BatchGroup]:
         """Messages as stored; a damaged page of the database costs that page."""
         first = 0 if start_ns is None else max(start_ns, 0)
         last = 2**63 - 1 if end_ns is None else end_ns
@@ -125,7 +125,7 @@ class Db3File:
                 for key, at in group_by_key(rows[KEY])
             ]
             latest = max(latest, int(rows[TIME].max(initial=UNKNOWN_NS)))
-            yield Group(batches, self._floor_ns(latest))
+            yield BatchGroup(batches, self._floor_ns(latest))
 
     def _floor_ns(self, latest: int) -> int:
         """The log time before which nothing follows a row of the log time `latest`.

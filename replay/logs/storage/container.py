@@ -31,7 +31,7 @@ class Connection:
     definition_format: str
 
 
-class Group(NamedTuple):
+class BatchGroup(NamedTuple):
     """Batches that lie in the same memory, and what may still follow them."""
 
     batches: list[RawBatch]
@@ -58,9 +58,9 @@ class Container(Protocol):
         """How many log times a connection has, without putting them side by side."""
         ...
 
-    def groups(
+    def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[Group]:
+    ) -> Iterator[BatchGroup]:
         """Messages of some connections in file order, both bounds inclusive.
 
         Batches of several connections that lie in the same memory come together. They are done

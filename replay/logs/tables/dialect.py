@@ -15,7 +15,12 @@ from typing import Final
 from replay.logs.tables.cells import classify_cell, common_unit, is_numeric, is_signed
 from replay.logs.tables.dates import is_clock, is_date
 from replay.logs.tables.header import ColumnName, column_names, refuse_two_units
-from replay.logs.tables.header_rows import TextRow, header_row, rows_behind_words, rows_of_names
+from replay.logs.tables.header_rows import (
+    TextRow,
+    find_labelled_header_rows,
+    header_row,
+    rows_of_names,
+)
 from replay.logs.tables.hints import DialectError, TableHints
 
 SEPARATORS: Final = (",", ";", "\t", "|")
@@ -309,9 +314,9 @@ def _find_head_rows(reading: _Reading, lines: Sequence[str], hints: TableHints) 
     above = [header_row(row, separator, width, lines) for row in rows[: reading.first]]
     data = [row.cells for row in rows[reading.first :]]
     is_blank_first = bool(data) and not any(row[0] for row in data)
-    behind_words = rows_behind_words(above, width, is_blank_first=is_blank_first)
+    labelled = find_labelled_header_rows(above, width, is_blank_first=is_blank_first)
     is_given = hints.header_row is not None or hints.units_row is not None
-    named = None if is_given else behind_words
+    named = None if is_given else labelled
     names, units = named or rows_of_names(above, width, hints)
     cells = list(names.cells) if names else [""] * width
     # a separator at the end of each line

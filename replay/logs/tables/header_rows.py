@@ -113,7 +113,7 @@ def _take_names_and_units(
     return last, before if is_units(before.cells) else None
 
 
-def rows_behind_words(
+def find_labelled_header_rows(
     above: list[TextRow], width: int, *, is_blank_first: bool
 ) -> tuple[TextRow, TextRow] | None:
     """Names and units where a word stands before each: "SIGNAL", "TIME", "CH1".

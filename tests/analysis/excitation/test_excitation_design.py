@@ -53,7 +53,7 @@ def errors(made, drive, score, window_s, force_noise_N=None):
     samples = round(window_s * filters.rate_hz) + filters.margin
     longer = score.manoeuvre.model_copy(update={"duration_s": score.start_s + window_s + 1.0})
     motion = solve_motion(scenario_with_manoeuvres(made, longer), 0.0)
-    truth = MeasuredSignals.measure_motion(
+    truth = MeasuredSignals.from_motion(
         motion.sample_channels(score.start_s + np.arange(samples) / filters.rate_hz)
     )
     random = np.random.default_rng(5)

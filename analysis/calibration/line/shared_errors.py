@@ -58,7 +58,7 @@ def line_responses(
 
 
 @dataclass(frozen=True)
-class Unlike:
+class SharedErrors:
     """Estimate by a log of the errors that it shares with its calibration.
 
     Attributes:
