@@ -102,7 +102,7 @@ def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     if motion.used.sum() < LIMITS.refit_min_samples or not motion.drives:
         return None
     motion = motion.near_fitted(LIMITS.refit_reach_s)
-    states = None if fit.states is None else fit.states.among(motion)
+    states = None if fit.states is None else fit.states.restrict_to(motion)
     if states is not None and states.count != inputs.kept.setdefault("states", states.count):
         return None
     earlier = inputs.kept.get("wheels")
@@ -158,7 +158,7 @@ def refit_warm_started(
         return refit_with_changes(begun, noise, priors, rounds=LIMITS.refit_rounds - known)
     if known:
         return refit_with_changes(begun, noise, priors)
-    states = None if begun.states is None else begun.states.among(part)
+    states = None if begun.states is None else begun.states.restrict_to(part)
     pilot = refit_with_changes(replace(begun, motion=part, states=states), noise, priors)
     if abs(pilot.found.lag_s - begun.found.lag_s) > LIMITS.refit_lag_moves_s:
         pilot = refit_with_changes(pilot, noise, priors)
