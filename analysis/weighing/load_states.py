@@ -18,7 +18,7 @@ from analysis.weighing.motion_samples import (
     last_of_stretch,
 )
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.joint.changepoints import Partitions, partitions
+from estimators.joint.changepoints import Partitions, find_partitions
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.joint.random_intercepts import RandomIntercepts
@@ -271,7 +271,7 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
     if not (np.isfinite(units.y).all() and (units.variance > 0.0).all()):
         return single_unknown_state(number)
     typical_kg = _typical_mass_kg(units)
-    found = partitions(
+    found = find_partitions(
         units,
         LIMITS.largest_load_fraction * typical_kg,
         LIMITS.repeatability_fraction * typical_kg,
