@@ -51,9 +51,7 @@ class ShiftClock:
         )
 
     def format_time(self, s: float) -> str:
-        """Format a time in s since the first sample, with its date in shifts over midnight, and
-        offset.
-        """
+        """Format a time in s since the first sample, with offset, and date if needed."""
         if not self.is_dated:
             return _format_elapsed(s)
         local = self.to_local_datetime(s)

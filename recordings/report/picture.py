@@ -21,7 +21,7 @@ def check_picture(path: Path, *, force: bool) -> None:
 
     Raises:
         OutputError: the suffix is not supported, the file exists, or its folder cannot be written
-        to.
+            to.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise OutputError(f"{path}: no picture format '{path.suffix}'; use {', '.join(SUFFIXES)}")

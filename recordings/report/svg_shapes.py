@@ -139,7 +139,7 @@ class Axes:
         y_label: str,
         x_ticks: Sequence[tuple[float, str]] | None = None,
     ) -> None:
-        """Draw grid, tick labels and axis labels; `x_ticks` replaces round numbers, as for times."""
+        """Draw grid, tick labels and axis labels; `x_ticks` replaces round numbers."""
         left, top, right, bottom = self.box
         for value, text in round_ticks(*self.x) if x_ticks is None else x_ticks:
             x, _ = self.place_in_drawing(value, self.y[0])

@@ -92,7 +92,7 @@ def answer_lines(said: Answer, *, brief: bool = False) -> list[str]:
 
 
 def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
-    """Lines with mass, payload and, unless brief, sensitivity to the priors; or why there is none."""
+    """Lines with mass, payload and, unless brief, prior sensitivity; or why there is no mass."""
     if load.get("mass_kg") is None:
         return [f"no mass: {load.get('withheld_for') or 'nothing was fitted'}"]
     mass, u = load["mass_kg"], load["u_kg"]

@@ -77,7 +77,7 @@ def command(
 
 
 def _parse_share(text: str) -> float:
-    """`1%` or `0.01` as 0.01."""
+    """Parse `1%` or `0.01` as 0.01."""
     number, percent, rest = text.strip().partition("%")
     try:
         value = float(number) / (100.0 if percent else 1.0)
@@ -89,7 +89,7 @@ def _parse_share(text: str) -> float:
 
 
 def _print_design(design: Design) -> RenderableType:
-    """Lay a design out for a terminal."""
+    """Table and notes of a design for the terminal."""
     from rich.console import Group
 
     from replay.commands.print_tables import make_plain_table

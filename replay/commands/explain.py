@@ -78,10 +78,11 @@ def command(
 
 
 def picture_and_machine_file(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
-    """The picture and the machine file among the outputs.
+    """Split the outputs into picture and machine file.
 
     Raises:
-        BadParameter: two of a kind, or --apply without a file for it, or a file without --apply.
+        BadParameter: two outputs of a kind, --apply without a .toml output, or a .toml output
+            without --apply.
     """
     files = [path for path in paths if path.suffix == ".toml"]
     pictures = [path for path in paths if path.suffix != ".toml"]
@@ -175,7 +176,7 @@ def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
 
 
 def _format_mass(answer: "Answer") -> str:
-    """The mass of the heaviest load, or of the only one; nothing where it is withheld."""
+    """Mass of the heaviest or only load as text; empty if it is withheld."""
     from recordings.report.number_text import format_plus_minus
 
     if not answer.verdict.can_weigh:

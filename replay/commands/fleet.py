@@ -47,7 +47,7 @@ _ROWS_SHOWN: Final = 40
 
 @app.callback(invoke_without_command=True)
 def require_fleet_libraries(context: typer.Context) -> None:
-    """Refuse in one line where the libraries of the extra are missing."""
+    """Raise an error if the libraries of the extra `fleet` are missing."""
     from estimators.errors import FleetError
     from replay.fleet.ray_engine import missing_library
 

@@ -63,7 +63,7 @@ def command(
 
 
 def _list_frames(recording: Path, *, as_json: bool) -> None:
-    """Print the recording's frames with their columns, and what was lost on the way to them."""
+    """Print the recording's frames with their columns, and its losses."""
     from rich.markup import escape
 
     from recordings import read_provenance, stage_columns
@@ -101,7 +101,7 @@ def _show_frame(
     *,
     force: bool,
 ) -> None:
-    """Print the rows of one frame from one second to another, or at one, or write them."""
+    """Print or write the rows of one frame in a time range, or at one time."""
     from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
     from replay.commands.frame_output import choose_format, frame_text, print_frame
     from replay.recording.read_stage import RecordedStage

@@ -116,7 +116,7 @@ def _print_sweep(
     outputs: tuple[Path | None, Path | None],
     force: bool,
 ) -> bool:
-    """Sweep logs, machine file and overrides over values; print, write and draw the rows.
+    """Run the sweep; print, write and draw its rows.
 
     Returns:
         Whether any combination can weigh.
@@ -173,7 +173,7 @@ def _print_sweep(
 
 
 def _make_swept_row(row: Row) -> SweptRow:
-    """A row as its figure has it."""
+    """Row for the sweep's figure."""
     from recordings.plots.sweep_figure import SweptRow
 
     names = shorten_dotted_names(row.over)
@@ -192,7 +192,7 @@ def _make_swept_row(row: Row) -> SweptRow:
 
 
 def _nest_row_for_json(row: Row) -> dict[str, Any]:
-    """A row as `run --json` gives it, with what was varied and the errors."""
+    """Row in the format of `run --json`, with the varied settings and the errors."""
     # logs that are replayed many times are not hashed
     left_out = ("losses", "notes", "recording", "fingerprint")
     told = {name: value for name, value in row.answer.to_dict().items() if name not in left_out}
@@ -200,7 +200,7 @@ def _nest_row_for_json(row: Row) -> dict[str, Any]:
 
 
 def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
-    """A row a combination, a column a method and quantity; what was varied is a number or text."""
+    """Frame with a row per combination and a column per method and quantity."""
     names = shorten_dotted_names(rows[0].over)
     flat = [
         {
@@ -229,7 +229,7 @@ def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
 
 
 def calibrated_mass(row: Row) -> dict[str, float | str | None]:
-    """The calibrated mass of a log of one load, where a calibration was given."""
+    """Calibrated mass of a single-load log, if there is a calibration."""
     loads = row.answer.loads
     if not loads or "calibrated_kg" not in loads[0]:
         return {}
@@ -238,7 +238,7 @@ def calibrated_mass(row: Row) -> dict[str, float | str | None]:
 
 
 def render_sweep(rows: Sequence[Row]) -> RenderableType:
-    """Masses and verdict a combination; below, where a truth is known, how wrong they are."""
+    """Table of masses and verdicts, and a table of errors if the truth is known."""
     from rich.console import Group
 
     from replay.commands.print_tables import kg_text
@@ -261,7 +261,7 @@ def method_table(
     more: Sequence[str] = (),
     rest: Callable[[Row], Sequence[str]] = lambda _: (),
 ) -> Table:
-    """A row a combination: what was varied, a cell a method, and more columns."""
+    """Table with a row per combination and a cell per method, plus further columns."""
     from replay.commands.print_tables import make_plain_table
 
     methods = list(
@@ -277,7 +277,7 @@ def method_table(
 
 
 def calibrated_table(rows: Sequence[Row]) -> Table:
-    """A row a combination: the calibrated mass, or why there is none."""
+    """Table with the calibrated mass of each combination, or why there is none."""
     from replay.commands.print_tables import kg_text, make_plain_table
 
     table = make_plain_table(
@@ -316,7 +316,7 @@ def _failed_checks(row: Row) -> list[str]:
 
 
 def _quantity_by_method(row: Row, quantity: str) -> Mapping[str, float | None]:
-    """A quantity of the answer; a log without masses has none."""
+    """A quantity of the answer by method; empty for a log without masses."""
     return row.answer.rows[0].quantities[quantity] if row.answer.rows else {}
 
 
@@ -327,12 +327,12 @@ def _type_swept_columns(row: Row) -> dict[str, Any]:
 
 
 def _value_for_file(value: Any, written: str) -> Any:
-    """A value for a column that a file may hold: a list or table as it was written."""
+    """Value for a column of a file; lists and tables stay as written."""
     return written if isinstance(value, list | dict) else value
 
 
 def shorten_dotted_names(keys: Iterable[str]) -> dict[str, str]:
-    """Short name of each dotted key: its last part, or all of it if two share that."""
+    """Shortest distinct name of each dotted key: its last part, or the whole key."""
     last = {key: key.rpartition(".")[2] for key in keys}
     shared = Counter(last.values())
     return {key: name if shared[name] == 1 else key for key, name in last.items()}

@@ -115,7 +115,7 @@ def _write_page(folders: list[Path], output: Path | None, *, force: bool) -> Non
 
 
 def _verify_notary_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:
-    """Check a notary's list."""
+    """Verify a notary list and print the result."""
     from replay.commands.print_tables import print_json, print_line, stdout_console
     from replay.notary.verify_list import UNSEEN, verify_list
 

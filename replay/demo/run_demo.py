@@ -1,4 +1,4 @@
-"""The demo: the paper's campaign as real logs, calibrated, verified; and a shift, reviewed."""
+"""The demo: simulate the paper's campaign as logs, calibrate and verify; review a shift."""
 
 import datetime as dt
 import shutil
@@ -125,7 +125,7 @@ class Demo:
     files: tuple[Path, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain values."""
+        """The fields as JSON-compatible values."""
         return {
             "evidence": self.calibrated.to_dict(),
             "verified": self.verified.to_dict(),
@@ -143,13 +143,13 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
     Then a shift of the same machine is simulated and reviewed under that evidence.
 
     Args:
-        folder: where the files go; made when it is not there.
-        seed: of the simulated noise.
+        folder: folder for the files, created if missing.
+        seed: seed of the simulated noise.
         force: whether files of an earlier demo may be replaced.
-        on_stage: told the name of each stage as it begins.
+        on_stage: called with the name of each stage when it begins.
 
     Raises:
-        OutputError: a file is there already, or the folder cannot be written to.
+        OutputError: a file already exists, or the folder cannot be written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -209,7 +209,7 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
 
 
 def add_evidence_line(replayed: Run, calibrated: CalibrationOutcome, empty_kg: float) -> Run:
-    """The run with the line of the evidence before those of the methods."""
+    """The run with the evidence's line before those of the methods."""
     document = calibrated.document
     points = () if document.calibration is None else document.calibration.points
     first = calibration_frame(
@@ -222,7 +222,7 @@ def add_evidence_line(replayed: Run, calibrated: CalibrationOutcome, empty_kg: f
 def replay_campaign(
     logs: Sequence[Path], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
-    """Replay simulated logs in one time line; a line by their truth for each of the methods."""
+    """Replay simulated logs on one time line, with a calibration line by truth for each method."""
     with ExitStack() as stack:
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         replayed = run(opened, machine, on_stage)
@@ -232,12 +232,12 @@ def replay_campaign(
 
 
 def demo_campaign(scenario: Scenario, logs: Sequence[Path], machine: str) -> str:
-    """The campaign file of simulated logs in one folder, each with a mass more than the last.
+    """Text of the campaign file for simulated logs with ascending masses.
 
     Args:
-        scenario: that was simulated, loads ascending from 0.
-        logs: a log a load.
-        machine: the machine file beside them.
+        scenario: simulated scenario, with loads ascending from 0.
+        logs: one log per load.
+        machine: path of the machine file, relative to the campaign file.
     """
     loads_kg = scenario.campaign.loads_kg
     names = [f"mass-{number}" for number in range(1, len(loads_kg))]

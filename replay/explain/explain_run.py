@@ -1,4 +1,4 @@
-"""The command `explain`: why an estimate is bad, and the machine file that mends it."""
+"""The command `explain`: why an estimate is bad, and a corrected machine file."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -33,12 +33,12 @@ class ExplainRequest:
 
     Attributes:
         path: a recording, or a log.
-        machine_file: to replay it with; None takes a recording as it is.
-        overrides: `key=value`, of the machine file.
-        at_s: the moment; None: the whole run.
-        picture: where it is drawn; None draws nothing.
-        mended_file: where the machine file is written with the proposals that pay.
-        force: replace what is there already.
+        machine_file: machine file for a replay; None uses a recording as it is.
+        overrides: `key=value` overrides of the machine file.
+        at_s: time in s to explain; None for the whole run.
+        picture: picture to write; None draws none.
+        mended_file: corrected machine file to write; None writes none.
+        force: whether to replace existing files.
     """
 
     path: Path
@@ -53,18 +53,18 @@ class ExplainRequest:
 def explain_run(
     asked: ExplainRequest, on_stage: Callable[[str], None] = lambda _: None
 ) -> "tuple[Explanation, MendedMachine | None]":
-    """Explain a recording or a log, draw that, and mend its machine file, as far as asked for.
+    """Explain a recording or a log; optionally draw it and write a corrected machine file.
 
     Args:
-        asked: what.
-        on_stage: told the stages of replays as they begin.
+        asked: the request.
+        on_stage: called with each stage of the replays when it begins.
 
     Returns:
-        The explanation, and what the mended machine file does; None where nothing pays, or where
-        it was not asked for.
+        The explanation, and the effect of the corrected machine file; None if no proposal helps, or
+        if it was not requested.
 
     Raises:
-        PayscopeError: whatever is wrong with the input, before anything is written.
+        PayscopeError: the input is wrong; nothing has been written then.
     """
     _check_request(asked)
     whole = frames_to_explain(asked, on_stage)
@@ -116,7 +116,7 @@ def _check_moment(asked: ExplainRequest, run: Run) -> None:
 
 
 def frames_to_explain(asked: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
-    """The frames that are explained: as recorded, or of a replay."""
+    """The frames to explain, from the recording or from a replay."""
     if asked.machine_file is None:
         with open_recording(asked.path) as held:
             return read_explained_frames(held, pictured=asked.picture is not None)
@@ -142,7 +142,7 @@ def _is_other_machine(held: OpenRecording, machine: Machine) -> bool:
 
 
 def read_explained_frames(held: OpenRecording, *, pictured: bool) -> Run:
-    """Read the frames of an explanation or a picture, a small part of a shift."""
+    """Read the frames needed for an explanation or a picture."""
     held.refuse_without_stages()
     wanted: dict[str, Sequence[str]] = {}
     for name, columns in held.stages.items():
