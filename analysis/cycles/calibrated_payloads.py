@@ -44,7 +44,7 @@ def calibrate_cycles(
     """
     if calibration.method not in (_OF_MASS, _OF_PAYLOAD):
         raise DataError(
-            f"calibration: it is of '{calibration.method}', no mass of cycles: "
+            f"calibration: it was made for '{calibration.method}', which is not a mass of cycles; "
             f"{nearest(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
         )
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]

@@ -153,7 +153,7 @@ class Design:
             DataError: no waveform fits the yard.
         """
         if self.best is None:
-            raise DataError("no waveform fits the yard")
+            raise DataError("no waveform stays within the yard; give a longer --yard")
         return scenario_with_manoeuvres(base, Rest(duration_s=2.0), self.best.manoeuvre)
 
 
@@ -195,7 +195,7 @@ def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) ->
 
 def _settling_time_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
     if friction <= 0.0:
-        raise DataError(f"machine.{key}: without friction a step never settles; give it")
+        raise DataError(f"machine.{key}: is 0, so that a step never settles; give a value above 0")
     return min(12.0 * (inertia / friction + scenario.campaign.valve_lag_s), 3600.0)
 
 
@@ -222,7 +222,8 @@ def design_excitation(
     load_kg = scenario.campaign.loads_kg[0]
     if scenario.sensors.force_noise_N == 0.0:
         raise DataError(
-            "sensors.force_noise_N: without noise there is no signal-to-noise ratio; give it"
+            "sensors.force_noise_N: is 0, so that there is no signal-to-noise ratio; give a value "
+            "above 0"
         )
     response_s = {axis: driveline_response_time_s(scenario, load_kg, axis) for axis in _AXES[drive]}
     slowest_s = max(response_s.values())

@@ -111,7 +111,8 @@ def si_gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:
         raise ExpressionError(f"{of}: no unit '{unit}'") from error
     if zero:
         raise ExpressionError(
-            f"{of}: '{unit}' does not begin at 0; it cannot be a factor of a product"
+            f"{of}: '{unit}' has an offset zero point, so it cannot be multiplied or divided; use "
+            "a unit such as K"
         )
     return float(base.magnitude), base.dimensionality
 

@@ -164,7 +164,7 @@ class GrowingLog:
         if not self._raw.keys() >= set(self.topics):
             if is_whole:
                 missing = ", ".join(t for t in self.topics if t not in self._raw)
-                raise DataError(f"nothing came of the topics {missing}")
+                raise DataError(f"no message arrived on the topics {missing}")
             return False
         head = take_first_seconds(self._raw)
         if head is None:

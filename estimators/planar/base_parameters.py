@@ -92,7 +92,7 @@ def fit(
     samples = int(used.sum())
     R = triangular_factors(A, f, used)
     if not np.isfinite(R[..., -1]).all() and np.isfinite(R[..., :-1]).all():
-        raise DataError("the forces hold NaN or infinity; leave out the samples that miss")
+        raise DataError("the forces hold NaN or infinity; exclude these samples")
 
     given = np.array([list(parameters).index(name) for name in prior.names], np.int64)
     free = np.setdiff1d(np.arange(p), given)

@@ -78,7 +78,7 @@ def identify(
     if len(parameters) != p:
         raise DataError(f"the regressor has {p} columns; {len(parameters)} parameters are named")
     if not np.isfinite(rows).all():
-        raise DataError("the regressor holds NaN or infinity; leave out the samples that miss")
+        raise DataError("the regressor holds NaN or infinity; exclude these samples")
     length = np.linalg.norm(rows, axis=0)
     if noise is None:
         scale = length

@@ -75,7 +75,10 @@ def list_bundle(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
     bad: list[tuple[str, str]] = []
     for number, (name, mode) in enumerate(folder_entries(folder)):
         if number >= _MOST_FILES:
-            raise EvidenceError(f"{folder}: more than {_MOST_FILES} entries are no bundle")
+            raise EvidenceError(
+                f"{folder}: more than {_MOST_FILES} entries, so it is not a bundle; name the "
+                "folder of one bundle"
+            )
         if stat.S_ISLNK(mode):
             bad.append((name, "is a link, which no bundle has; it was not followed"))
         elif stat.S_ISDIR(mode):
@@ -169,8 +172,10 @@ def parse_sums(data: bytes) -> dict[str, str]:
     for number, line in enumerate(lines[:_MOST_FILES], start=1):
         match = _SUM.fullmatch(line)
         if match is None or not is_bundle_file(match[2]) or match[2] in UNLISTED:
-            raise EvidenceError(f"{SUMS}: line {number} is no digest of a file of a bundle")
+            raise EvidenceError(f"{SUMS}: line {number} is not the digest of a file of this bundle")
         found[match[2]] = match[1]
     if sums_text(found).encode() != data:
-        raise EvidenceError(f"{SUMS}: is not as it was written: sorted, each file once")
+        raise EvidenceError(
+            f"{SUMS}: was changed: its lines are not sorted, or a file appears twice"
+        )
     return found

@@ -294,9 +294,13 @@ def parse_document(data: bytes, what: str) -> EvidenceDocument:
                 f"it ({where}: {first['msg']}): digests and signature were checked, and nothing in "
                 "it can be recomputed here"
             ) from None
-        raise EvidenceError(f"{what}: {where}: {first['msg']}, which its schema refuses") from None
+        raise EvidenceError(
+            f"{what}: {where}: {first['msg']}, which the schema of evidence does not allow"
+        ) from None
     if document.data != data:
-        raise EvidenceError(f"{what}: holds a value in a form that its schema does not have")
+        raise EvidenceError(
+            f"{what}: holds a value of a type that the schema of evidence does not allow"
+        )
     return document.fill_in_released_defaults(values)
 
 

@@ -68,7 +68,7 @@ def read_certified_masses(root: "_Element", item: str, what: str) -> list[Certif
         choices = ", ".join(names[0] for _, names in named if names)[:400] or "none with an id"
         raise EvidenceError(f"{what}: has no item '{item}'; its items: {choices}")
     if item and len(wanted) > 1:
-        raise EvidenceError(f"{what}: has {len(wanted)} items '{item}'")
+        raise EvidenceError(f"{what}: has {len(wanted)} items named '{item}'")
     core = admin.find(f"{{{DCC}}}coreData")
     assert core is not None
     certificate = leaf_text(core.find(f"{{{DCC}}}uniqueIdentifier")) or ""
@@ -190,7 +190,7 @@ def weights_of_list(
     for texts in _name_lists(quantity, what):
         found = _find_named_items(texts, scope, count, what)
         if found is not None and by_name is not None and found != by_name:
-            raise EvidenceError(f"{what}: two lists of names beside a list of masses disagree")
+            raise EvidenceError(f"{what}: a list of masses has two lists of names that disagree")
         by_name = found or by_name
     if by_name is not None:
         return by_name

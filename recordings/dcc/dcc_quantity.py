@@ -118,7 +118,7 @@ def read_value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> t
     value_kg = value.entry_number(element, "value", what) * unit_kg
     u_kg = _standard_u(value, what, several_units=len(set(units)) > 1) * unit_kg
     if not 0.0 < value_kg <= _MOST_KG:
-        raise EvidenceError(f"{what}: {value_kg:g} kg is no mass of a weight")
+        raise EvidenceError(f"{what}: {value_kg:g} kg is not a possible mass of a weight")
     if not 0.0 < u_kg <= _MOST_U_1 * value_kg:
         raise EvidenceError(
             f"{what}: a standard uncertainty of {u_kg:g} kg is none of {value_kg:g} kg"

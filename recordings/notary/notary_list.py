@@ -148,7 +148,7 @@ def parse_line(data: bytes, what: str) -> NotaryLine:
     except (binascii.Error, ValueError) as fault:
         raise EvidenceError(f"{what}: {_format_validation_fault(fault)}") from None
     if canonical_bytes({**content.model_dump(mode="json"), "signature": text}) != data:
-        raise EvidenceError(f"{what}: holds a value in a form that a notary does not write")
+        raise EvidenceError(f"{what}: holds a value of a type that a notary does not write")
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
         raise EvidenceError(f"{what}: its signature is not base64 of 64 bytes")
     return NotaryLine(data, content, signature)

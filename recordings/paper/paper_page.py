@@ -29,7 +29,7 @@ def check_reproduction(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
+        raise OutputError(f"{folder}: cannot be created ({error.strerror})") from error
     for path in _list_output_files(items, folder, output_format):
         require_writable_output(path, force=force)
 

@@ -125,7 +125,7 @@ def refuse_input_as_output(target: Path, inputs: Iterable[Path]) -> None:
         OutputError: the target is one of the inputs.
     """
     if target.exists() and any(target.samefile(each) for each in inputs):
-        raise OutputError(f"{target}: is the input itself; name another output")
+        raise OutputError(f"{target}: is also an input; name another output")
 
 
 def _refuse_folder(target: Path) -> None:
@@ -148,8 +148,8 @@ def staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
             stage.mkdir(mode=0o700)
         except OSError as error:
             raise OutputError(
-                f"{targets[0]}: cannot write in '{folder}' ({error.strerror}); "
-                "name a folder that you may write in"
+                f"{targets[0]}: cannot write in '{folder}' ({error.strerror}); name a folder with "
+                "write permission"
             ) from None
         yield stage
     finally:
@@ -163,8 +163,8 @@ def staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
 def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
     if target.is_dir() and not any((target / name).is_file() for name in _OURS):
         raise OutputError(
-            f"{target}: is a folder and no rosbag2 directory, converted log or evidence; name "
-            "another output"
+            f"{target}: is a folder, but not a rosbag2 directory, converted log or evidence, so it "
+            "is not replaced; name another output"
         )
     if target.exists() and not force:
         raise OutputError(f"{target}: exists already; name another output, or give --force")

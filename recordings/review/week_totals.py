@@ -96,15 +96,15 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
         state = read_state(folder)
         if state is None or not (folder / PARQUET).is_file():
             raise ReviewError(
-                f"{folder}: holds no review of this version; make it: payscope review LOG… -m "
-                f"MACHINE -o {folder}"
+                f"{folder}: holds no review of this version; create one with payscope review LOG… "
+                f"-m MACHINE -o {folder}"
             )
         try:
             rows = pl.read_parquet(folder / PARQUET)
             cycles = cycles_of_ledger(rows, state.t0_unix_ns)
         except OSError as error:
             raise ReviewError(
-                f"{folder / PARQUET}: cannot be read ({error.strerror}); review its logs once more"
+                f"{folder / PARQUET}: cannot be read ({error.strerror}); review its logs again"
             ) from None
         except pl.exceptions.PolarsError:
             raise ReviewError(
@@ -114,7 +114,9 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
         for ends_ns in rows["end_unix_ns"] if state.clock.is_dated else ():
             other = owners.get((machine, ends_ns))
             if other is not None:
-                raise ReviewError(f"{folder}: has loads that {other} has too; name one of them")
+                raise ReviewError(
+                    f"{folder}: contains loads that {other} contains as well; name only one of them"
+                )
         owners |= {(machine, ends_ns): folder for ends_ns in rows["end_unix_ns"]}
         found += _sum_loads_of_parts(rows, cycles, state, folder)
     return found

@@ -53,7 +53,9 @@ def read_window(
             heights[stored.name] = whole.height
             frames[stored.name] = _select_rows_inside(whole, begin, end, held.provenance.t0_unix_ns)
             if stored.name == "aligned" and frames["aligned"].is_empty() and not whole_run:
-                raise RecordingError(f"{path}: nothing {stretch}; it has {_describe_span(whole)}")
+                raise RecordingError(
+                    f"{path}: has no data {stretch}; it has {_describe_span(whole)}"
+                )
     about = note_missing_rows(path, held.manifest, held.provenance, heights)
     if whole_run:
         return Run(frames, about)

@@ -53,7 +53,9 @@ class StoredColumn(BaseModel):
         """
         dtype = series.dtype
         if not series.name:
-            raise OutputError("a column without a name cannot be stored; name it in the log")
+            raise OutputError(
+                "a column of the log has an empty name, which cannot be stored; name it in the log"
+            )
         if isinstance(dtype, pl.Enum):
             categories = tuple(dtype.categories.to_list())
             return cls(name=series.name, dtype=_ENUM, categories=categories)

@@ -87,4 +87,7 @@ def _wait_for_page(process: "subprocess.Popen[bytes]", page: str) -> None:
                 return
         except (urllib.error.URLError, OSError):
             time.sleep(_LOOK_S)
-    raise RecordingError("--live: the server of the viewer did not start; leave out --live")
+    raise RecordingError(
+        "--live: the viewer's server did not start within the time limit; try again, or leave out "
+        "--live"
+    )

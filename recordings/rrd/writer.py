@@ -157,7 +157,9 @@ def check_recording(path: Path, *, force: bool) -> None:
         OutputError: as `write_recording`.
     """
     if path.suffix != SUFFIX:
-        raise OutputError(f"{path}: a recording ends in {SUFFIX}, or no viewer opens it")
+        raise OutputError(
+            f"{path}: the name of a recording must end in {SUFFIX}; rename the output"
+        )
     require_writable_output(path, force=force)
 
 
@@ -268,7 +270,8 @@ def wait_until_written(recording: "RecordingStream", piped: PipedFile, path: Pat
         except RuntimeError as error:
             if piped.size == size:
                 raise OutputError(
-                    f"{path}: nothing is written beyond {size} bytes; is the disk or viewer stuck?"
+                    f"{path}: the file stopped growing at {size} bytes; check for a full disk or a "
+                    "stuck viewer"
                 ) from error
             size = piped.size
         else:
@@ -300,9 +303,13 @@ def verify_written(run: Run, partial: Path, path: Path) -> None:
             for name, frame in run.frames.items():
                 back = held.read(name)
                 if back.schema != frame.schema or not back.equals(frame):
-                    raise OutputError(f"{path}: '{name}' read back differs, so nothing was kept")
+                    raise OutputError(
+                        f"{path}: '{name}' read back differs, so the file was removed; try again"
+                    )
     except RecordingError as error:
-        raise OutputError(f"{path}: cannot be read back; is the disk full?") from error
+        raise OutputError(
+            f"{path}: cannot be read back after writing; check for a full disk"
+        ) from error
 
 
 def make_timed_rows(

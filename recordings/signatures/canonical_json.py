@@ -57,7 +57,7 @@ def parse(data: bytes, what: str) -> Any:
             object_pairs_hook=_object_of_unique_keys,
         )
     except (ValueError, RecursionError) as error:
-        raise EvidenceError(f"{what}: is no JSON that evidence may hold: {error}") from None
+        raise EvidenceError(f"{what}: is not valid JSON for evidence: {error}") from None
     if canonical_bytes(value) != data:
         raise EvidenceError(f"{what}: is not in the canonical form of RFC 8785")
     return value
@@ -86,7 +86,7 @@ def _refuse_depth(data: bytes, what: str) -> None:
 
 def _parse_integer(text: str) -> int | float:
     if len(text) > _LONGEST_NUMBER:
-        raise ValueError(f"a number of {len(text)} digits")
+        raise ValueError(f"it has a number of {len(text)} digits")
     value = int(text)
     # a double such as 1e20 has all its digits in canonical form
     return value if abs(value) <= _LARGEST_EXACT else float(value)
@@ -97,7 +97,7 @@ def _parse_float(text: str) -> float:
         raise ValueError(f"a number of {len(text)} characters")
     value = float(text)
     if not math.isfinite(value):
-        raise ValueError(f"the number {text}")
+        raise ValueError(f"it has the number {text}")
     return value
 
 
@@ -108,5 +108,5 @@ def _refuse_constant(text: str) -> float:
 def _object_of_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) != len(pairs):
-        raise ValueError("a name that comes twice in one object")
+        raise ValueError("a name appears twice in one object")
     return found

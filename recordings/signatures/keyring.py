@@ -137,11 +137,11 @@ def load_keyring(path: Path | None = None) -> Keyring:
         raise EvidenceError(f"{path}: is not TOML: {error}") from None
     rows = content.pop("keys", [])
     if content or not isinstance(rows, list):
-        raise EvidenceError(f"{path}: is not a keyring; it has [[keys]] tables and nothing else")
+        raise EvidenceError(f"{path}: is not a keyring, which contains only [[keys]] tables")
     keys = tuple(_parse_key(path, number, row) for number, row in enumerate(rows, start=1))
     ids = [each.public.key_id for each in keys]
     if len(set(ids)) < len(ids):
-        raise EvidenceError(f"{path}: holds a key twice; remove one of them")
+        raise EvidenceError(f"{path}: lists the same key twice; remove one entry")
     return Keyring(path, keys)
 
 

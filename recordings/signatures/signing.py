@@ -173,7 +173,7 @@ def signing_key(path: Path | None) -> SigningKey | None:
     except (ValueError, UnsupportedAlgorithm):
         raise EvidenceError(f"{where}: holds no private key in PEM; `{_MAKE}` makes one") from None
     if not isinstance(key, Ed25519PrivateKey):
-        raise EvidenceError(f"{where}: is no Ed25519 key; `{_MAKE}` makes one")
+        raise EvidenceError(f"{where}: is not an Ed25519 key; `{_MAKE}` makes one")
     return SigningKey(key).require_secret(where)
 
 
@@ -195,7 +195,7 @@ def public_key(path: Path) -> PublicKey:
     except (ValueError, UnsupportedAlgorithm):
         raise EvidenceError(f"{path}: holds no public key in PEM; `{_PUBLISH}` writes it") from None
     if not isinstance(key, Ed25519PublicKey):
-        raise EvidenceError(f"{path}: is no Ed25519 key; evidence is signed by Ed25519")
+        raise EvidenceError(f"{path}: is not an Ed25519 key, which evidence requires")
     return _require_sound_key(_derive_public_key(key), str(path))
 
 
@@ -271,10 +271,10 @@ def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
         signed = _decode_base64(signature["sig"], f"{what}: its signature")
         key_id = signature["keyid"]
     except (TypeError, KeyError, ValueError, AttributeError):
-        raise EvidenceError(f"{what}: is no DSSE envelope with one signature") from None
+        raise EvidenceError(f"{what}: is not a DSSE envelope with one signature") from None
     inside = parse(payload, f"{what}: its statement")
     if not fits or not isinstance(inside, dict) or not isinstance(key_id, str):
-        raise EvidenceError(f"{what}: is no DSSE envelope of an in-toto statement")
+        raise EvidenceError(f"{what}: is not a DSSE envelope of an in-toto statement")
     return EnvelopeContent(payload, inside, signed, key_id)
 
 
@@ -282,7 +282,7 @@ def _decode_base64(text: str, what: str) -> bytes:
     try:
         data = base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError, TypeError):
-        raise EvidenceError(f"{what} is no base64") from None
+        raise EvidenceError(f"{what} is not base64") from None
     # several texts decode alike; one counts
     if base64.b64encode(data).decode() != text:
         raise EvidenceError(f"{what} is not base64 in its one canonical form")
@@ -296,7 +296,7 @@ def _read_key_file(path: Path) -> bytes:
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
     if len(data) > _MOST_KEY_BYTES:
-        raise EvidenceError(f"{path}: is no key: larger than {_MOST_KEY_BYTES} bytes")
+        raise EvidenceError(f"{path}: is not a key file: it is larger than {_MOST_KEY_BYTES} bytes")
     return data
 
 

@@ -136,7 +136,8 @@ class MachineCalibration:
         other = self.differences_of_machine(weighing)
         if other:
             raise EvidenceError(
-                f"{self.folder}: {other} ({what}); calibrate with these, or weigh with those"
+                f"{self.folder}: {other} ({what}); calibrate again with these settings, or replay "
+                "with those of the calibration"
             )
         body = weighing.machine.model_copy(update={"id": self.machine_id})
         return weighing.model_copy(update={"machine": body})

@@ -264,7 +264,7 @@ def previous_evidence(
     wrong = checked.faults
     if wrong or checked.document is None:
         first = str(wrong[0]) if wrong else "no evidence"
-        raise EvidenceError(f"{previous}: nothing can be chained to it: {first}")
+        raise EvidenceError(f"{previous}: cannot be used as --previous: {first}")
     machine = checked.document.campaign.machine.id
     if machine_id not in (None, machine):
         raise EvidenceError(
@@ -274,14 +274,14 @@ def previous_evidence(
     by = checked.signed_by
     if key is not None and by.how == "unsigned":
         raise EvidenceError(
-            f"{previous}: is unsigned: nothing that is signed is chained to what nobody vouches "
-            "for; calibrate without --previous, or without --key if that chain is to go on"
+            f"{previous}: is unsigned, and signed evidence cannot follow unsigned evidence; leave "
+            "out --previous to start a signed chain, or --key to continue the unsigned one"
         )
     own = key is not None and by.key_id == key.public.key_id
     if by.how == "unknown" and not own:
         raise EvidenceError(
-            f"{previous}: is {by}: nothing is chained to what cannot be verified; keep the key, if "
-            f"the signer gave it to you by another way: {by.add_line}"
+            f"{previous}: is {by}, so its signature cannot be verified; if the signer gave you "
+            f"this key in person, keep it with {by.add_line}"
         )
     return checked
 
@@ -313,8 +313,8 @@ def finish_evidence(
     readings, points = evidence.replayed.readings, evidence.fitted.frame
     if readings["mass_kg"].null_count() == readings.height:
         raise CampaignError(
-            f"{', '.join(evidence.campaign.logs)}: no run gave a reading; `payscope run` says of "
-            "each log why"
+            f"{', '.join(evidence.campaign.logs)}: no run gave a reading; run `payscope run` on "
+            "each log to see why"
         )
     tables, digests = encode_tables(readings, points)
     document = _make_document(evidence, digests, key, before)
@@ -324,7 +324,7 @@ def finish_evidence(
     wrong = [str(each) for each in checked.faults]
     if wrong:
         raise OutputError(
-            f"{folder}: what was written does not pass its own check, so nothing was kept: "
+            f"{folder}: the written evidence failed verification, so it was removed: "
             + "; ".join(wrong[:_MOST_LINES])
         )
     return CalibrationOutcome(folder, document, readings, points, tuple(remarks))

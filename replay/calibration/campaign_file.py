@@ -42,8 +42,8 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     campaign = validate(path, content, CalibrationCampaign, CampaignError)
     if campaign.laboratory is not None and campaign.missing_statements:
         raise CampaignError(
-            f"{path}: [laboratory] makes this a certificate after ISO/IEC 17025, 7.8, which lacks "
-            f"{', '.join(campaign.missing_statements)}; complete them, or leave [laboratory] out"
+            f"{path}: [laboratory] makes this a certificate by ISO/IEC 17025, 7.8, which also "
+            f"needs {', '.join(campaign.missing_statements)}; add them, or leave out [laboratory]"
         )
     beside = path.parent / campaign.machine.file
     shipped = machine_path(Path(campaign.machine.file))
@@ -65,8 +65,8 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     for log in campaign.logs:
         if not (path.parent / log).exists():
             raise CampaignError(
-                f"{path}: no log '{log}' in {path.parent}; logs are named from the campaign file's "
-                "folder"
+                f"{path}: no log '{log}' in {path.parent}; paths of logs are relative to the "
+                "campaign file"
             )
     return campaign, machine
 
@@ -85,7 +85,7 @@ def machine_with_serial_number(machine: Machine, wanted: str, what: object) -> M
     named = machine.machine.id
     if named not in (None, wanted):
         raise CampaignError(
-            f"{what}: is of machine '{wanted}', and its machine file of '{named}'; name the "
+            f"{what}: is for machine '{wanted}', and its machine file of '{named}'; name the "
             f"machine file of '{wanted}', or correct machine.id"
         )
     return machine.model_copy(update={"machine": machine.machine.model_copy(update={"id": wanted})})
@@ -181,7 +181,10 @@ def _read_mass_tables(source: Path, block: dict[str, Any], keys: list[str]) -> l
     except EvidenceError as fault:
         raise CampaignError(str(fault)) from None
     if len(masses) > 1 and "id" in block:
-        raise CampaignError(f"{path}: has {len(masses)} items, and '{block['id']}' is one of them")
+        raise CampaignError(
+            f"{path}: has {len(masses)} items, but '{block['id']}' names a single mass; leave out "
+            "its id"
+        )
     return [
         {
             "id": re.sub(r"[^A-Za-z0-9._-]", "-", mass.item_id).lstrip("._-")[:64],

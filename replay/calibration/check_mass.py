@@ -99,7 +99,7 @@ def _check_campaign(
 ) -> CalibrationCampaign:
     """A campaign with a single run."""
     if known.value_kg < 0.0:
-        raise CampaignError(f"--check {known.value_kg:g}: a mass on board is 0 kg or more")
+        raise CampaignError(f"--check {known.value_kg:g}: give a mass of at least 0 kg")
     mass = ReferenceMass.model_validate(
         {
             "id": _MASS,

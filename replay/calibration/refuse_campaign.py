@@ -74,19 +74,19 @@ def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
     ]
     if faults:
         raise CampaignError(
-            f"{path}: {faults[0]}; `payscope verify {path}` lists all, and a log is left out with "
-            "a reason in notary.left_out"
+            f"{path}: {faults[0]}; `payscope verify {path}` lists all faults; to leave out a log, "
+            "give the reason in notary.left_out"
         )
     if last < stretch.last:
         raise CampaignError(
-            f"{source}: notary.last is {stretch.last}, and {path} ends with number {last}; "
-            "`payscope notarise` goes on with it"
+            f"{source}: notary.last is {stretch.last}, and {path} ends at number {last}; `payscope "
+            "notarise` continues the list"
         )
     wanted = campaign.machine.id
     if kept.head is not None and kept.head.machine_id not in ("", wanted):
         raise CampaignError(
-            f"{path}: is the list of machine '{kept.head.machine_id}', and the campaign is of "
-            f"'{wanted}'; name the list of that machine's recorder"
+            f"{path}: is the notary list of machine '{kept.head.machine_id}', and the campaign is "
+            f"of '{wanted}'; name the list of that machine's recorder"
         )
     return stretch_bytes(data, stretch)
 
@@ -105,6 +105,6 @@ def refuse_unaccounted(
     fault = next(find_unaccounted_logs(campaign.notary, replayed.logs, kept.entries), None)
     if fault is not None:
         raise CampaignError(
-            f"{source}: notary: {fault}; add a run of it, or leave it out with a reason in "
-            "notary.left_out"
+            f"{source}: notary: {fault}; add a run for that log, or give the reason for leaving it "
+            "out in notary.left_out"
         )

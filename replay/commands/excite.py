@@ -136,7 +136,7 @@ def _describe_timing(design: Design) -> list[str]:
 def _describe_verdict(design: Design) -> str:
     best, wanted = design.best, f"{design.accuracy:.3g}"
     if best is None:
-        return "No waveform fits the yard."
+        return "No waveform stays within the yard; give a longer --yard."
     name, error = f"{best.waveform}, {best.ways}", f"{best.relative_error:.2g}"
     if design.is_reached:
         return f"The accuracy of {wanted} is reached: {name}, has {error}."

@@ -62,7 +62,7 @@ def command(
 
     picture, mended_file = picture_and_machine_file(output or [], apply=apply)
     if overrides and machine is None:
-        raise typer.BadParameter("--set overrides a machine file: name it with -m")
+        raise typer.BadParameter("--set changes a machine file; name the file with -m")
     asked = ExplainRequest(
         recording, machine, tuple(overrides or ()), at_s, picture, mended_file, force=force
     )
@@ -89,9 +89,11 @@ def picture_and_machine_file(paths: list[Path], *, apply: bool) -> tuple[Path | 
     if len(files) > 1 or len(pictures) > 1:
         raise typer.BadParameter("-o takes one picture, and with --apply one .toml")
     if apply and not files:
-        raise typer.BadParameter("--apply writes a machine file: name it, as -o mended.toml")
+        raise typer.BadParameter(
+            "--apply writes a machine file; name it, for example -o mended.toml"
+        )
     if files and not apply:
-        raise typer.BadParameter(f"{files[0]}: a machine file is written with --apply")
+        raise typer.BadParameter(f"{files[0]}: a machine file is only written with --apply")
     return (pictures[0] if pictures else None), (files[0] if files else None)
 
 

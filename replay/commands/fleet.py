@@ -209,7 +209,9 @@ def compare_command(
     from replay.fleet.gathered_tables import fleet_results
 
     if (b is None) == (not overrides):
-        raise typer.BadParameter("name other results, B, or settings, --set: one of both")
+        raise typer.BadParameter(
+            "give either other results (B) or other settings (--set), but not both"
+        )
     days = _parse_days(first, last)
     results = fleet_results(a)
     if b is None:
@@ -271,7 +273,9 @@ def _make_engine(
     from replay.fleet.ray_engine import ray_engine
 
     if address is not None and workers is not None:
-        raise typer.BadParameter("--workers is for this machine; a cluster has its own number")
+        raise typer.BadParameter(
+            "--workers applies to this machine only; leave it out with --address"
+        )
     return partial(ray_engine, address, workers)
 
 

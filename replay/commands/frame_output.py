@@ -32,10 +32,10 @@ def choose_format(asked: str | None, output: Path | None) -> str:
         if asked not in _WRITTEN:
             raise OutputError(
                 f"{output}: no format '{output.suffix}'; use "
-                f"{', '.join(f'.{x}' for x in _WRITTEN)}, or say --format"
+                f"{', '.join(f'.{x}' for x in _WRITTEN)}, or give --format"
             )
     if asked in _BINARY and output is None:
-        raise OutputError(f"{asked.capitalize()} is not for a screen: name a file with -o")
+        raise OutputError(f"{asked.capitalize()} is a binary format; name a file with -o")
     return asked or "table"
 
 

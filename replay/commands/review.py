@@ -155,7 +155,7 @@ def command(
         report_week(logs, output, friction_limit, as_json=as_json)
         return
     if friction_limit is not None:
-        raise typer.BadParameter("--friction-limit needs shifts of several days: add --week")
+        raise typer.BadParameter("--friction-limit compares several days; add --week")
     labels = {
         "product": product,
         "operator": operator,
@@ -171,8 +171,8 @@ def command(
         needs_logs = (asked is not None, target is not None, overrides, full, decimal_comma, label)
         if any(needs_logs):
             raise typer.BadParameter(
-                "--calibration, --target, --set, --full, --decimal-comma and --label need the "
-                "logs, -m and -o once more"
+                "--calibration, --target, --set, --full, --decimal-comma and --label count the "
+                "loads again; give the logs, -m and -o as well"
             )
         made = recount_review(logs[0], given)
     elif machine is None or output is None:

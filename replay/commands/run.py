@@ -91,9 +91,9 @@ def command(
     from replay.runs.run_logs import STEPS, RecordTo, replay_logs
 
     if live and output is None:
-        raise typer.BadParameter("--live shows a recording: name it with -o")
+        raise typer.BadParameter("--live shows the recording while it is written; name it with -o")
     if goal is not None and as_json:
-        raise typer.BadParameter("--goal prints text: leave out --json")
+        raise typer.BadParameter("--goal prints text only; leave out --json")
     settings = [*(overrides or []), *_empty_span_settings(empty)]
     asked = read_calibration(calibration, key, signed=require_signed)
 

@@ -49,15 +49,19 @@ def command(
         wanted = output_format and output_format.value
         asked = read_calibration(calibration, key, signed=require_signed)
         if at_s is not None and (start_s, end_s) != (None, None):
-            raise typer.BadParameter("--at is one moment, --from and --to are a range; take one")
+            raise typer.BadParameter(
+                "--at gives one time, --from and --to give a range; use one or the other"
+            )
         seconds = (start_s, end_s) if at_s is None else at_s
         _show_frame((recording, frame, asked), seconds, wanted, output, force=force)
     elif calibration is not None:
-        raise typer.BadParameter("--calibration goes with the frame loads alone; name that frame")
+        raise typer.BadParameter("--calibration applies to the frame 'loads' only; name that frame")
     elif (start_s, end_s, at_s, output) != (None, None, None, None):
-        raise typer.BadParameter("--from, --to, --at and -o are for a frame; name one")
+        raise typer.BadParameter("--from, --to, --at and -o need the name of a frame")
     elif output_format not in (None, FrameFormat.table, FrameFormat.json):
-        raise typer.BadParameter("frames are listed as table or json; name one to print it")
+        raise typer.BadParameter(
+            "the list of frames is printed as table or json; name a frame for other formats"
+        )
     else:
         _list_frames(recording, as_json=output_format is FrameFormat.json)
 

@@ -139,7 +139,9 @@ def _print_sweep(
         refuse_input_as_output(figure, [*logs, machine_file])
         check_picture(figure, force=force)
         if figure == output:
-            raise OutputError(f"{figure}: is named twice; the table and the picture are two files")
+            raise OutputError(
+                f"{figure}: is named for both -o and --figure; give two different files"
+            )
     grid = value_combinations(over)
     with Stages(len(grid)) as stages:
         rows = sweep_settings(

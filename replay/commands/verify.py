@@ -80,7 +80,10 @@ def command(
         _verify_notary_list(first, key, signed=require_signed, as_json=as_json)
         return
     if more and previous is not None:
-        raise typer.BadParameter("--previous needs a single folder; name it among the others")
+        raise typer.BadParameter(
+            "--previous needs a single folder; add the previous evidence to the list of folders "
+            "instead"
+        )
     check = (
         partial(verify_chain, folders) if more else partial(verify_bundle, first, previous=previous)
     )

@@ -115,9 +115,9 @@ def compare_recordings(
                 for replay in (mine, theirs)
             ]
             raise RecordingError(
-                f"{a} and {b}: are replays of different inputs ({names[0]} | {names[1]}, by "
-                "SHA-256), so that their rows do not correspond; --other-logs compares settings, "
-                "masses and verdict alone"
+                f"{a} and {b}: are replays of different logs ({names[0]} | {names[1]}, by "
+                "SHA-256), so their rows cannot be compared; give --other-logs to compare "
+                "settings, masses and verdict only"
             )
         found = compare_runs(mine, theirs, rtol=rtol, rows=not other_logs)
         if output.path is not None:

@@ -190,7 +190,10 @@ def unfinished_folder(target: Path) -> Generator[UnfinishedFolder]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise OutputError(f"{target}: another process is converting to it") from None
+            raise OutputError(
+                f"{target}: another process is converting to this folder; wait for it, or name "
+                "another folder"
+            ) from None
         yield UnfinishedFolder(path)
 
 

@@ -154,7 +154,7 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
+        raise OutputError(f"{folder}: cannot be created ({error.strerror})") from error
     machine_file = folder / _MACHINE.name
     recording, picture = folder / "campaign.rrd", folder / "campaign.png"
     campaign_file, evidence = folder / "calibration.toml", folder / "evidence"

@@ -98,7 +98,7 @@ def _check_request(asked: ExplainRequest) -> None:
     if asked.mended_file is not None:
         if asked.machine_file is None:
             raise MachineError(
-                f"{asked.mended_file}: --apply mends a machine file; name it with -m"
+                f"{asked.mended_file}: --apply corrects a machine file; name that file with -m"
             )
         refuse_input_as_output(asked.mended_file, inputs)
         require_writable_output(asked.mended_file, force=asked.force)
@@ -111,7 +111,7 @@ def _check_moment(asked: ExplainRequest, run: Run) -> None:
     first_s, last_s = (round(int(gate["t_ns"][place]) / 1e9, 1) for place in (0, -1))
     if not first_s <= round(asked.at_s, 1) <= last_s:
         raise RecordingError(
-            f"{asked.path}: nothing at {asked.at_s:g} s; it has {first_s:g} to {last_s:g} s"
+            f"{asked.path}: has no data at {asked.at_s:g} s; it has {first_s:g} to {last_s:g} s"
         )
 
 
@@ -160,7 +160,7 @@ def read_explained_frames(held: OpenRecording, *, pictured: bool) -> Run:
     if lost:
         more = f" (and {len(lost) - 1} more stages miss rows)" if len(lost) > 1 else ""
         raise RecordingError(
-            f"{held.path}: is not whole: '{lost[0].name}' has {frames[lost[0].name].height} of "
-            f"{lost[0].rows} rows{more}; replay its log"
+            f"{held.path}: is incomplete: '{lost[0].name}' has {frames[lost[0].name].height} of "
+            f"{lost[0].rows} rows{more}; replay the log"
         )
     return Run(frames, held.provenance)

@@ -85,7 +85,7 @@ class OtherSettings:
         """Replay setups of a log; evidence that does not fit the settings is left out."""
         machine = self.machines[log]
         if machine not in self.last.machines:
-            raise FleetError(f"{log}: no run has machine '{machine}' since; run the fleet again")
+            raise FleetError(f"{log}: the last run has no machine '{machine}'; run the fleet again")
         files = self.last.machines[machine].files
         overrides = (*files.overrides, *self.overrides)
         return _setups_of_machine(machine, NamedFiles(files.file, overrides, files.calibrations))
@@ -143,8 +143,8 @@ def replay_with_settings(
             gone += 1
     if not logs:
         raise FleetError(
-            f"{results.store.place}: none of its logs of these days is where it was; restore them, "
-            "or compare two destinations"
+            f"{results.store.place}: none of the logs of these days exists at its old path; "
+            "restore them, or compare two destinations"
         )
     plan = OtherSettings(results.last_run, tuple(overrides), machines)
     digest = hashlib.sha256("\n".join(overrides).encode()).hexdigest()[:_DIGITS]

@@ -110,7 +110,9 @@ class Fleet:
             if name is not None:
                 return self._make_setups(rule, name)
         patterns = ", ".join(rule.logs for rule in self.rules.machines)
-        raise FleetError(f"{log}: no rule of {self.path} fits it; its rules: {patterns}")
+        raise FleetError(
+            f"{log}: no rule in {self.path} matches this log; the rules are {patterns}"
+        )
 
     def _make_setups(self, rule: MachineRule, name: str) -> tuple[MachineSetup, ...]:
         file = rule.file.replace(NAME, name)
@@ -153,7 +155,7 @@ def load_fleet(path: Path, overrides: tuple[str, ...] = ()) -> Fleet:
         FleetError: one line with the file, the fault, the choices and the remedy.
     """
     if not path.exists():
-        raise FleetError(f"{path}: no such fleet file; docs/fleet.md has one to begin with")
+        raise FleetError(f"{path}: no such fleet file; docs/fleet.md has an example")
     content = read_toml(path, FleetError)
     if "channels" in content and "machines" not in content:
         raise FleetError(

@@ -138,7 +138,9 @@ class FleetResults:
             return LastRun.model_validate_json(self._read_or_empty(CURRENT, b"{}"))
         except ValidationError:
             place = self.store.full_name(CURRENT)
-            raise FleetError(f"{place}: is not as payscope wrote it; run the fleet again") from None
+            raise FleetError(
+                f"{place}: was changed after payscope wrote it; run the fleet again"
+            ) from None
 
     @cached_property
     def failed(self) -> dict[str, str]:
@@ -176,7 +178,7 @@ def fleet_results(place: str) -> FleetResults:
         raise FleetError(f"{place}: no such folder; `payscope fleet run` makes one")
     found = FleetResults(store)
     if not found.names:
-        raise FleetError(f"{place}: no results of a fleet there; `payscope fleet run` makes them")
+        raise FleetError(f"{place}: has no results of a fleet; `payscope fleet run` makes them")
     try:
         found.gather()
     except OutputError as error:

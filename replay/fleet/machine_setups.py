@@ -90,8 +90,8 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
         if by.signed_by.how == "unknown":
             # nobody sits beside a fleet to be asked
             raise EvidenceError(
-                f"{folder}: is {by.signed_by}; keep the key, if the signer gave it to you by "
-                f"another way: {by.signed_by.add_line}"
+                f"{folder}: is {by.signed_by}; if the signer gave you this key in person, keep it "
+                f"with {by.signed_by.add_line}"
             )
         try:
             weighing = by.require_machine(by.weighing_machine(machine), files.file)

@@ -49,7 +49,7 @@ def recording_of_result(results: FleetResults, key: str) -> Generator[Path]:
 def _find_recording(results: FleetResults, source: str, machine: str, recording: Path) -> None:
     known = results.last_run.machines.get(machine)
     if known is None:
-        raise FleetError(f"{source}: no run has machine '{machine}' since; run the fleet again")
+        raise FleetError(f"{source}: the last run has no machine '{machine}'; run the fleet again")
     (log,) = list_fleet_logs([source])
     setups = machine_setups(machine, known.files, lenient=True)
     with fetch_log(log) as path, open_log(path, time=time_axis(setups[-1].machine)) as opened:

@@ -97,7 +97,7 @@ def refuse_dead_address(address: str) -> None:
     """Raise an error if nothing listens at an address; Ray would retry for minutes."""
     host, _, port = address.rpartition("://")[2].rpartition(":")
     if not host or not port.isdigit():
-        raise FleetError(f"--address {address}: write it as host:port, of the cluster's head")
+        raise FleetError(f"--address {address}: give the cluster's head as host:port")
     try:
         socket.create_connection((host, int(port)), timeout=_ANSWER_S).close()
     except (OSError, OverflowError) as error:

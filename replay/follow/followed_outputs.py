@@ -212,8 +212,8 @@ def find_continuation(
             return None
         if end.about.identity != identity:
             raise OutputError(
-                f"{output}: follows {end.about.identity.partition(';')[0]} with the machine file, "
-                "settings and noise of then; name another output, or give --force"
+                f"{output}: follows {end.about.identity.partition(';')[0]} with another machine "
+                "file, settings or noise; name another output, or give --force"
             )
         return ResumePoint(end.about.t0_unix_ns + end.until_ns, end)
     if not has_log_grown(output, paths, machine):

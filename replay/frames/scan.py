@@ -249,7 +249,7 @@ def resolve_log_paths(logs: Logs) -> tuple[list[Path], bool]:
         if has_magic(str(each)) and not Path(each).exists():
             matching = sorted(map(Path, glob(str(each), recursive=True)))  # noqa: PTH207 - the pattern may be absolute
             if not matching:
-                raise LogError(f"{each}: no log has such a name")
+                raise LogError(f"{each}: no log matches this name")
             found += matching
         else:
             found.append(Path(each))

@@ -79,7 +79,8 @@ def normalise_select(sql: str) -> str:
     function = _FILE_FUNCTION.search(query)
     if function:
         raise QueryError(
-            f"query: {function[1]} reads a file past payscope; name the file before the SELECT"
+            f"query: {function[1]} would read a file directly; name the file before the SELECT "
+            "instead"
         )
     return query
 

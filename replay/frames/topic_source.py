@@ -168,8 +168,9 @@ class TopicSource:
             is_same = known[name].dtype == shape.leaves[name].dtype
             if not is_same:
                 raise LogError(
-                    f"{log.path}: topic '{self.topic}' has '{name}' as {known[name].dtype}, the "
-                    f"logs before as {shape.leaves[name].dtype}; scan them apart, or name fields"
+                    f"{log.path}: topic '{self.topic}' has '{name}' as {known[name].dtype}, but "
+                    f"earlier logs have it as {shape.leaves[name].dtype}; scan these logs "
+                    "separately, or select other fields"
                 )
         bounds = (
             None if within.first_ns == FIRST_NS else within.first_ns,

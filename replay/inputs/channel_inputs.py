@@ -121,8 +121,8 @@ def _refuse_stated_units(log: Log, machine: Machine) -> None:
             continue
         if gain != 1.0 or offset:
             raise LogError(
-                f"{log.path}: '{channel.field}' states its unit, {stated}; set "
-                f'channels.{name}.unit = "{stated}" (or its scale)'
+                f"{log.path}: '{channel.field}' is in {stated}, not in the unit of its channel; "
+                f'set channels.{name}.unit = "{stated}" (or its scale)'
             )
 
 
@@ -283,9 +283,9 @@ def drop_repeated_samples(
     inside = shared.filter(time <= end).height
     if overlap_ns > _OVERLAP_NS and shared.height - new.height < _MOSTLY * inside:
         raise LogError(
-            f"{later}: topic '{topic}' begins {(end - start) / 1e9:.3f} s before it ends in "
-            f"{earlier}, with other messages; logs of one time line follow each other: replay "
-            "these one by one"
+            f"{later}: topic '{topic}' begins {(end - start) / 1e9:.3f} s before its end in "
+            f"{earlier}, with different messages; logs replayed together must not overlap, so "
+            "replay these separately"
         )
     return pl.concat([new.drop(_STAMP), frame.filter(time > end + _OVERLAP_NS)])
 

@@ -47,14 +47,14 @@ def logged_id(logs: Sequence[Log], known: str | None) -> str:
             continue
         if known is not None and known not in ids:
             raise LogError(
-                f"{log.path}: its metadata say that it is of machine '{ids[0]}', and machine.id is "
-                f"'{known}'; name the machine file and the evidence of '{ids[0]}'"
+                f"{log.path}: its metadata name machine '{ids[0]}', but machine.id is '{known}'; "
+                f"name the machine file and the evidence of '{ids[0]}'"
             )
         both = list(ids) if first is None else [each for each in common if each in ids]
         if not both and first is not None:
             raise LogError(
-                f"{log.path}: its metadata say that it is of machine '{ids[0]}', and those of "
-                f"{first.path} of '{common[0]}'; replay the logs of each machine separately"
+                f"{log.path}: its metadata name machine '{ids[0]}', but those of {first.path} name "
+                f"'{common[0]}'; replay the logs of each machine separately"
             )
         common, first = both, first or log
     return known or common[0] if common else ""

@@ -57,9 +57,9 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
         return none
     if len(set(has)) > 1:
         raise LogError(
-            f"{', '.join(str(log.path) for log in logs)}: their times begin at 0 each, and they "
-            "hold some channels in common: logs that follow one another hold the same channels, "
-            "logs that run side by side none in common; or give them a time since 1970"
+            f"{', '.join(str(log.path) for log in logs)}: the times of each begin at 0, and they "
+            "share only some channels, so their order is unknown; give consecutive logs with the "
+            "same channels, parallel logs with no common channel, or logs with times since 1970"
         )
     found: dict[Log, int] = {}
     at_ns, lattice = 0, _SampleLattice.from_table(next(iter(tables.values())))

@@ -117,8 +117,8 @@ class ConvertedTopics:
                 depth += 1
             elif depth:
                 raise ConvertedFieldError(
-                    f"'{name}' picks inside all of a list, which a converted log does not; read "
-                    f"'{whole}', or the log itself"
+                    f"'{name}' selects a part of every list element, which a converted log cannot "
+                    f"do; read '{whole}', or the log itself"
                 )
             else:
                 values = values.list.get(
@@ -279,8 +279,8 @@ def _describe_folder(path: Path) -> ConvertedDescription:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"])) or "it"
         raise LogError(
-            f"{path / DESCRIPTION}: is not as payscope wrote it ({where}: {first['msg']}); convert "
-            "the log again"
+            f"{path / DESCRIPTION}: was changed after payscope wrote it ({where}: {first['msg']}); "
+            "convert the log again"
         ) from None
     if about.format != FORMAT:
         raise LogError(

@@ -183,14 +183,16 @@ def follow_log(
         )
     if suffixes & set(_TABLES):
         if len(paths) > 1:
-            raise LogError(f"{first}: one table is followed at a time; name one")
+            raise LogError(
+                f"{first}: only one table can be followed at a time; name a single table"
+            )
         from replay.logs.log_tails import TableTail
 
         return TableTail(first, time, fields)
     unknown = suffixes - set(_TAILS)
     if unknown:
         raise LogError(
-            f"{first}: a file '{unknown.pop()}' cannot be followed while it grows; "
+            f"{first}: a file of type '{unknown.pop()}' cannot be followed while it grows; "
             f"{', '.join((*_TAILS, *_TABLES))}, or a folder of them"
         )
     from replay.logs.log_tails import MessageTail

@@ -35,7 +35,7 @@ def _open_db3(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
 
 def _open_table(path: Path, time: TimeAxis | None) -> Log:
     if path.suffix.lower() == ".gz" and Path(path.stem).suffix.lower() not in _TEXTS:
-        raise LogError(f"{path}: only text tables are read as .gz; unpack it first")
+        raise LogError(f"{path}: only text tables can be read from .gz; unpack this file first")
     from replay.logs.table_log import TableLog
 
     return TableLog(path, time)
@@ -105,8 +105,8 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
         opener = OPENERS.get(path.suffix.lower())
         if opener is None:
             raise LogError(
-                f"{path}: no reader for '{path.suffix}'; a log is {', '.join(OPENERS)} "
-                "or a rosbag2 directory"
+                f"{path}: no reader for '{path.suffix}'; supported are {', '.join(OPENERS)} or a "
+                "rosbag2 directory"
             )
         if path.stat().st_size == 0:
             raise LogError(f"{path}: the file is empty (0 bytes)")

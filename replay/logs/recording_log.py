@@ -49,8 +49,8 @@ class RecordingLog(Log):
         }
         if not self._stage:
             raise LogError(
-                f"{path}: keeps no channels of its log (a review's recording does with --full); "
-                "replay the log itself"
+                f"{path}: does not contain the channels of its log; replay the log itself (a "
+                "review keeps them with --full)"
             )
 
     @property

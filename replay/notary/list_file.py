@@ -124,7 +124,7 @@ def open_list(path: Path) -> Generator[OpenList]:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise EvidenceError(
-                f"{path}: another process writes it; one notary keeps a list"
+                f"{path}: another process is writing this list; only one notary may write it"
             ) from None
         size = os.fstat(number).st_size
         if size > MOST_LIST_BYTES:
@@ -165,22 +165,22 @@ def _compare_end(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> No
             fault = f"number {entry.counter} follows number {before.content.counter}"
         if fault:
             raise EvidenceError(
-                f"{path}: {fault}: it was changed; `payscope verify {path}` lists all, and a list "
-                "that was changed is not gone on with"
+                f"{path}: {fault}; the list was changed; `payscope verify {path}` lists all "
+                "faults, and a changed list cannot be continued"
             )
     if end is None:
         return
     if not lines:
         raise EvidenceError(
-            f"{path}: is empty, and number {end.counter} was written: the list was taken away; put "
-            "it back, or begin another one elsewhere with --list"
+            f"{path}: is empty, but number {end.counter} was written before, so the list was "
+            "removed; restore it, or start another one elsewhere with --list"
         )
     known = len(lines) > end.counter and lines[end.counter].digest == end.digest
     if lines[0].digest != end.head or not known:
         raise EvidenceError(
-            f"{path}: ends with number {len(lines) - 1} and is not the list that was written up to "
-            f"number {end.counter}: it was cut or written anew; put it back, or begin another one "
-            "elsewhere with --list"
+            f"{path}: ends with number {len(lines) - 1}, but was written up to number "
+            f"{end.counter}, so it was cut or replaced; restore it, or start another one elsewhere "
+            "with --list"
         )
 
 
@@ -211,6 +211,6 @@ def read_kept_end(second: Path | None) -> ListEnd | None:
         return ListEnd(str(held["head"]), int(held["counter"]), str(held["digest"]))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise EvidenceError(
-            f"{second}: does not say where the list ends ({type(error).__name__}); remove it if "
-            "you know that the list is whole"
+            f"{second}: does not contain the end of the list ({type(error).__name__}); remove this "
+            "file if you know that the list is complete"
         ) from None

@@ -111,10 +111,12 @@ def notarise_folder(
         OutputError: the list cannot be written; what was listed before that stays.
     """
     if not folder.is_dir():
-        raise EvidenceError(f"{folder}: no such folder; name the one that the recorder writes to")
+        raise EvidenceError(
+            f"{folder}: no such folder; name the folder that the recorder writes to"
+        )
     key = signing_key(key_file)
     if key is None:
-        raise EvidenceError(f"a notary signs: give --key KEY.pem, or {KEY_VARIABLE}")
+        raise EvidenceError(f"a notary needs a signing key; give --key KEY.pem, or {KEY_VARIABLE}")
     path = list_path or folder / LIST_NAME
     with open_list(path) as held:
         head = begin_list(held, key, machine_id)

@@ -101,7 +101,9 @@ def named_tables(
         else:
             logs.append(source)
     if len(fleets) > 1:
-        raise QueryError(f"query: results of two fleets ({', '.join(fleets)}); query them apart")
+        raise QueryError(
+            f"query: results of two fleets ({', '.join(fleets)}); query them separately"
+        )
     found = NamedTables(tuple(dict.fromkeys(recordings)), fleets[0] if fleets else None)
     t0_unix_ns = _add_recordings(found)
     if logs:

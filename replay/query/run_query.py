@@ -65,8 +65,8 @@ class Query:
         listed = [name for name, dtype in self.rows.collect_schema().items() if dtype.is_nested()]
         if file_format == "csv" and listed:
             raise OutputError(
-                f"{path}: CSV has no lists, and {', '.join(listed)} are; leave them out, or write "
-                ".parquet or .arrow"
+                f"{path}: CSV cannot hold lists, and the columns {', '.join(listed)} are lists; "
+                "leave them out, or write .parquet or .arrow"
             )
         with atomic_file(path, force=force) as partial, self._raise_query_errors():
             match file_format:

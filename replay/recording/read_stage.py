@@ -131,7 +131,10 @@ class RecordedStage:
     def _require_time_column(self) -> str:
         column = self.time_column
         if column is None:
-            raise RecordingError(f"{self.recording}: frame '{self.name}' has no time to cut by")
+            raise RecordingError(
+                f"{self.recording}: frame '{self.name}' has no time; leave out --from, --to and "
+                "--at"
+            )
         return column
 
     def _since_start_ns(self, column: str) -> pl.Expr:

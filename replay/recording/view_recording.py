@@ -120,8 +120,6 @@ def plot_recording(
         if from_s is None and to_s is None:
             from_s, to_s = at_s - AROUND_S, at_s + AROUND_S
         elif (from_s is not None and at_s < from_s) or (to_s is not None and at_s > to_s):
-            raise RecordingError(
-                f"--at {at_s:g}: lies outside of what --from and --to draw; leave one of them out"
-            )
+            raise RecordingError(f"--at {at_s:g}: lies outside --from and --to; change one of them")
     run = read_window(recording, from_s, to_s, raw=False)
     return plot_run(run, output, figure=figure, at_s=at_s, force=force)

@@ -89,13 +89,13 @@ class GivenVerdicts:
             ReviewError: in a line.
         """
         if self.named_cycles and not self.author.strip():
-            raise ReviewError("a verdict on a cycle has an author: add --author NAME")
+            raise ReviewError("a verdict on a cycle needs an author; add --author NAME")
         if self.note and not self.named_cycles:
-            raise ReviewError("a note needs a cycle: add --reject, --accept or --cycle WHEN")
+            raise ReviewError("a note needs a cycle; add --reject, --accept or --cycle WHEN")
         if (self.begin or self.end) and (self.named_cycles or not self._labels):
             raise ReviewError(
-                "--from and --to limit labels of the shift: add --product, --operator, --truck, "
-                "--customer or --stockpile, and no cycle"
+                "--from and --to limit labels; add --product, --operator, --truck, --customer or "
+                "--stockpile, and name no cycle"
             )
         trial = {
             "id": "",
@@ -188,21 +188,21 @@ def recount_review(folder: Path, given: GivenVerdicts) -> ShiftReview:
     state = read_state(folder)
     if state is None:
         raise ReviewError(
-            f"{folder}: holds no review of this version; make it: payscope review LOG… -m MACHINE "
-            f"-o {folder}"
+            f"{folder}: holds no review of this version; create one with payscope review LOG… -m "
+            f"MACHINE -o {folder}"
         )
     with lock_folder(folder):
         recording = folder / RECORDING
         try:
             if file_sha256(recording) != state.recording_sha256:
-                raise RecordingError(f"{recording} is not the one that was written")
+                raise RecordingError(f"{recording} was replaced by another recording")
             summary = read_frame(recording, "shift")
             track = track_of_shift(read_frame(recording, "aligned"))
             rows = pl.read_parquet(folder / PARQUET)
             cycles = cycles_of_ledger(rows, state.t0_unix_ns)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:
             raise ReviewError(
-                f"{folder}: cannot be counted again ({error}); review its logs once more"
+                f"{folder}: its loads cannot be counted again ({error}); review its logs again"
             ) from None
         before = read_verdict_text(folder)
         added = given.list_changes_to(parse_verdicts(before, folder), rows, state, folder)

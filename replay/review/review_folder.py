@@ -35,8 +35,8 @@ def lock_folder(folder: Path) -> Generator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise ReviewError(
-                f"{folder}: another review is being written there; wait for it, or name another "
-                "folder"
+                f"{folder}: another process is writing a review to this folder; wait for it, or "
+                "name another folder"
             ) from None
         for left in folder.glob(f"{_STAGE}*"):
             shutil.rmtree(left, ignore_errors=True)
@@ -58,6 +58,6 @@ def check_review_folder(folder: Path) -> None:
     foreign = {each.name for each in folder.iterdir() if not each.name.startswith(".")}
     if foreign - {VERDICTS}:
         raise ReviewError(
-            f"{folder}: holds other files ({min(foreign - {VERDICTS})}) and no review; name a "
-            "folder of its own"
+            f"{folder}: holds other files ({min(foreign - {VERDICTS})}) but no review; name a new "
+            "folder"
         )

@@ -175,12 +175,15 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     keys = [axis[0].partition("=")[0] for axis in axes]
     for key in keys:
         if keys.count(key) > 1:
-            raise MachineError(f"--over {key}: is given twice; put its values in one --over")
+            raise MachineError(f"--over {key}: is given twice; put all its values into one --over")
     size = 1
     for axis in axes:
         size *= len(axis)
     if size > _LARGEST:
-        raise MachineError(f"--over: makes {size:,} replays, at most {_LARGEST:,}; widen a step")
+        raise MachineError(
+            f"--over: makes {size:,} replays, but at most {_LARGEST:,} are allowed; use larger "
+            "steps"
+        )
     return list(product(*axes))
 
 
@@ -202,9 +205,11 @@ def _parse_range(over: str, text: str) -> list[str]:
     except (ArithmeticError, ValueError):
         raise MachineError(f"--over {over}: {_HOW}") from None
     if not steps.is_finite() or steps < 0:
-        raise MachineError(f"--over {over}: no step of {step} leads from {first} to {last}")
+        raise MachineError(
+            f"--over {over}: no whole number of steps of {step} leads from {first} to {last}"
+        )
     if steps >= _LARGEST:
-        raise MachineError(f"--over {over}: makes more than {_LARGEST:,} values; widen the step")
+        raise MachineError(f"--over {over}: makes more than {_LARGEST:,} values; use a larger step")
     return [f"{first + k * step:f}" for k in range(int(steps) + 1)]
 
 

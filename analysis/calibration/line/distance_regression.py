@@ -64,7 +64,10 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
         ISO/TS 28037:2010, clauses 6 (exact x), 7 (uncorrelated) and 10 (any covariance).
     """
     if x.size < 2 or np.ptp(x) == 0.0:
-        raise DataError("straight line: the points need two different abscissae at least")
+        raise DataError(
+            "straight line: all points have the same reference mass; at least two different "
+            "masses are needed"
+        )
     # about its centroid a line's two parameters are nearly independent
     x0, y0 = float(x.mean()), float(y.mean())
     rounding = _ROUNDING * float(np.abs(y).max()) * np.array([1.0, 1.0 / float(np.ptp(x))])
@@ -84,7 +87,10 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
         if (np.abs(step) <= np.maximum(_SMALL_STEP * np.sqrt(np.diag(covariance)), rounding)).all():
             break
     else:
-        raise DataError("straight line: the fit does not settle: are the uncertainties right?")
+        raise DataError(
+            "straight line: the fit does not converge; check the uncertainties of readings and "
+            "references"
+        )
     residual = y - level - slope * x
     shift = np.array([[1.0, -x0], [0.0, 1.0]])
     return StraightLine(

@@ -200,7 +200,10 @@ def fit_tested_line(points: Points, day_known_kg: float | None) -> tuple[FittedL
     lacking = test.separate and test.p_1 is not None and test.p_1 < LEVEL
     line = fit_line(points, day_known_kg=day_known_kg, lack_of_fit=lacking)
     if line.slope_1 == 0.0:
-        raise DataError("calibration: the estimates do not follow the loads")
+        raise DataError(
+            "calibration: the estimates do not change with the reference masses; check the mass "
+            "of each log"
+        )
     return line, test
 
 

@@ -68,8 +68,8 @@ def calibrate_loads(
     """
     if calibration.method not in ESTIMATORS:
         raise DataError(
-            f"calibration: it is of '{calibration.method}', no mass of the loads: "
-            f"{nearest(calibration.method, ESTIMATORS)}"
+            f"calibration: it was made for '{calibration.method}', which is not a mass of the "
+            f"loads; {nearest(calibration.method, ESTIMATORS)}"
         )
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()

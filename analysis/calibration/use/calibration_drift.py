@@ -75,9 +75,11 @@ def check_drift_against(
         DataError: an uncertainty or a drift that is no size.
     """
     if not (np.isfinite(reference_u_kg) and reference_u_kg >= 0.0):
-        raise DataError("check: the standard uncertainty of the known mass is no size")
+        raise DataError(
+            "check: the standard uncertainty of the known mass must be a number of at least 0 kg"
+        )
     if matters_kg is not None and not matters_kg > 0.0:
-        raise DataError("check: a drift that matters is above 0 kg")
+        raise DataError("check: the drift limit must be above 0 kg")
     low, high = calibration.range_kg
     # a drifted machine may well say a mass outside of the range: the known mass has to be in it
     if not low <= reference_kg <= high:

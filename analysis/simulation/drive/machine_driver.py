@@ -227,7 +227,10 @@ class MachineDriver:
         brake_N = math.copysign(stage.mass_kg * braking_m_s2, speed)
         self.advance(BRAKING, stage._replace(brake_N=brake_N), _LONGEST_STOP_S, stops=True)
         if self.state[plant.WHEEL] != 0.0:
-            raise ScenarioError("campaign.braking_m_s2: does not stop the machine on this ground")
+            raise ScenarioError(
+                "campaign.braking_m_s2: does not stop the machine on this slope; give a larger "
+                "value"
+            )
 
     def advance(
         self,

@@ -53,20 +53,23 @@ def check_switches(scenario: Scenario) -> None:
     """
     if scenario.drivetrain.relaxation_length_m and not scenario.machine.slip_stiffness_N:
         raise ScenarioError(
-            "drivetrain.relaxation_length_m: tyres relax as far as they slip; "
-            "give machine.slip_stiffness_N"
+            "drivetrain.relaxation_length_m: needs slipping tyres; give machine.slip_stiffness_N "
+            "as well"
         )
     asked = key_that_needs_integration(scenario)
     if asked is None:
         return
     terrain = scenario.terrain
     if scenario.starts.turn_rad_s and (terrain.slope_deg or terrain.hills_deg):
-        raise ScenarioError("starts.turn_rad_s: starts turn on level ground alone")
+        raise ScenarioError(
+            "starts.turn_rad_s: turning starts need level ground; set terrain.slope_deg and "
+            "terrain.hills_deg to 0"
+        )
     for number, manoeuvre in enumerate(scenario.campaign.trial):
         if not _is_straight(manoeuvre):
             raise ScenarioError(
-                f"campaign.manoeuvres.{number}: is not a straight motion, which alone is simulated "
-                f"with {asked}; choose rests, starts and forces, or leave out {asked}"
+                f"campaign.manoeuvres.{number}: is not a straight motion, as required with "
+                f"{asked}; choose rests, starts and forces, or leave out {asked}"
             )
 
 

@@ -191,8 +191,8 @@ class _Limits:
         campaign = self.scenario.campaign
         if travel.in_motion and (len(campaign.trial) > 1 or campaign.runs > 1 or campaign.rest_s):
             raise ScenarioError(
-                f"{key}.in_motion: such a log is one travel; leave out other manoeuvres, and give "
-                "campaign.runs = 1 and campaign.rest_s = 0"
+                f"{key}.in_motion: a log in motion has a single manoeuvre; leave out the others, "
+                "and give campaign.runs = 1 and campaign.rest_s = 0"
             )
         self._check_brakes(-abs(self.lightest.uphill_m_s2))
 
@@ -252,7 +252,8 @@ def check_shift_limits(scenario: Scenario, shift: SimulatedShift) -> None:
     changed |= {"campaign.manoeuvres"} if campaign.manoeuvres else set()
     if changed:
         raise ScenarioError(
-            f"{min(changed)}: is for campaigns; leave it out, or the section 'shift'"
+            f"{min(changed)}: applies to campaigns only; leave out either this key or the section "
+            "'shift'"
         )
     if shift.fuel_tank_kg >= machine.mass_kg:
         raise ScenarioError("shift.fuel_tank_kg: is part of machine.mass_kg; give less")

@@ -180,7 +180,10 @@ def common_span_ns(needed: Mapping[str, ChannelSeries]) -> tuple[int, int]:
     start, end = max(first for first, _ in spans.values()), min(last for _, last in spans.values())
     if end <= start:
         shown = (f"{n} {first / 1e9:.3f}…{last / 1e9:.3f} s" for n, (first, last) in spans.items())
-        raise DataError(f"the channels share no stretch of time: {', '.join(shown)}")
+        raise DataError(
+            "the channels do not overlap in time; check their topics and clocks: "
+            f"{', '.join(shown)}"
+        )
     return start, end
 
 

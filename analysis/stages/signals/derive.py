@@ -274,7 +274,7 @@ def usable_readings(
     told = finite & (np.abs(x) <= _LARGEST_SI)
     limit = f"beyond {_LARGEST_SI:g} {unit_of_name(name)}, which is no reading"
     if not told.any():
-        raise DataError(f"{name}: {where} holds nothing but numbers {limit}: check its unit, scale")
+        raise DataError(f"{name}: {where} holds only numbers {limit}: check its unit, scale")
     for left_out, why in ((~finite, "missing or not finite"), (finite & ~told, limit)):
         if left_out.any():
             losses.append(
@@ -303,7 +303,9 @@ def usable_readings(
 
 def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
     if t.size == 0:
-        raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
+        raise DataError(
+            f"{name}: no stretch of the log without gaps is long enough to derive this channel"
+        )
     return t, flush_unresolved(x)
 
 

@@ -69,7 +69,7 @@ def rotate_to_machine_axes(
             continue
         if len(given) < len(triple):
             missing = ", ".join(f"channels.{n}" for n in triple if n not in series)
-            raise DataError(f"machine.imu is rotated, so all three axes are needed: add {missing}")
+            raise DataError(f"machine.imu is rotated, which needs all three axes; add {missing}")
         t = series[triple[0]][0]
         for name in triple:
             t = _interpolate_at(series[name], t, settings)[0]

@@ -53,8 +53,8 @@ class BagFile(BlockFile):
         if not head.endswith(VERSION):
             version = head.removeprefix(MAGIC).split(b"\n")[0].decode(errors="replace")
             raise LogError(
-                f"{path}: a bag of version {version}, only 2.0 can be read; "
-                f"'rosbag fix {path.name}' brings it to 2.0"
+                f"{path}: is a bag of version {version}, but only 2.0 can be read; convert it with "
+                f"'rosbag fix {path.name}'"
             )
         self._connections: dict[int, Connection] = {}
         self._connections_at: dict[int, int] = {}

@@ -69,7 +69,7 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
     """
     if block.room > LARGEST_BYTES:
         raise DamagedBlockError(
-            f"it declares {block.room:,} bytes, more than the {LARGEST_BYTES:,} believed"
+            f"it declares {block.room:,} bytes, more than the limit of {LARGEST_BYTES:,}"
         )
     if block.room > max(_ANY_BYTES, _MOST_GROWTH * block.stored_bytes):
         raise DamagedBlockError(
@@ -78,7 +78,7 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
     if not block.compression:
         done = file.read_into(block.offset, target)
     elif block.compression not in ("zstd", "lz4", "bz2"):
-        raise DamagedBlockError(f"its compression '{block.compression}' is none of zstd, lz4, bz2")
+        raise DamagedBlockError(f"its compression '{block.compression}' is not zstd, lz4 or bz2")
     else:
         done = _decompress(block, file, target)
     if block.is_torn:

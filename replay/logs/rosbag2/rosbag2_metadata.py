@@ -125,7 +125,9 @@ def _parse_metadata(content: Any, folder: Path) -> Metadata:
     mode = require_text(information.get("compression_mode") or "none").lower()
     fmt = require_text(information.get("compression_format") or "zstd")
     if mode != "none" and fmt != "zstd":
-        raise LogError(f"{folder}: compressed with {fmt}; only zstd can be read")
+        raise LogError(
+            f"{folder}: compressed with {fmt}, but only zstd can be read; unpack it first"
+        )
     return Metadata(
         tuple(
             _path_inside(require_text(name), folder)

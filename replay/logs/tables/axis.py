@@ -165,7 +165,7 @@ class TableTimes:
             if words and sum(map(is_clock, words)) * 2 > len(words):
                 return RowTimes(*clock_times(None, text, self.day_first, zone_s(self.time)))
             if words and sum(is_date(word) for word in words) * 2 > len(words):
-                raise TimeError("it holds days without a time of day; name the column of times")
+                raise TimeError("it holds dates without a time of day; name a column with times")
         if self.unit in ("min", "h"):
             scaled = text.cast(pl.Float64, strict=False) * (_NS[self.unit] // 10**9)
             return RowTimes(times_in_ns(scaled, "s"), ())
@@ -339,7 +339,7 @@ def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     steps = np.diff(x)
     steps = steps[steps > 0]
     if not steps.size:
-        raise TimeError("all its cells hold the same number: name another column")
+        raise TimeError("all its cells hold the same number; name another column")
     step, span = float(np.median(steps)), float(x[-1] - x[0])
     if epoch := find_epoch(float(x[0]), float(x[-1]), step, _STEPS_S):
         integers = stripped.cast(pl.Int64, strict=False)

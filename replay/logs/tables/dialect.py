@@ -303,8 +303,8 @@ def _dialect_without_numbers(
             reading = _Reading(separator, ".", rows, len(rows), len(rows[0].cells), 0.0, 0, 0)
             return _find_head_rows(reading, lines, hints)
     raise DialectError(
-        "its lines are no rows of cells with numbers; [log] separator, decimal and header_row say "
-        "how they are written"
+        "its lines are not rows of cells with numbers; set [log] separator, decimal or header_row "
+        "if they are written in another way"
     )
 
 
@@ -331,9 +331,9 @@ def _find_head_rows(reading: _Reading, lines: Sequence[str], hints: TableHints) 
         cells = ["Date", "Time", *cells[1:]]
     if names is not None and len(cells) < width:
         raise DialectError(
-            f"its header (line {names.line + 1}) has {len(cells)} cells, its rows {width}: "
-            f"separated by {_NAMED.get(separator, separator)}; set [log] separator and decimal, "
-            "or header_row"
+            f"its header (line {names.line + 1}) has {len(cells)} cells, but its rows have "
+            f"{width}: separated by {_NAMED.get(separator, separator)}; set [log] separator and "
+            "decimal, or header_row"
         )
     if units is not None and hints.units_row is None:
         refuse_two_units(cells, units.cells, units.line + 1)

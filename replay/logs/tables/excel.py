@@ -133,4 +133,4 @@ def _check_size(path: Path) -> None:
     except (BadZipFile, NotImplementedError, RuntimeError, OSError, *BROKEN_BYTES) as error:
         if isinstance(error, BrokenBytesError):
             raise
-        raise BrokenBytesError(f"it is no workbook: {error}") from error
+        raise BrokenBytesError(f"it is not a workbook: {error}") from error

@@ -59,7 +59,9 @@ def rows_of_names(
     by_line = {row.line + 1: row for row in above}
     for key, line in (("header_row", hints.header_row), ("units_row", hints.units_row)):
         if line and line not in by_line:
-            raise DialectError(f"[log] {key} = {line}: that line holds no cells above the data")
+            raise DialectError(
+                f"[log] {key} = {line}: that line is not a row of cells above the data"
+            )
     given = by_line.get(hints.header_row or -1)
     stated = by_line.get(hints.units_row or -1)
     if hints.header_row == 0:
@@ -105,7 +107,7 @@ def _take_names_and_units(
         return last, None
     if is_units(last.cells) and is_units(before.cells):
         raise DialectError(
-            f"lines {before.line + 1} and {last.line + 1} may both be its units; set [log] "
+            f"lines {before.line + 1} and {last.line + 1} may both hold the units; set [log] "
             "units_row and header_row"
         )
     if is_units(last.cells):

@@ -195,7 +195,7 @@ def _recognise_encoding(path: Path) -> str:
         return "utf-8"
     if _OTHER_LETTERS.search(b"\n".join(head.split(b"\n", _NAMES_LINES)[:_NAMES_LINES])):
         raise DialectError(
-            "its names are in no Western letters; set [log] encoding, for example cp1251 or cp932"
+            "its names are not in Western letters; set [log] encoding, for example cp1251 or cp932"
         )
     # bytes that no name has are a fault of a cell, which polars takes as it is
     readable = re.sub(rb"[^\x20-\x7e\t\r\n]", b"", head)

@@ -78,7 +78,7 @@ def _parse_text(values: pl.Series) -> pl.Series:
     try:
         return text.str.to_datetime(time_unit="ns", strict=False)
     except pl.exceptions.PolarsError as error:
-        raise TimeError(f"its text is no time ('{present[0]}')") from error
+        raise TimeError(f"its text is not a time ('{present[0]}')") from error
 
 
 def _datetimes_to_ns(values: pl.Series) -> pl.Series:

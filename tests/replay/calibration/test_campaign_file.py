@@ -34,7 +34,7 @@ def test_a_campaign_file_is_read(campaign: Path) -> None:
         ('"block-1"]', '"block-9"]', ["no mass 'block-9'", "did you mean"]),
         ("day = 2026-05-02", "day = 2031-05-02", ["certificate", "expired on 2030-01-31"]),
         ("day = 2026-05-01", 'day = "soon"', ["runs.0.day"]),
-        ('id = "run-1"', 'id = "run-0"', ["two of the runs are called 'run-0'"]),
+        ('id = "run-1"', 'id = "run-0"', ["two of the runs have the same id 'run-0'"]),
         ('log = "load-1.csv"', 'log = "load-0.csv"', ["overlap in load-0.csv"]),
         ('log = "load-1.csv"', 'log = "load-9.csv"', ["no log 'load-9.csv'"]),
         ('file = "sledge.toml"', 'file = "other.toml"', ["no such machine file"]),

@@ -138,7 +138,7 @@ def test_a_recording_of_both_is_written_beside_what_is_printed(
     assert said.out == payscope("compare", a, b).out
     assert read_recording(both).frames == {}
     one_line(payscope("compare", a, b, "-o", both), "exists already")
-    one_line(payscope("compare", a, b, "-o", a, "--force"), "is the input itself")
+    one_line(payscope("compare", a, b, "-o", a, "--force"), "is also an input")
     one_line(payscope("compare", a, b, "-o", tmp_path / "ab.mcap"), ".rrd")
 
 

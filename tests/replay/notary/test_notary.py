@@ -198,7 +198,7 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     ),
     "a key more": (replace(2, b'{"begins"', b'{"aa":1,"begins"'), "line 3"),
     "spaces": (replace(2, b'{"begins"', b'{ "begins"'), "not in the canonical form"),
-    "a name twice": (replace(2, b'{"begins"', b'{"begins":"","begins"'), "comes twice"),
+    "a name twice": (replace(2, b'{"begins"', b'{"begins":"","begins"'), "appears twice"),
     "no JSON": (lambda lines: [*lines[:2], b"nonsense", *lines[3:]], "no JSON"),
     "an empty line": (lambda lines: [*lines[:3], b"", *lines[3:]], "no JSON"),
     "null": (lambda lines: [*lines[:3], b"null", *lines[3:]], "not a signed line"),
@@ -354,7 +354,7 @@ def test_a_list_that_was_cut_or_taken_away_is_not_gone_on_with(
     with pytest.raises(EvidenceError, match="written up to number 6: it was cut or written anew"):
         notarise_folder(folder, key_file=keys[0])
     listed.path.unlink()
-    with pytest.raises(EvidenceError, match="the list was taken away"):
+    with pytest.raises(EvidenceError, match="so the list was removed"):
         notarise_folder(folder, key_file=keys[0])
     listed.path.write_bytes(b"".join([*whole[:3], *whole[4:]]))
     with pytest.raises(EvidenceError, match="does not follow the line before"):
@@ -413,7 +413,7 @@ def test_a_clock_that_was_set_back_is_said_and_found(
 
 
 def test_wrong_use_is_one_line(folder: Path, keys: tuple[Path, Path], payscope: Payscope) -> None:
-    one_line(payscope("notarise", folder), "a notary signs: give --key")
+    one_line(payscope("notarise", folder), "a notary needs a signing key; give --key")
     one_line(payscope("notarise", folder / "none", "--key", keys[0]), "no such folder")
     one_line(payscope("notarise", folder, "--key", keys[1]), "recorder.pub.pem")
     (folder / "list").write_text("x\n")

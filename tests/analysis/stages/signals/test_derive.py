@@ -273,7 +273,7 @@ def test_what_stands_for_no_reading_is_left_out_and_counted(raw_topic, machine):
 
 
 def test_a_field_of_nothing_but_that_is_an_error(raw_topic, machine):
-    with pytest.raises(DataError, match="holds nothing but numbers beyond 1e\\+15 N"):
+    with pytest.raises(DataError, match="holds only numbers beyond 1e\\+15 N"):
         derived(loader(raw_topic, force=np.full(500, 1e300)), machine())
 
 
