@@ -1,4 +1,4 @@
-"""Payloads of cycles under a calibration line."""
+"""Payloads of cycles, calibrated by a line."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -24,19 +24,16 @@ _COMMON: Final = ("common", "shared")
 def calibrate_cycles(
     cycles: pl.DataFrame, calibration: Calibration, shared_errors: SharedErrors | None = None
 ) -> pl.DataFrame:
-    """Put payloads on the line m̂ = c0 + c1 m: of a difference of masses the constant cancels.
+    """Calibrate payloads by the line m̂ = c0 + c1 m; the constant cancels in differences.
 
-    What the line does not know is common to all cycles. Of what the log has in common, the line has
-    taken with it the scale and what the means of learnt priors have wrong; what is left of these is
-    what they do to this log otherwise than to the campaign's.
-
-    Where the empty machine tells the scale better than the line, payloads stay as they are.
-
-    A cycle whose load is outside of what was calibrated has no payload, and says so.
+    Uncertainty of the line is common to all cycles. The line already includes the scale and the
+    error of learnt means in its own logs; only their different effect on this log remains. If the
+    empty machine determines the scale better than the line, payloads are unchanged. A cycle with a
+    load outside the calibrated range has no payload and gives the reason.
 
     Args:
-        cycles: the frame.
-        calibration: of the machine.
+        cycles: the frame `cycles`.
+        calibration: calibration of the machine.
         shared_errors: the log's estimate of errors shared with its campaign; None corrects none.
 
     Raises:
@@ -91,12 +88,12 @@ def calibrate_cycles(
 
 
 def _is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequence[str]) -> bool:
-    """Whether the sum of the payloads is better known by the empty machine than by the line.
+    """Whether the empty machine gives the sum of payloads a smaller uncertainty than the line.
 
     Args:
-        cycles: the frame.
-        on_line: the same by the line.
-        names: columns that both have.
+        cycles: the frame `cycles`.
+        on_line: the same frame calibrated by the line.
+        names: columns in both.
     """
     counted = cycles["counted"].to_numpy()
     if not counted.any() or (cycles["scale_from"].drop_nulls() != BY_EMPTY_MACHINE).any():
@@ -114,7 +111,7 @@ def _is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequen
 def _distance_from_line(
     calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
-    """Mean distance of the log's masses from their line, with its standard uncertainty."""
+    """Mean offset of the log's masses from their line in kg, with its standard uncertainty."""
     of_masses = (
         []
         if shared_errors is None
@@ -136,7 +133,7 @@ def _distance_from_line(
 def _exclusion_reason(
     row: Mapping[str, Any], calibration: Calibration, off_kg: float, unlike_u_kg: float
 ) -> str:
-    """Why a cycle is none of the line's; "" where it is, or has no mass anyway."""
+    """Why the line does not apply to a cycle; "" if it does, or if there is no mass."""
     name = "loaded" if calibration.method == _OF_MASS else "payload"
     mass_kg, u_kg = row[f"{name}_kg"], row["loaded_u_kg"]
     if row["payload_kg"] is None:

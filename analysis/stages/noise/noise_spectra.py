@@ -1,4 +1,4 @@
-"""Covariances and spectra of noise from stretches of samples, robust against what is no noise."""
+"""Robust covariances and spectra of noise, from stretches of samples."""
 
 from typing import Final
 
@@ -54,27 +54,27 @@ _CORRELATED: Final = 24
 
 
 def fast_band(rate_hz: float) -> tuple[float, float]:
-    """Lowest frequency at which all is noise, and the top of the band above it, over the rate."""
+    """Lowest frequency that is all noise, and top of the band above it, over the rate."""
     # faster noise leaks into the lowest frequencies of a block
     fast = min(max(_FAST_HZ / rate_hz, _LEAKS / _BLOCK), _FAST_SHARE)
     return fast, min(_BAND * fast, 0.5)
 
 
 def find_true_runs(of: Bools) -> list[tuple[int, int]]:
-    """First row and the row after the last of every run of True."""
+    """First and end row of every run of True."""
     first, last = runs_of_flagged_samples(of)
     return list(zip(first.tolist(), (last + 1).tolist(), strict=True))
 
 
 def trim_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
-    """Trim a stretch at both ends to where the short mean of every column is at its level.
+    """Trim a stretch at both ends to where the short means of all columns are level.
 
-    A slow start stands by its speed for up to a second.
+    In a slow start the speed still counts as standstill for up to a second.
 
     Args:
         x: (rows, columns), finite from `begin` to `end`.
         begin: first row.
-        end: the row after the last.
+        end: end row.
     """
     for _ in range(_TRIMS):
         if end - begin < _SHORTEST_PIECE:
@@ -96,11 +96,11 @@ def trim_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
 
 
 def cut_pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
-    """Cut stretches into pieces (n, columns), each less its own straight line; of many, some.
+    """Cut stretches into pieces (n, columns) without their linear trends; many are sampled.
 
     Args:
         x: (rows, columns), finite in the stretches.
-        quiet: stretches in which nothing but noise happens.
+        quiet: stretches that contain only noise.
     """
     cut: list[Floats] = []
     long = [stretch for stretch in quiet if stretch[1] - stretch[0] >= _SHORTEST_PIECE]
@@ -118,7 +118,7 @@ def _subtract_piece_line(part: Floats) -> Floats:
 
 
 def lag_covariances(cut: list[Floats]) -> Floats:
-    """E[x_i(t) x_j(t + lag)] over pieces without lines, (columns, columns, LAGS).
+    """E[x_i(t) x_j(t + lag)] over detrended pieces, (columns, columns, LAGS).
 
     Pieces in which any column varies far more than usual are left out. What the straight lines took
     with them, 2/n of the power at zero frequency, is put back.
