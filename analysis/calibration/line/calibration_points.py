@@ -1,4 +1,4 @@
-"""From the readings of a campaign to its points, a point a run."""
+"""Points of a campaign: the mean of each run's readings."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -40,12 +40,12 @@ def average_runs(
     """Take the mean of the used readings of each run.
 
     Args:
-        readings: a row a reading: run_id, load_id, day, mass_kg, used (others are not looked at).
-        references: a row a load: load_id, reference_kg.
-        covariance_kg2: (loads, loads) of the references, in their order.
+        readings: a row per reading: run_id, load_id, day, mass_kg, used; unused ones are ignored.
+        references: a row per load: load_id, reference_kg.
+        covariance_kg2: (loads, loads) covariance of the references, in their order.
 
     Raises:
-        DataError: what no line can be fitted to.
+        DataError: no line can be fitted to the readings.
     """
     _check_frames(readings, references, covariance_kg2)
     references = references.select("load_id", pl.col("reference_kg").cast(pl.Float64))

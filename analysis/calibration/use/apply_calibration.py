@@ -1,4 +1,4 @@
-"""Calibrated masses beside the raw ones of a log's loads."""
+"""Add calibrated masses to the loads of a log."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -29,11 +29,11 @@ class LaterLog:
     """Facts about a later log besides its loads.
 
     Attributes:
-        refused: why no mass of it is calibrated; "" where nothing speaks against it.
+        refused: why none of its masses is calibrated; "" if they are.
         shared_errors: its estimate of errors shared with its campaign; None corrects none.
-        empty_kg: known mass of the empty machine; None where it is not known.
+        empty_kg: known mass of the empty machine; None if unknown.
         empty_u_kg: its standard uncertainty.
-        unseen: what would have changed unseen since evidence of one day.
+        unseen: changes that would have stayed undetected since evidence of one day.
     """
 
     refused: str = ""
@@ -49,22 +49,22 @@ _NOTHING_MORE: Final = LaterLog()
 def calibrate_loads(
     loads: pl.DataFrame, calibration: Calibration, log: LaterLog = _NOTHING_MORE
 ) -> pl.DataFrame:
-    """Put the calibrated mass and payload of each load beside the raw ones.
+    """Add the calibrated mass and payload of each load.
 
-    Where the log has an empty part, its calibrated mass has to be that of the empty machine: by
-    chance it is not in one log of 370.
+    If the log has an empty part, its calibrated mass must equal that of the empty machine; by
+    chance it differs in one log of 370.
 
     Args:
-        loads: the frame `loads`, without calibrated columns or with those of another calibration.
-        calibration: of the machine, by one of `ESTIMATORS`.
-        log: what is known of it besides.
+        loads: frame `loads`; existing calibrated columns are replaced.
+        calibration: calibration of the machine, by one of `ESTIMATORS`.
+        log: further facts about the log.
 
     Returns:
         The frame with the columns `CALIBRATED`; `calibrated_reason` says why a row has no mass (""
         else), `calibrated_said` what a reader must know of one.
 
     Raises:
-        DataError: the calibration is of an estimator that the frame does not have.
+        DataError: the frame lacks the calibration's estimator.
     """
     if calibration.method not in ESTIMATORS:
         raise DataError(
@@ -96,7 +96,7 @@ def _calibrate_load_columns(
     told: bool,
     empties: int,
 ) -> dict[str, Any]:
-    """The calibrated columns of a load."""
+    """Calibrated columns of a load."""
     off_kg, unlike_u_kg = _unlike_driving_shift(row, calibration, log.shared_errors)
     one = _calibrate_load(row, calibration, refused, off_kg, unlike_u_kg)
     said = {
@@ -127,7 +127,7 @@ def _calibrate_load_columns(
 def _unlike_driving_shift(
     row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
-    """Offset of m̂ because its log is driven unlike the campaign, with its uncertainty."""
+    """Offset of m̂ because the log is driven unlike the campaign, with its uncertainty, in kg."""
     key = ("mass" if calibration.method == "joint_mass" else "payload", row["load_id"])
     if shared_errors is None or not calibration.responses or key not in shared_errors.moved_kg:
         return 0.0, 0.0
@@ -161,7 +161,7 @@ def payload_interval(
     one: CalibratedMass,
     empties: int,
 ) -> tuple[float, float, float] | None:
-    """Payload, its standard uncertainty, and half of its interval; None where there is none."""
+    """Payload, standard uncertainty and half interval in kg; None without a payload."""
     if one.mass_kg is None or one.u_kg is None or row["own_payload_kg"] is None or row["empty"]:
         return None
     assert one.high_kg is not None
@@ -195,7 +195,7 @@ def payload_interval(
 def find_empty_machine(
     rows: list[dict[str, Any]], calibration: Calibration, log: LaterLog
 ) -> DriftCheck | None:
-    """The log's empty part against the known mass; None where it has none."""
+    """Check of the log's empty part against the known mass; None without one."""
     empty = [row for row in rows if row["empty"] and row["mass_kg"] is not None]
     if log.empty_kg is None or not empty or calibration.method != "joint_mass":
         return None
@@ -214,7 +214,7 @@ def find_empty_machine(
 
 
 def reason_of_change(check: DriftCheck | None, log: LaterLog) -> str:
-    """Why the calibration is no longer that of this machine; "" where nothing says so."""
+    """Why the calibration no longer applies to this machine; "" if it does."""
     if check is None or check.p_1 is None or check.p_1 > _RARE or log.empty_kg is None:
         return ""
     assert check.mass_kg is not None

@@ -1,4 +1,4 @@
-"""Reasons for and against weighing a later log by a calibration."""
+"""Facts about a later log that decide whether a calibration applies."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -17,12 +17,12 @@ FRAMES: Final = ("loads", "nuisances", "responses", "learnt_errors")
 def describe_later_log(
     frames: Mapping[str, pl.DataFrame], body: Body, refused: str = ""
 ) -> LaterLog:
-    """Gather it.
+    """Collect the facts about a later log.
 
     Args:
-        frames: `FRAMES`, of a replay with the priors that the calibration learnt.
-        body: the machine with the empty mass that the calibration has.
-        refused: why nothing of the log is to be calibrated, if that is known already.
+        frames: `FRAMES` of a replay with the calibration's learnt priors.
+        body: machine body with the calibration's empty mass.
+        refused: known reason why the log must not be calibrated, if any.
     """
     nuisances, shared_errors = frames["nuisances"], SharedErrors.from_frames(frames)
     return LaterLog(
