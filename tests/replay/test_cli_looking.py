@@ -86,7 +86,9 @@ class TestShow:
     def test_a_moment_is_no_range_and_needs_a_time(
         self, payscope: Payscope, recording: Path
     ) -> None:
-        one_line(payscope("show", recording, "gate", "--at", 2, "--from", 1), "take one")
+        one_line(
+            payscope("show", recording, "gate", "--at", 2, "--from", 1), "use one or the other"
+        )
         for ends in (["--from", 5, "--to", 1], ["--from", "nan"], ["--to", "inf"]):
             one_line(
                 payscope("show", recording, "gate", *ends), "is not a time span", "earlier first"

@@ -129,7 +129,7 @@ def test_braking_is_compared_load_by_load():
 @pytest.mark.parametrize(
     ("span", "fault"),
     [
-        (("settings.loads.empty_from_s=3",), "go together"),
+        (("settings.loads.empty_from_s=3",), "must be given together"),
         (("settings.loads.empty_from_s=9", "settings.loads.empty_to_s=3"), "not before"),
     ],
 )

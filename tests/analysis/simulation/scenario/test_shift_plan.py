@@ -229,9 +229,12 @@ def test_what_is_recorded_besides_says_where_the_machine_and_its_boom_are() -> N
     ("sections", "says"),
     [
         ({"shift": {"turn_rad_s": 2.0}}, "shift.turn_rad_s: takes up to"),
-        ({"loading": {"fill_kg_s": 5.0}}, "loading.fill_kg_s: is for campaigns"),
-        ({"starts": {"turn_rad_s": 0.1}}, "starts.turn_rad_s: is for campaigns"),
-        ({"campaign": {"manoeuvres": [{"kind": "rest"}]}}, "campaign.manoeuvres: is for campaigns"),
+        ({"loading": {"fill_kg_s": 5.0}}, "loading.fill_kg_s: applies to campaigns only"),
+        ({"starts": {"turn_rad_s": 0.1}}, "starts.turn_rad_s: applies to campaigns only"),
+        (
+            {"campaign": {"manoeuvres": [{"kind": "rest"}]}},
+            "campaign.manoeuvres: applies to campaigns only",
+        ),
         ({"terrain": {"slope_deg": 9.0}}, "starts.throttle_least: reaches 6000 N"),
         ({"machine": {"mass_kg": 50.0}}, "shift.fuel_tank_kg: is part of machine.mass_kg"),
     ],
