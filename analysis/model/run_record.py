@@ -1,4 +1,4 @@
-"""A `Run`: the frames of one replay and the provenance that says where they came from."""
+"""A `Run`: the frames of one replay, and their provenance."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -65,7 +65,7 @@ class Run:
         )
 
     def with_fingerprint(self) -> Self:
-        """Copy the run with the fingerprint of its frames in its provenance."""
+        """Copy of the run with the fingerprint of its frames in the provenance."""
         about = self.provenance
         digests = [each.sha256 for each in about.inputs]
         taken = fingerprint(

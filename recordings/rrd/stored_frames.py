@@ -1,4 +1,4 @@
-"""How a frame is kept in a recording: blocks of rows, a column's block as one list.
+"""Storage of frames in a recording: blocks of rows, each column's block as one list.
 
 Rerun repeats row id and times in every row and an offset in every cell, which for a shift is more
 than the numbers themselves. So a frame that is kept, and not drawn, lies in rows of many values
@@ -66,11 +66,11 @@ class StoredColumn(BaseModel):
 
     @property
     def polars_dtype(self) -> pl.DataType:
-        """The dtype as polars has it."""
+        """Dtype in polars."""
         return pl.Enum(self.categories) if self.dtype == _ENUM else _DTYPES[self.dtype]()
 
     def encode(self, series: pl.Series) -> pl.Series:
-        """Make `series` what is stored: an enum as the numbers of its categories."""
+        """Convert `series` to its stored form: an enum to the numbers of its categories."""
         return series.to_physical() if self.dtype == _ENUM else series
 
     def decode(self, series: pl.Series) -> pl.Series:
@@ -102,16 +102,16 @@ class StoredFrame(BaseModel):
 
     @property
     def entity(self) -> str:
-        """Its entity path."""
+        """Entity path."""
         return entity_path(self.name)
 
     def select(self, columns: Sequence[str]) -> tuple[StoredColumn, ...]:
-        """Some of its columns, in the order asked for."""
+        """Some of its columns, in the given order."""
         by_name = {column.name: column for column in self.columns}
         return tuple(by_name[name] for name in columns)
 
     def to_batches(self, frame: pl.DataFrame) -> "Iterator[pa.RecordBatch]":
-        """Make blocks of the frame, each a record batch of one row, placed by its first row."""
+        """Blocks of the frame, each a record batch of one row at the time of its first row."""
         import pyarrow as pa
 
         for number, part in enumerate(frame.iter_slices(BLOCK_ROWS)):
@@ -131,7 +131,7 @@ class StoredFrame(BaseModel):
     def from_batches(
         self, batches: "Sequence[pa.RecordBatch]", columns: Sequence[StoredColumn]
     ) -> pl.DataFrame:
-        """Put columns of the frame together again, in whatever order its blocks come.
+        """Rebuild columns of the frame from its blocks, in any order.
 
         Args:
             batches: with a row a block.

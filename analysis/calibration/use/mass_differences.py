@@ -32,15 +32,15 @@ NORMAL: Final = 1.96
 
 @dataclass(frozen=True)
 class DifferenceOnLine:
-    """Payloads on a line, (n,) each, in kg of mass.
+    """Payloads calibrated by a line, (n,) each, in kg of mass.
 
     Attributes:
-        payload_kg: on the line.
+        payload_kg: calibrated payload.
         line_kg: uncertainty of the line.
-        taken_kg: what the line has taken with it, in kg of m̂, as a standard uncertainty.
-        unlike_u_kg: uncertainty of what is left of that.
-        shared_u_kg: the part of that that all have alike.
-        size_1: of the slope.
+        taken_kg: standard uncertainty absorbed by the line, in kg of m̂.
+        unlike_u_kg: standard uncertainty of its remainder, due to driving unlike the campaign.
+        shared_u_kg: part of that common to all payloads.
+        size_1: absolute slope.
     """
 
     payload_kg: Floats
@@ -51,7 +51,7 @@ class DifferenceOnLine:
     size_1: float
 
     def common_kg_beside_line(self, common_kg: Floats) -> Floats:
-        """(n,) what a log has in common, in kg of m̂, less what the line took, in kg of mass."""
+        """(n,) common uncertainty in kg of m̂ minus the absorbed part, in kg of mass."""
         return np.sqrt(np.maximum(common_kg**2 - self.taken_kg**2, 0.0)) / self.size_1
 
 
@@ -61,13 +61,13 @@ def difference_on_line(
     numbers: Sequence[tuple[str, int]],
     payload_kg: Floats,
 ) -> DifferenceOnLine:
-    """Put payloads on the line.
+    """Calibrate payloads by a line.
 
     Args:
-        calibration: of masses, or of payloads, whose line has a level.
+        calibration: calibration of masses, or of payloads with a level.
         shared_errors: the log's estimate of errors shared with its campaign; None corrects none.
-        numbers: (n,) of `MOVED`, and which.
-        payload_kg: (n,) by the log alone; NaN where there is none.
+        numbers: (n,) kind (`MOVED`) and number of each.
+        payload_kg: (n,) uncalibrated payloads; NaN if missing.
     """
     absolute = calibration.method == "joint_payload"
     gain = line_gain(calibration) if absolute else _combine_gains(calibration, shared_errors)
@@ -110,12 +110,12 @@ def difference_on_line(
 
 @dataclass(frozen=True)
 class DifferenceGain:
-    """From a mass to its estimate, in differences.
+    """Gain from a difference of masses to that of their estimates.
 
     Attributes:
-        slope_1: the factor.
-        variance_1: of it, without errors of learnt means.
-        by_level_1: how much of it is the line's level over the mass there; the rest is its slope.
+        slope_1: the gain.
+        variance_1: its variance, without errors of learnt means.
+        by_level_1: weight of the line's level over its mass; the remainder is that of the slope.
     """
 
     slope_1: float
@@ -124,12 +124,12 @@ class DifferenceGain:
 
 
 def line_gain(calibration: Calibration) -> DifferenceGain:
-    """The slope of the line alone."""
+    """Gain by the slope of the line alone."""
     return DifferenceGain(calibration.c1_1, calibration.covariance[2], 0.0)
 
 
 def _combine_gains(calibration: Calibration, shared_errors: SharedErrors | None) -> DifferenceGain:
-    """The gain by slope and by level of the line, combined by their uncertainties."""
+    """Gain by slope and level of the line, weighted by their uncertainties."""
     if shared_errors is None or not calibration.responses:
         return line_gain(calibration)
     at_kg, slope = calibration.centre_kg, calibration.c1_1
