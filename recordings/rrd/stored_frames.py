@@ -134,8 +134,8 @@ class StoredFrame(BaseModel):
         """Rebuild columns of the frame from its blocks, in any order.
 
         Args:
-            batches: with a row a block.
-            columns: which of its columns.
+            batches: record batches, a row per block.
+            columns: columns to rebuild.
         """
         import pyarrow as pa
 
@@ -153,9 +153,9 @@ class StoredFrame(BaseModel):
 
 
 def _read_blocks(batches: "Sequence[pa.RecordBatch]", name: str) -> "dict[int, pa.Array]":
-    """The values of a column by the first row of their block, from the batches that have it.
+    """Values of a column by the first row of their block.
 
-    `rerun rrd optimize` keeps thin columns apart from thick ones.
+    `rerun rrd optimize` stores thin columns apart from thick ones, so each batch may lack columns.
     """
     found: dict[int, pa.Array] = {}
     for batch in batches:
@@ -170,19 +170,19 @@ def _read_blocks(batches: "Sequence[pa.RecordBatch]", name: str) -> "dict[int, p
 
 
 class Manifest(BaseModel):
-    """Everything that Rerun would forget of a run's frames, in their order."""
+    """Order and schema of a run's frames, which Rerun would not keep."""
 
     model_config = ConfigDict(frozen=True)
 
     frames: tuple[StoredFrame, ...]
 
     def frame_by_name(self, name: str) -> StoredFrame | None:
-        """The frame of that name, if there is one."""
+        """Frame of this name; None if absent."""
         return next((frame for frame in self.frames if frame.name == name), None)
 
 
 def entity_path(frame: str, under: str = "") -> str:
-    """The entity path of a frame, as Rerun spells it, under one that is spelt so already."""
+    """Entity path of a frame in Rerun's spelling, below an existing path."""
     import rerun as rr
 
     prefix = under.strip("/")

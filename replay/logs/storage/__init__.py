@@ -1,4 +1,4 @@
-"""What containers of every format share: connections, bytes of files, rows of messages, losses."""
+"""Code shared by containers of every format: connections, file bytes, message rows, losses."""
 
 from replay.logs.storage.container import (
     END_NS,

@@ -1,4 +1,4 @@
-"""A tail: the messages of a log that is still being recorded, as they become whole."""
+"""A tail: messages of a log that is still being recorded, as they become complete."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -9,10 +9,10 @@ from replay.logs.storage.container import Connection
 
 
 class Tail(Protocol):
-    """Where the messages of a growing log come from, each once.
+    """Source of the messages of a growing log, each once.
 
     Attributes:
-        connections: by their number; more may come.
+        connections: connections by number; more may appear.
         is_finished: whether the recorder has closed the log, and all of it was given.
     """
 
