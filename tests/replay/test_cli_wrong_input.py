@@ -229,5 +229,5 @@ class TestOutputs:
         before = log.read_bytes()
         (tmp_path / "link.toml").symlink_to(log)
         for out in (log, tmp_path / "link.toml"):
-            one_line(payscope("init", log, "-o", out, "--force"), out.name, "the input itself")
+            one_line(payscope("init", log, "-o", out, "--force"), out.name, "is also an input")
         assert log.read_bytes() == before

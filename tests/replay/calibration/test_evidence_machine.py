@@ -87,7 +87,7 @@ def test_a_campaign_of_a_sisters_log_or_machine_file_is_refused(tmp_path: Path) 
         calibrate_from_campaign(campaign, tmp_path / "evidence")
     file = tmp_path / "sledge.toml"
     file.write_text(file.read_text().replace("[machine]", f'[machine]\nid = "{SISTER}"', 1))
-    with pytest.raises(CampaignError, match=f"of machine '{OWN}', and its machine file of"):
+    with pytest.raises(CampaignError, match=f"is for machine '{OWN}', but its machine file is of"):
         calibrate_from_campaign(campaign, tmp_path / "evidence")
     assert not (tmp_path / "evidence").exists()
 

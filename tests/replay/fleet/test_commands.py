@@ -68,13 +68,13 @@ def test_a_run_with_a_recording_that_has_no_result_leaves_with_1(
     said = payscope("fleet", "run", log, "-m", tmp_path / "fleet.toml", "-o", tmp_path / "out")
     assert said.status == 1
     assert "without a result: " in said.out
-    assert "no rule of" in said.out
+    assert "no rule in" in said.out
 
 
 @pytest.mark.parametrize(
     ("words", "part"),
     [
-        (["run", "nowhere", "-m", "FLEET", "-o", "out"], "no log there"),
+        (["run", "nowhere", "-m", "FLEET", "-o", "out"], "contains no log"),
         (["run", "LOGS", "-m", "nowhere.toml", "-o", "out"], "no such fleet file"),
         (["run", "LOGS", "-m", "FLEET", "-o", "out", "--set", "settings.gate.x=1"], "unknown key"),
         (["query", "nowhere", SQL], "no such folder"),
