@@ -259,7 +259,8 @@ class TestRefused:
         target = tmp_path / "mended.toml"
         one_line(payscope("explain", log, "-m", machine_file, "-o", target), "--apply")
         one_line(
-            payscope("explain", tmp_path / "out.rrd", "--apply", "-o", target), "name that file with -m"
+            payscope("explain", tmp_path / "out.rrd", "--apply", "-o", target),
+            "name that file with -m",
         )
 
     def test_the_machine_file_itself_as_output(
