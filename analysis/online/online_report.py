@@ -1,4 +1,4 @@
-"""Reports while driving: the last mass, its uncertainty, its age and whether it is valid.
+"""Reports while driving: the last mass with its uncertainty, age and validity.
 
 A number is given only with its validity: what is not valid or merely old is null.
 """
@@ -31,10 +31,10 @@ _JSON_TYPES: Final = {float: "number", int: "integer", str: "string", NoneType: 
 
 @dataclass(frozen=True, slots=True)
 class PooledEstimate:
-    """The pooled estimate of the last manoeuvre that gave one.
+    """Pooled estimate of the last manoeuvre that gave one.
 
     Attributes:
-        t_ns: of its last sample.
+        t_ns: time of its last sample.
         estimate: mass in kg and friction in N·s/m, or inertia in kg·m² and friction of turning in
             N·m·s, with their random standard uncertainties.
     """
@@ -111,7 +111,7 @@ class OnlineReport:
 
 
 def report_schema() -> dict[str, Any]:
-    """The JSON schema of a report."""
+    """JSON schema of a report."""
     return {
         "title": "payscope.OnlineReport",
         "type": "object",
@@ -121,7 +121,7 @@ def report_schema() -> dict[str, Any]:
 
 
 def _describe_json_type(annotation: Any) -> dict[str, Any]:
-    """The JSON type of a field: a word among some, or a number or text that may be null."""
+    """JSON type of a field: one of some words, or a number or text that may be null."""
     choices = get_args(annotation)
     if get_origin(annotation) is Literal:
         return {"type": "string", "enum": list(choices)}
@@ -130,13 +130,13 @@ def _describe_json_type(annotation: Any) -> dict[str, Any]:
 
 
 def judge_mass(last: PooledEstimate | None, t_ns: int, body: Body, valid_s: float) -> Validity:
-    """Judge the last mass at a time `t_ns` of the grid.
+    """Validity of the last mass at a grid time `t_ns`.
 
     Args:
-        last: None before the first.
-        t_ns: now.
-        body: with its empty mass, where that is known.
-        valid_s: an older mass is old.
+        last: last estimate; None before the first.
+        t_ns: present time.
+        body: machine body with its empty mass, if known.
+        valid_s: age from which a mass is old.
     """
     empty = body.empty_mass_kg
     limits = (0.0, math.inf)
@@ -146,7 +146,7 @@ def judge_mass(last: PooledEstimate | None, t_ns: int, body: Body, valid_s: floa
 
 
 def judge_spin(last: PooledEstimate | None, t_ns: int, valid_s: float) -> Validity:
-    """Judge the last inertia likewise; no limits are known but that it is positive."""
+    """Validity of the last inertia at a grid time; it only has to be positive and recent."""
     return _judge_age(last, t_ns, valid_s, (0.0, math.inf))
 
 

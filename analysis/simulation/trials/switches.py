@@ -1,4 +1,4 @@
-"""What the exact solution of a trial cannot give, so that a log is integrated as a whole."""
+"""Settings beyond exact trials, for which a log is integrated as a whole."""
 
 from typing import Final
 
@@ -17,7 +17,7 @@ _CHANGES_ALONG: Final = {
 
 
 def key_that_needs_integration(scenario: Scenario) -> str | None:
-    """The first key of the scenario that needs the integrated plant; None: a trial is exact."""
+    """First key of the scenario that needs the integrated plant; None if trials are exact."""
     if scenario.shift is not None:
         return "shift"
     sections: dict[str, BaseModel] = {
@@ -46,10 +46,10 @@ def key_that_needs_integration(scenario: Scenario) -> str | None:
 
 
 def check_switches(scenario: Scenario) -> None:
-    """Refuse what the integrated plant cannot do: it goes straight, but for a slight turn.
+    """Raise an error for settings that the integrated plant does not support.
 
     Raises:
-        ScenarioError: the key and its fault.
+        ScenarioError: the key and the fault.
     """
     if scenario.drivetrain.relaxation_length_m and not scenario.machine.slip_stiffness_N:
         raise ScenarioError(
