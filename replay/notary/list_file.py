@@ -1,8 +1,8 @@
-"""The list of a notary as a file: only ever appended to, by one process, whole or not at all.
+"""File of a notary's list, which only one process appends to, in whole lines.
 
-A line is written with its newline and flushed to the disc before the next one is begun. A process
-that is killed leaves at most a line without a newline, which the next one cuts off. Where the list
-ends is kept a second time, in the user's state folder: a list that ends before that was cut.
+A line is written with its newline and flushed to the disc before the next. A killed process leaves
+at most a line without a newline, which the next process cuts off. The end of the list is kept a
+second time in the user's state folder; a list that ends earlier has been truncated.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ _FLAGS: Final = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_NOFOLLOW",
 
 @dataclass(frozen=True, slots=True)
 class ListEnd:
-    """Where a list ends, as it is kept a second time."""
+    """End of a list, as kept in the second place."""
 
     head: str
     counter: int
@@ -42,13 +42,13 @@ class ListEnd:
 
 @dataclass(slots=True)
 class OpenList:
-    """A list that this process alone writes.
+    """List that only this process may write.
 
     Attributes:
-        path: the list.
-        lines: what it holds; none of a new one.
-        cut_bytes: of a torn tail that was cut off.
-        second: where its end is kept a second time; None where that cannot be written.
+        path: path of the list.
+        lines: lines of the list; empty if it is new.
+        cut_bytes: size of the torn tail that was cut off.
+        second: second place of the list's end; None if it cannot be written.
     """
 
     path: Path
@@ -59,7 +59,7 @@ class OpenList:
     _size: int
 
     def append(self, line: NotaryLine) -> None:
-        """Write a line to the disc, whole or not at all.
+        """Append a line and flush it to the disc, whole or not at all.
 
         Raises:
             OutputError: the disc is full, or the list cannot be written; it is as it was before.
@@ -81,7 +81,7 @@ class OpenList:
         self._keep_end()
 
     def _keep_end(self) -> None:
-        """Keep where the list ends, in the second place."""
+        """Write the end of the list to the second place."""
         if self.second is None:
             return
         last = self.lines[-1]
@@ -105,9 +105,9 @@ class OpenList:
 
 @contextmanager
 def open_list(path: Path) -> Generator[OpenList]:
-    """Open a list for this process alone, and compare it with where it ended the last time.
+    """Open a list for this process alone, and compare it with its end at the last time.
 
-    The system takes the lock back from a process that ends, however it ends.
+    The system releases the lock when the process ends, however it ends.
 
     Raises:
         EvidenceError: it is no list, was cut or written anew, or another process writes it.
@@ -150,7 +150,7 @@ def _read_all(number: int, size: int) -> bytes:
 
 
 def _compare_end(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> None:
-    """Whether a list still has what it had; and whether it holds together.
+    """Check that a list contains its former lines and that its chain is intact.
 
     Raises:
         EvidenceError: it does not.
@@ -185,7 +185,7 @@ def _compare_end(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> No
 
 
 def second_copy_path(path: Path) -> Path | None:
-    """Where the end of a list is kept a second time; None where that cannot be written."""
+    """Path of the second copy of a list's end; None if it cannot be written."""
     named = os.environ.get(STATE_VARIABLE)
     base = os.environ.get("XDG_STATE_HOME")
     try:
@@ -199,7 +199,7 @@ def second_copy_path(path: Path) -> Path | None:
 
 
 def read_kept_end(second: Path | None) -> ListEnd | None:
-    """Read the kept end; None if there is none.
+    """Read the kept end of a list; None if there is none.
 
     Raises:
         EvidenceError: it is damaged.
