@@ -1,4 +1,4 @@
-"""The folder of a review: for one review at a time, and for nothing else."""
+"""Folder of a review: locked for one review at a time, and without other files."""
 
 import shutil
 from collections.abc import Generator
@@ -17,9 +17,9 @@ _STAGE: Final = ".payscope-"
 
 @contextmanager
 def lock_folder(folder: Path) -> Generator[None]:
-    """The folder for this review alone; what a killed one left half done is swept out.
+    """Lock the folder for this review, and remove what a killed review left unfinished.
 
-    The system takes the lock back from a process that ends, however it ends.
+    The system releases the lock when the process ends, however it ends.
     """
     import fcntl
 
@@ -48,7 +48,7 @@ def lock_folder(folder: Path) -> Generator[None]:
 
 
 def check_review_folder(folder: Path) -> None:
-    """Refuse a folder for a review before the work that it is for.
+    """Refuse an unsuitable folder before the review is computed.
 
     Raises:
         ReviewError: it holds other files and no review.
