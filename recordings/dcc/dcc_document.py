@@ -30,7 +30,7 @@ _CORE: Final = {
 
 
 def refuse_without_libraries() -> None:
-    """Refuse certificates where the libraries that they need are not installed.
+    """Raise an error if the libraries for certificates are not installed.
 
     Raises:
         EvidenceError: lxml or signxml is missing.

@@ -1,4 +1,4 @@
-"""Write what was found: `reproduction.md`, or CSV files, and the pictures, all or none."""
+"""Write the results: `reproduction.md` or CSV files, and the pictures, all or none."""
 
 from collections.abc import Sequence
 from importlib.resources import files
@@ -21,7 +21,7 @@ SENTENCES: Final = "findings.csv"
 def check_reproduction(
     items: Sequence[Item[Any]], folder: Path, output_format: str, *, force: bool
 ) -> None:
-    """Refuse outputs that cannot be written, before the work; make the folder where there is none.
+    """Refuse outputs that cannot be written before the work; create the folder if missing.
 
     Raises:
         OutputError: one of them is there already, or the folder cannot be written to.
@@ -37,18 +37,18 @@ def check_reproduction(
 def write_reproduction(
     found: Sequence[ItemResult], folder: Path, output_format: str, about: str, *, force: bool
 ) -> list[Path]:
-    """Write what was found.
+    """Write the results.
 
     Args:
-        found: tables, figures, claims.
-        folder: where to.
+        found: results of tables, figures and claims.
+        folder: output folder.
         output_format: "md" for one page with every table and sentence, "csv" for a file an item
             with every number and one with the sentences; pictures with both.
-        about: a sentence on how it was found.
-        force: whether to replace what is there.
+        about: sentence on how the results were obtained.
+        force: whether to replace existing files.
 
     Returns:
-        The files.
+        Paths of the files.
 
     Raises:
         OutputError: one of them is there already, or cannot be written.

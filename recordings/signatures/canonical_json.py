@@ -1,7 +1,6 @@
-"""JSON in canonical form (RFC 8785): one value, one sequence of bytes; and its careful reading.
+"""Canonical JSON (RFC 8785), with exactly one byte sequence per value, and its safe parsing.
 
-What is read may come from a stranger: its size, depth, numbers and names are bounded before and
-while it is parsed.
+Parsed data may be untrusted: size, depth, numbers and names are limited before and during parsing.
 """
 
 import json
@@ -21,7 +20,7 @@ _OPEN, _CLOSE, _QUOTE, _ESCAPE = b"[{", b"]}", ord('"'), ord("\\")
 
 
 def canonical_bytes(value: Any) -> bytes:
-    """A JSON value in canonical form.
+    """Canonical bytes of a JSON value.
 
     Raises:
         EvidenceError: it holds what JSON cannot: NaN, infinity, a whole number beyond 2^53.
@@ -35,11 +34,11 @@ def canonical_bytes(value: Any) -> bytes:
 
 
 def parse(data: bytes, what: str) -> Any:
-    """Parse canonical JSON of a stranger.
+    """Parse untrusted canonical JSON.
 
     Args:
-        data: the bytes.
-        what: what they are, for the error.
+        data: bytes to parse.
+        what: name of the data, for the error.
 
     Raises:
         EvidenceError: too long, too deep, a number too long or too large, a name that comes twice,
@@ -64,7 +63,7 @@ def parse(data: bytes, what: str) -> Any:
 
 
 def _refuse_depth(data: bytes, what: str) -> None:
-    """Count brackets outside of texts, before a parser follows them."""
+    """Refuse data nested too deeply, by counting brackets outside of texts."""
     depth, quoted, escaped = 0, False, False
     for byte in data:
         if quoted:

@@ -62,7 +62,7 @@ class TestShow:
 
     def test_what_only_a_stage_can_do_needs_one(self, payscope: Payscope, recording: Path) -> None:
         for words in (["--from", 1], ["-o", recording.with_name("a.csv")], ["--format", "csv"]):
-            one_line(payscope("show", recording, *words), "need the name of a frame")
+            one_line(payscope("show", recording, *words), "a frame")
 
     def test_a_moment_is_its_last_row_or_the_spans_that_hold_it(
         self, payscope: Payscope, recording: Path
