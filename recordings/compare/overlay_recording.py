@@ -168,7 +168,7 @@ def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | 
 def _shorten_shared_names(
     mine: Sequence[DisplayColumn], theirs: Sequence[DisplayColumn], *, lone: bool
 ) -> set[str]:
-    """Names that A and B share and that a legend shows once."""
+    """Labels that A and B share and show without their side."""
     both = {each.label for each in mine} & {each.label for each in theirs}
     return {each.label for each in mine if not lone or each.column == "threshold"} & both
 

@@ -273,4 +273,4 @@ def test_a_folder_that_was_changed_says_so(bag: Path, tmp_path: Path, payscope: 
     part.unlink()
     one_line(payscope("info", folder), "rare_one/part-00000.parquet", "convert the log again")
     (folder / DESCRIPTION).write_text("{}")
-    one_line(payscope("info", folder), "is not as payscope wrote it")
+    one_line(payscope("info", folder), "was changed after payscope wrote it")
