@@ -1,4 +1,4 @@
-"""A `Run`: the frames of one replay, and their provenance."""
+"""`Run`: the frames of one replay, and their provenance."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -24,7 +24,7 @@ class InputFile(BaseModel):
 
 
 class Provenance(BaseModel):
-    """Where the frames came from: enough to run the replay again and to doubt it."""
+    """Origin of the frames: everything needed to repeat and to verify the replay."""
 
     model_config = ConfigDict(frozen=True)
 

@@ -14,13 +14,13 @@ STD_OF_MAD: Final = 1.4826
 
 @dataclass(frozen=True, slots=True)
 class UncertaintySource:
-    """Where uncertainty comes from.
+    """Source of uncertainty.
 
     Attributes:
         name: of the source.
         kind: random (more starts average it out), common (to the log) or scale (no log tells it).
         u: standard uncertainty, in the unit of what it is of; None where it is not known.
-        meaning: what it is.
+        meaning: description of the source.
         shrinks: what would shrink it.
     """
 

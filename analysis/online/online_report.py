@@ -48,30 +48,30 @@ class OnlineReport:
     """A report: at the end of a manoeuvre or a spin, once a second of the log, and at its end.
 
     Attributes:
-        event: what it is made for.
+        event: event that the report is made for.
         unix_ns: when, in the log's time.
         t_s: the same from the first row.
-        phase: of motion; None where it is not known.
+        phase: phase of motion; None if unknown.
         gate: the reason of the window that ends here.
-        index_nat: its index (11); None where it has none.
+        index_nat: index (11) of the window; None if it has none.
         validity: of mass and friction.
         mass_kg: of the last manoeuvre; None unless valid or old.
         mass_u_kg: random standard uncertainty: what all manoeuvres share is not in it.
-        friction_x_N_s_m: viscous friction; None likewise.
+        friction_x_N_s_m: viscous friction; None if unknown.
         friction_u_N_s_m: random standard uncertainty.
         age_s: since the last sample that the mass is made of; None without one.
         manoeuvres: how many have given a mass so far.
         load_mass_kg: mean of the manoeuvres with the load of now; None before the first.
-        load_u_kg: its random standard uncertainty; None likewise.
+        load_u_kg: random standard uncertainty of the load; None if unknown.
         load_manoeuvres: how many they are.
-        until_u_kg: the uncertainty that is aimed at; None where nothing says which.
-        percent: of the information that takes; None likewise.
+        until_u_kg: target uncertainty; None if none is stated.
+        percent: percentage of the information needed for that; None without a target.
         starts_missing: manoeuvres like these until then; None before the first.
         reverse_missing: those of them that should be driven backwards.
         spin_validity: of inertia and friction of turning; `none_yet` also without a yaw axis.
         inertia_z_kg_m2: about the point that the last spin turned about; None unless valid or old.
         inertia_u_kg_m2: random standard uncertainty.
-        friction_z_N_m_s: viscous friction of turning; None likewise.
+        friction_z_N_m_s: viscous friction of turning; None if unknown.
         friction_z_u_N_m_s: random standard uncertainty.
         spin_age_s: since the last sample that they are made of; None without one.
         spins: how many have given an inertia so far.

@@ -82,8 +82,8 @@ def fit_planar(
         excitation: motion, forces and phases.
         gated: which windows are accepted, for what straight motion and spins tell.
         verdict: what it forbids is not used and not told.
-        machine: what is known of it; what is refused, limits, priors.
-        noise: of the columns, where it is known.
+        machine: machine file with the known body, exclusions, limits and priors.
+        noise: noise of the columns, if known.
 
     Returns:
         `planar`, without rows where the machine does not turn. What the motion does not determine
@@ -169,14 +169,14 @@ def prior_from_axis(
 
 
 def is_of_axis_alone(name: str, axis: Axis) -> bool:
-    """Whether a parameter or a term is of one axis alone."""
+    """Whether a parameter or term occurs in the equation of one axis only."""
     return name in PARAMETERS or any(
         term.name == name and term.axes == axis.letter for term in TERMS
     )
 
 
 def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], NamedEstimate] | None:
-    """One fit over all motion, where there is turning enough and a yaw torque; else None."""
+    """Fit over all motion; None without enough turning or without yaw torque."""
     plane, settings = log.plane, log.machine.settings
     used = plane.usable & plane.moving
     if not plane.has_torque or (used & plane.turning).sum() < settings.gate.window_samples:
@@ -234,10 +234,10 @@ def fit_in_rounds(
     """Fit the samples of segment_id >= 0 with the terms of these rows.
 
     Args:
-        log: all of it.
+        log: rows of the whole log.
         segment_id: (n,) stretch of each sample.
         start: (6,) mass, inertia, moments and frictions to begin with.
-        known: what stages before have told, terms included.
+        known: results of earlier stages, including terms.
         rows: of force, of yaw torque, or both.
         columns: which of the six.
     """
@@ -361,7 +361,7 @@ _QUANTITIES: Final = {
 def uncertainty_rows(
     row: Mapping[str, Any], fitted: NamedEstimate, machine: Machine
 ) -> list[dict[str, Any]]:
-    """Where the uncertainty of each quantity that all motion tells comes from."""
+    """Rows on the sources of uncertainty of each quantity that all motion determines."""
     parts: list[dict[str, Any]] = []
     for quantity, unit in _QUANTITIES.items():
         if row.get(quantity) is None or not np.isfinite(row[quantity]):

@@ -86,7 +86,7 @@ def make_load_change_rows(weighing: Weighing | None) -> list[int]:
 def find_empty_states(
     weighing: Weighing, times: list[tuple[int, int]], machine: Machine
 ) -> list[int]:
-    """Load states without a load; empty if there are none or the log cannot tell.
+    """Indices of the load states in which the machine is empty; none if the log cannot tell.
 
     If `settings.loads` names empty times, these are the states that lie mostly in them, or the one
     with most of them. Otherwise they are the lightest of several states and those equally light, if

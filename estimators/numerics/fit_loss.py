@@ -173,7 +173,7 @@ def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Float
 
 @compiled_beside(_sum_loss_by_arrays)
 def _total_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
-    """Sum of the loss over pairs, (lags, lags), of the fits in `spans`."""
+    """Loss (lags, lags) summed over the fits in `spans`, per pair of samples at each lag."""
     p = A.shape[1]
     loss = np.zeros((lags, lags))
     pairs = np.zeros(lags)

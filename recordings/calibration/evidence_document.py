@@ -305,7 +305,7 @@ def parse_document(data: bytes, what: str) -> EvidenceDocument:
 
 
 def version_of_maker(values: Any) -> str:
-    """Which other version a document says that it is of; "" for this one, or where it says none."""
+    """Other version that a document states as its own; "" if it is this one, or none."""
     if not isinstance(values, dict) or not isinstance(values.get("software"), dict):
         return ""
     made, form = values["software"].get("payscope"), values.get("format")
@@ -316,7 +316,7 @@ def version_of_maker(values: Any) -> str:
 
 
 def schema_text() -> str:
-    """The schema as it is published: JSON Schema, draft 2020-12."""
+    """Published schema as text: JSON Schema, draft 2020-12."""
     schema: dict[str, Any] = EvidenceDocument.model_json_schema(mode="serialization")
     schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

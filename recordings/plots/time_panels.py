@@ -133,7 +133,7 @@ def _draw_panel(
 
 
 def series_numbers(series: pl.Series) -> Floats:
-    """A column as floats, NaN where it has no value."""
+    """Column as floats, NaN for missing values."""
     return series.cast(pl.Float64).fill_null(float("nan")).to_numpy()
 
 

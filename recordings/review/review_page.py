@@ -157,7 +157,7 @@ def hour_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]
 
 
 def _make_hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Iterator[str]:
-    """Cells of an hour, in the order of `HOUR_HEADS`."""
+    """Yield the cells of an hour's row, in the order of `HOUR_HEADS`."""
     rejected = rows.filter("rejected")["cycle"].to_list()
     sums = sum_cycles(cycles_of_ledger(rows, t0_ns), rejected)
     energies = rows["energy_kWh"].drop_nulls()

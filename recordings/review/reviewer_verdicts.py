@@ -1,4 +1,4 @@
-"""What reviewers say of a shift and its cycles: a small file beside the ledger.
+"""Verdicts of reviewers on a shift and its cycles: a small file beside the ledger.
 
 ```toml
 [[shift]]                            # of all cycles that do not say otherwise

@@ -157,7 +157,7 @@ def fleet_run(
 def _plan_tasks(
     logs: Sequence[FleetLog], plan: FleetPlan, place: str, did: FleetRun, *, recordings: bool
 ) -> tuple[list[ReplayTask], dict[str, tuple[MachineSetup, ...]]]:
-    """A task a log, and the setups of every machine."""
+    """Tasks, one per log, and the setups of all machines."""
     tasks: list[ReplayTask] = []
     by_machine: dict[str, tuple[MachineSetup, ...]] = {}
     here = package_versions()
@@ -223,7 +223,7 @@ def _remember_calibrations(
 
 
 def keep_failed_list(results: FleetResults, did: FleetRun, asked: set[str]) -> None:
-    """Keep the list of what has failed, for the report; what is done is off it."""
+    """Keep the list of failed tasks for the report; completed ones are removed from it."""
     before = results.failed
     now = {source: why for source, why in before.items() if source not in asked} | did.failed
     if now != before:

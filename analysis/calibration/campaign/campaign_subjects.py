@@ -1,4 +1,4 @@
-"""What a campaign calibrates and with what: organisation, machine, reference masses, conditions."""
+"""Subjects of a campaign: organisation, machine, reference masses and conditions."""
 
 import datetime as dt
 from typing import Annotated, Literal, Self
