@@ -75,11 +75,11 @@ class _CommonUncertainty:
     covariance: Floats
     empty: Floats
 
-    def of_payload_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
+    def uncertainty_of_payload_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
         """Common uncertainty of one payload, and the part shared by all payloads, in kg.
 
         Args:
-            weights: (passes,) weight of each pass in it.
+            weights: (passes,) weight of each pass in the payload.
             payload_kg: the payload.
         """
         weights = weights + payload_kg * self.empty
@@ -246,8 +246,10 @@ def _payload_uncertainty(
     own_kg, random_kg = row["payload_kg"], row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
     assert isinstance(random_kg, float)
-    own_common_kg, own_shared_kg = worth.own.of_payload_kg(weights, own_kg)
-    common_kg, shared_kg = (worth.scale_1 * u for u in worth.told.of_payload_kg(weights, own_kg))
+    own_common_kg, own_shared_kg = worth.own.uncertainty_of_payload_kg(weights, own_kg)
+    common_kg, shared_kg = (
+        worth.scale_1 * u for u in worth.told.uncertainty_of_payload_kg(weights, own_kg)
+    )
     random_kg *= worth.scale_1
     return {
         "scale_1": worth.scale_1,

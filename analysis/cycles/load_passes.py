@@ -94,7 +94,7 @@ def find_load_passes(
         known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
         dumps = find_boom_dumps(aligned, excitation, known)
         of_state = _reclassify_at_dumps(of_state, begin, end, digs, dumps)
-    one_filling_ns = _one_filling_ns(of_state, begin, end, digs)
+    one_filling_ns = _longest_filling_step_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
     parts[_refill_places(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
@@ -159,8 +159,8 @@ def _find_short_hauls(
     return found
 
 
-def _one_filling_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -> int:
-    """Largest distance between starts that fill the bucket once, less than a cycle."""
+def _longest_filling_step_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -> int:
+    """Largest time in ns between starts that fill the same bucket, shorter than a cycle."""
     starts = np.sort(digs["start_t_ns"].to_numpy())
     stops = np.sort(digs["end_t_ns"].to_numpy())
     middle = (begin + end) // 2

@@ -152,7 +152,7 @@ def _invert_precision(precision: Floats) -> Floats:
 def _score_choice(
     kept: np.ndarray, before: float, information: Floats, scores: Floats, variance: Floats
 ) -> tuple[float, np.ndarray, Floats, Floats]:
-    """Log evidence of a choice of effects, with the mean and covariance of its terms.
+    """Log evidence of a choice of effects, the choice, and mean and covariance of its terms.
 
     Args:
         kept: (terms,) terms that it includes.

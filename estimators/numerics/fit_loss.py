@@ -56,6 +56,7 @@ def _products_at_distances(Q: Floats, distances: int) -> Floats:
 
 
 def _add_loss_by_arrays(Q: Floats, loss: Floats) -> None:
+    """Add the loss (lags, lags) of a fit with orthonormal basis Q (n, p), without loops over n."""
     n, p = Q.shape
     lags = len(loss)
     cross = _sum_products_by_arrays(Q, 2 * lags - 1)

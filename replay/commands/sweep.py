@@ -217,7 +217,7 @@ def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
                     row.errors.get(name) or _quantity_by_method(row, name)
                 ).items()
             },
-            **calibrated_mass(row),
+            **calibrated_mass_fields(row),
             "accepted_share_1": row.answer.accepted_share,
             "can_weigh": row.answer.verdict.can_weigh,
             "failed": " ".join(_failed_checks(row)),
@@ -230,8 +230,8 @@ def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     return pl.from_dicts(flat, infer_schema_length=None)
 
 
-def calibrated_mass(row: Row) -> dict[str, float | str | None]:
-    """Calibrated mass of a single-load log, if there is a calibration."""
+def calibrated_mass_fields(row: Row) -> dict[str, float | str | None]:
+    """Fields of the calibrated mass, None for several loads; empty without a calibration."""
     loads = row.answer.loads
     if not loads or "calibrated_kg" not in loads[0]:
         return {}
@@ -247,7 +247,7 @@ def render_sweep(rows: Sequence[Row]) -> RenderableType:
 
     masses = method_table(rows, _format_mass, ("used", "weighs"), _make_verdict_cells)
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
-    if calibrated_mass(rows[0]):
+    if calibrated_mass_fields(rows[0]):
         parts += ["", "Calibrated mass and its interval, kg", calibrated_table(rows)]
     for name in rows[0].errors:
         errors = method_table(
@@ -287,7 +287,7 @@ def calibrated_table(rows: Sequence[Row]) -> Table:
     )
     table.add_column("", overflow="fold")
     for row in rows:
-        mass, low, high, reason = calibrated_mass(row).values()
+        mass, low, high, reason = calibrated_mass_fields(row).values()
         numbers = (value if isinstance(value, float) else None for value in (mass, low, high))
         why = reason if reason is not None else "several loads: --json has each"
         table.add_row(*row.over.values(), *map(kg_text, numbers), str(why))

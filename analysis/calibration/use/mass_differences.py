@@ -66,7 +66,7 @@ def difference_on_line(
     Args:
         calibration: calibration of masses, or of payloads with a level.
         shared_errors: the log's estimate of errors shared with its campaign; None corrects none.
-        numbers: (n,) kind (`MOVED`) and number of each.
+        numbers: (n,) kind (`MOVED`) and number of each payload.
         payload_kg: (n,) uncalibrated payloads; NaN if missing.
     """
     absolute = calibration.method == "joint_payload"

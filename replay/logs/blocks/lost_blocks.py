@@ -29,7 +29,7 @@ class BlockDamage(Damage):
         self._gaps[start] = end
 
     def is_lost(self, offset: int) -> bool:
-        """Whether the block at this offset is not used."""
+        """Whether the block at this offset is damaged and left out."""
         return offset in self._blocks
 
     @property
