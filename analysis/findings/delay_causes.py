@@ -134,7 +134,7 @@ def _lag_of_force(
 
 
 def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
-    """Signals proportional to the acceleration, by channel, and the speed `v`.
+    """Signals proportional to the acceleration, by channel, and their sampling step.
 
     Returns:
         Sampling step in s, and by channel the mean-free signal (n,).

@@ -19,10 +19,10 @@ from estimators.numerics.rolling import sum_windows, window_ends
 from estimators.numerics.sandwich import window_std
 from estimators.numerics.small_systems import (
     condition_number,
-    entry_rows,
     factor,
     pack,
     packed_index,
+    packed_index_table,
     solve_spd,
     substitute,
 )
@@ -110,7 +110,7 @@ def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]
 def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
     """Solve (G - λI) x = h for x (p, m) at the current λ (m,); `shifted` receives G - λI."""
     q = columns_of(C)
-    rows = entry_rows(q)
+    rows = packed_index_table(q)
     for i in range(q - 1):
         shifted[rows[i][i]] = C[rows[i][i]] - lam
     x = C[list(rows[q - 1][: q - 1])]

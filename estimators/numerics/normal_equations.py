@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.numerics.small_systems import entry_rows, factor, substitute
+from estimators.numerics.small_systems import factor, packed_index_table, substitute
 
 
 class Solution(NamedTuple):
@@ -27,7 +27,7 @@ def solve(products: Floats) -> Solution:
     q = columns_of(products)
     p = q - 1
     L, inverse = factor(products, q, p)
-    *sides, square = entry_rows(q)[p]
+    *sides, square = packed_index_table(q)[p]
     theta = products[sides]
     substitute(L, inverse, theta)
     rss = products[square].copy()
@@ -39,7 +39,7 @@ def solve(products: Floats) -> Solution:
 def residual_squares(products: Floats, theta: Floats) -> Floats:
     """Residual sums of squares (m,) for any θ (p, m): ff - 2 θᵀh + θᵀG θ."""
     p = len(theta)
-    rows = entry_rows(p + 1)
+    rows = packed_index_table(p + 1)
     rss = products[rows[p][p]].copy()
     for i in range(p):
         rss -= 2.0 * theta[i] * products[rows[i][p]]
@@ -51,4 +51,6 @@ def residual_squares(products: Floats, theta: Floats) -> Floats:
 def gram(products: Floats) -> Floats:
     """Packed AᵀA (p(p+1)/2, m) from the products of [A f]."""
     p = columns_of(products) - 1
-    return products[[entry for i, row in enumerate(entry_rows(p + 1)[:p]) for entry in row[i:p]]]
+    return products[
+        [entry for i, row in enumerate(packed_index_table(p + 1)[:p]) for entry in row[i:p]]
+    ]

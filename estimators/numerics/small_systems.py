@@ -243,10 +243,10 @@ def _rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
 
 
 @cache
-def entry_rows(size: int) -> tuple[tuple[int, ...], ...]:
-    """The row of each entry (i, j) of a packed symmetric matrix of `size` columns, by i and j.
+def packed_index_table(size: int) -> tuple[tuple[int, ...], ...]:
+    """Packed index of each entry (i, j) of a symmetric matrix of `size` columns, by i and j.
 
-    On board they are asked for many times a step, where a call of a compiled loop each is dear.
+    On board they are needed many times per step; calling a compiled loop each time would be slow.
     """
     each = range(size)
     return tuple(tuple(packed_index(min(i, j), max(i, j), size) for j in each) for i in each)
@@ -265,7 +265,7 @@ def pack(G: Floats) -> Floats:
 
 def unpack(entries: Floats, size: int, p: int) -> Floats:
     """Leading (p, p) of one packed symmetric matrix of `size` columns."""
-    return entries[[row[:p] for row in entry_rows(size)[:p]]]
+    return entries[[row[:p] for row in packed_index_table(size)[:p]]]
 
 
 def solve_spd(G: Floats, h: Floats) -> Floats:

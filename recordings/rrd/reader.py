@@ -188,7 +188,10 @@ def _describe_store(path: Path, store: "LazyStore") -> tuple[Manifest, Provenanc
         batch = chunk.to_record_batch()
         found |= {name: batch.column(name)[0].as_py()[0] for name in batch.schema.names[1:]}
     if "manifest" not in found or "provenance" not in found:
-        raise RecordingError(f"{path}: a Rerun recording, but not one that payscope wrote")
+        raise RecordingError(
+            f"{path}: a Rerun recording, but not one that payscope wrote; replay the log with "
+            "payscope run"
+        )
     if found.get("format") != FORMAT:
         raise RecordingError(
             f"{path}: written in format {found.get('format')}, this payscope reads {FORMAT}; "

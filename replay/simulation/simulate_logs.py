@@ -98,15 +98,14 @@ def simulate_scenario(scenario: Scenario, output: Path, *, force: bool = False) 
 
     Args:
         scenario: scenario to simulate.
-        output: the log; its suffix says the format (.bag, .mcap, .db3, .csv; none: a rosbag2
-            directory).
-            With several loads, each has its own log, named after it: `campaign.bag` becomes
-            `campaign_000kg.bag`, `campaign_050kg.bag`, …. A shift of several logs numbers them,
-            `shift_1.bag`, …, and what is true of all is in `shift.cycles.json`.
+        output: path of the log; its suffix sets the format (.bag, .mcap, .db3, .csv; none: a
+            rosbag2 directory). Several loads have a log each: `campaign.bag` becomes
+            `campaign_000kg.bag`, `campaign_050kg.bag`, …. Several logs of a shift are numbered,
+            `shift_1.bag`, …, and the truth of the whole shift is in `shift.cycles.json`.
         force: whether to replace existing logs.
 
     Returns:
-        The logs, in the order of the loads, or of a shift; they make one time line.
+        Paths of the logs, in order of loads or of time; they share one time line.
 
     Raises:
         OutputError: no format has that suffix, an output is there already, or the folder cannot

@@ -120,7 +120,7 @@ class Rosbag2Directory:
             told = [str(loss) for loss in self._losses] or faults
             raise LogError(
                 f"{self._path}: none of its bag files can be read: "
-                f"{'; '.join(told) or 'there is none'}"
+                f"{'; '.join(told) or 'there is no storage file'}"
             )
         yaml = self._path / METADATA
         return (yaml, *opened) if yaml.exists() else tuple(opened)
