@@ -1,4 +1,4 @@
-"""Arrays by what they hold: annotations that every package shares."""
+"""Type aliases for numpy arrays, shared by all packages."""
 
 import numpy as np
 from numpy.typing import NDArray

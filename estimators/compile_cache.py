@@ -1,4 +1,4 @@
-"""Folders for compiled functions, one for each state of the sources that are compiled into them.
+"""Cache folders for compiled functions, one for each state of the sources compiled into them.
 
 Numba keeps what it compiles, so that only the first use waits for it. But it looks at a function's
 own file alone to see whether that still holds, and a compiled loop contains those that it calls
@@ -30,9 +30,9 @@ _IMPORT: Final = re.compile(rb"^(?:from|import) +([\w.]+)(?: +import +(\([^)]*\)
 
 
 def make_cache_folder(source: Path) -> Path:
-    """Make the folder for the compiled functions of a module, given its file in a package.
+    """Make the folder for the compiled functions of a module, given the module's file.
 
-    It lies in NUMBA_CACHE_DIR where the user has set that.
+    It is inside NUMBA_CACHE_DIR if that is set.
     """
     inside = source.relative_to(_HOUSE)
     module = ".".join(inside.with_suffix("").parts)
@@ -48,12 +48,12 @@ known_folder_of: Final = cache(make_cache_folder)
 
 
 def is_cached(source: Path, name: str) -> bool:
-    """Whether something is kept of a function that is compiled, given its module's file."""
+    """Whether a compiled form of a function is in the cache, given its module's file."""
     return any(known_folder_of(source).glob(f"*/{source.stem}.{name}-*.nbi"))
 
 
 def are_all_compiled() -> bool:
-    """Whether `mark_all_compiled` was called for the sources and the numba that are there now."""
+    """Whether `mark_all_compiled` was called with the present sources and numba."""
     try:
         return _marker_path().read_text(encoding="utf-8") == _describe_cache_state()
     except OSError:
@@ -61,7 +61,7 @@ def are_all_compiled() -> bool:
 
 
 def mark_all_compiled() -> None:
-    """Note that every loop of the house is kept."""
+    """Record that every compiled loop is in the cache."""
     marker = _marker_path()
     partial = marker.with_name(f"{marker.name}.{os.getpid()}")
     partial.write_text(_describe_cache_state(), encoding="utf-8")
@@ -69,7 +69,7 @@ def mark_all_compiled() -> None:
 
 
 def persistent_folder() -> Path | None:
-    """Where the folders are; None where none can be written to that outlasts the process."""
+    """Folder of the cache; None if no folder that outlasts the process is writable."""
     folder = _marker_path().parent
     return None if folder == _make_temporary_folder().parent else folder
 
@@ -79,7 +79,7 @@ def _marker_path() -> Path:
 
 
 def _describe_cache_state() -> str:
-    """Where each module with loops keeps them, which tells its sources, and whose they are."""
+    """Cache folder of each module with loops, which identifies its sources, and its owner."""
     sources = (path for path in sorted(_HOUSE.glob("*/**/*.py")) if _has_loops(path))
     return "\n".join([version("numba"), *(str(known_folder_of(each)) for each in sources), ""])
 
@@ -90,7 +90,7 @@ def _has_loops(source: Path) -> bool:
 
 
 def clear_cache() -> list[Path]:
-    """Remove what is kept, since some of it cannot be read; the folders that were removed."""
+    """Remove the cache, because part of it is unreadable; returns the removed folders."""
     packages = [path.parent.name for path in _HOUSE.glob("*/__init__.py")]
     kept = {parent for package in packages for parent in _cache_roots(package) if parent.is_dir()}
     for parent in kept:
@@ -99,7 +99,7 @@ def clear_cache() -> list[Path]:
 
 
 def _cache_roots(package: str) -> tuple[Path, ...]:
-    """Where the folders of a package's modules may lie, the first choice first."""
+    """Possible parents of a package's cache folders, the preferred one first."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:
         return (Path(chosen, _NAME),)
@@ -109,14 +109,14 @@ def _cache_roots(package: str) -> tuple[Path, ...]:
 
 @cache
 def _make_temporary_folder() -> Path:
-    """Make a folder that lasts as long as the process."""
+    """Make a folder that is removed when the process ends."""
     folder = tempfile.mkdtemp(prefix=f"{_NAME}-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
 
 
 def _sources_digest(source: Path) -> str:
-    """Hash the sources of a module and of all that it imports of its package and of this one."""
+    """Hash the sources of a module and of its imports from its own package and this one."""
     packages = {Path(__file__).parent.name, source.relative_to(_HOUSE).parts[0]}
     found: set[Path] = set()
     # how it is compiled, which a loop that may be interpreted does not import
@@ -136,7 +136,7 @@ def _sources_digest(source: Path) -> str:
 
 @cache
 def _read_source_and_imports(source: Path) -> tuple[bytes, tuple[Path, ...]]:
-    """Read a module: its source, and the files of those that it imports from beside it."""
+    """Source of a module, and the files of its imports from the same package."""
     text = source.read_bytes()
     modules: set[Path] = set()
     for package, names in _IMPORT.findall(text):
@@ -156,7 +156,7 @@ def _is_writable(folder: Path) -> bool:
 
 
 def _remove_old_states(folder: Path) -> None:
-    """Remove what other states of the module were compiled into, but for the latest few."""
+    """Remove compiled functions of older sources of a module, except the latest few."""
     others = [each for each in folder.parent.iterdir() if each != folder]
     by_age = sorted(others, key=lambda each: each.stat().st_mtime)
     for each in by_age[: max(0, len(by_age) - _MOST_STATES)]:

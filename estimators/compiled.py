@@ -1,4 +1,4 @@
-"""How the loops are compiled: one way for all of them.
+"""The decorators that compile loops, with the same options for all of them.
 
 With numpy's error model a division by zero is infinite, without which no loop that divides is
 vectorised; the interpreter's lock is released, so that threads may share a log; what is compiled is
@@ -37,21 +37,21 @@ _ONE_AT_A_TIME: Final = Lock()
 
 
 def compiled(function: F) -> F:
-    """Compile a function of arrays when it is first called."""
+    """Compile a function of arrays on its first call."""
     return _compile_lazily(function, _OPTIONS)
 
 
 def uncounted(function: F) -> F:
-    """Compile a function that allocates nothing, and counts no references to its arrays.
+    """Compile a function that allocates nothing, without reference counts for its arrays.
 
-    Where a loop of millions hands arrays from one function to another, counting costs more than
-    what they do. What it calls is compiled so as well.
+    In a loop of millions that passes arrays between functions, counting costs more than the work.
+    The functions that it calls are compiled likewise.
     """
     return _compile_lazily(function, {**_OPTIONS, "_nrt": False})
 
 
 def inlined(function: F) -> F:
-    """Compile a function likewise, into each that calls it."""
+    """Compile a function into each of its callers."""
     return _compile_lazily(function, {**_OPTIONS, "_nrt": False, "forceinline": True})
 
 
@@ -63,9 +63,9 @@ def _compile_lazily(function: F, options: Mapping[str, Any]) -> F:
 
 
 class _ContentNamedIndex(cast("Any", IndexDataCacheFile)):
-    """An index of compiled forms, and a file for each that no other form can have.
+    """Index of compiled forms that names each form's file after its content.
 
-    Of two processes that add to the index at once one's entry may be lost, and is compiled anew.
+    If two processes add to the index at once, one entry may be lost and is compiled again.
     """
 
     def save(self, key: Any, data: Any) -> None:
@@ -77,7 +77,7 @@ class _ContentNamedIndex(cast("Any", IndexDataCacheFile)):
 
 @contextmanager
 def _cache_compiled_in(folder: Path) -> Generator[None]:
-    """Let numba keep in a folder what is decorated meanwhile, and nothing else in the process."""
+    """Cache functions decorated inside this context in a folder, and no others."""
     with _ONE_AT_A_TIME:
         usual = _SETTINGS.CACHE_DIR
         _SETTINGS.CACHE_DIR = str(folder)

@@ -21,14 +21,14 @@ from difflib import get_close_matches
 
 
 class PayscopeError(Exception):
-    """The root: one line that a person can act on; `args` keeps the text as it was given."""
+    """Root of all errors: one line a user can act on; `args` keeps the original text."""
 
     def __str__(self) -> str:
         return one_line(super().__str__())
 
 
 class LogError(PayscopeError):
-    """A log cannot be opened or read as asked."""
+    """A log cannot be opened, or cannot be read as requested."""
 
 
 class MachineError(PayscopeError):
@@ -44,7 +44,7 @@ class CampaignError(PayscopeError):
 
 
 class EvidenceError(PayscopeError):
-    """Evidence of a calibration, or a key, cannot be read or written as asked."""
+    """Evidence of a calibration, or a key, cannot be read or written."""
 
 
 class ReviewError(PayscopeError):
@@ -52,37 +52,37 @@ class ReviewError(PayscopeError):
 
 
 class FleetError(PayscopeError):
-    """A fleet file, its engine, or what is asked of a fleet's results is wrong."""
+    """A fleet file, its engine, or a request for a fleet's results is wrong."""
 
 
 class QueryError(PayscopeError):
-    """A query is no SELECT over the tables there are."""
+    """A query is not a SELECT over the available tables."""
 
 
 class RecordingError(PayscopeError):
-    """A recording cannot be read, or does not hold what was asked for."""
+    """A recording cannot be read, or lacks what was requested."""
 
 
 class DataError(PayscopeError):
-    """The samples cannot be worked with."""
+    """The samples cannot be used."""
 
 
 class OutputError(PayscopeError):
-    """An output cannot be written, or is there already."""
+    """An output cannot be written, or already exists."""
 
 
 def one_line(text: str) -> str:
-    """Join a text to one line, with line breaks of quoted bytes and names replaced."""
+    """Join a text to one line, replacing line breaks in quoted bytes and names."""
     return "".join(c if c.isprintable() else " " if c.isspace() else "�" for c in text)
 
 
 def counted(number: int, thing: str) -> str:
-    """So many of a thing whose plural takes an s."""
+    """Number and noun, with a plural s unless the number is 1."""
     return f"{number:,} {thing}{'' if number == 1 else 's'}"
 
 
 def nearest(word: str, choices: Iterable[str]) -> str:
-    """Say which of `choices` was probably meant by `word`, or list them all."""
+    """Suggest the choice most similar to `word`, or list all choices."""
     known = sorted(choices)
     close = get_close_matches(word, known, n=1, cutoff=0.6)
     return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known) or 'none'}"

@@ -26,10 +26,10 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """Estimates at the accepted rows alone.
+    """Estimates at the accepted rows only.
 
     Attributes:
-        index: (rows,) sample k at which each estimate stands.
+        index: (rows,) sample k at which each estimate ends.
         theta: (rows, p) parameters.
         std: (rows, p) their standard deviations.
         residual_rms: (rows,) r.m.s. of the residuals.

@@ -1,4 +1,4 @@
-"""Loops that are interpreted while there is little to do, and compiled for all else.
+"""Loops that run interpreted for little work, and compiled otherwise.
 
 Numba takes 0.6 s of the processor before the first compiled loop runs, though it was compiled
 before: as long as a million turns of a loop in Python. So a process that reads a log begins by
@@ -42,25 +42,25 @@ _COMPILED, _UNCOUNTED, _INLINED = "compiled", "uncounted", "inlined"
 
 
 def is_compiler_loaded() -> bool:
-    """Whether this process has loaded numba, so that compiled loops begin at once."""
+    """Whether this process has loaded numba, so that compiled loops start at once."""
     return "estimators.compiled" in sys.modules
 
 
 class _InterpreterBudget:
-    """The remaining seconds of a time budget."""
+    """Remaining seconds of interpreted work in this process."""
 
     seconds = MOST_SECONDS
 
 
 class _ColdLoopRule:
-    """Whether a loop of which nothing is kept may be interpreted in this process."""
+    """Decides whether a loop without a compiled form may be interpreted in this process."""
 
     allowed = True
 
 
 @contextmanager
 def compile_at_once() -> Generator[None]:
-    """Compile every loop when it is called, however little it has to do."""
+    """Context in which every called loop is compiled, even for little work."""
     before = _InterpreterBudget.seconds, _ColdLoopRule.allowed
     _InterpreterBudget.seconds, _ColdLoopRule.allowed = 0.0, False
     try:
@@ -70,7 +70,7 @@ def compile_at_once() -> Generator[None]:
 
 
 class Loop:
-    """A loop over arrays: `interpreted` calls what it calls interpreted, `compiled` compiled."""
+    """A loop over arrays in two forms: interpreted and compiled, including all that it calls."""
 
     def __init__(
         self,
@@ -81,14 +81,14 @@ class Loop:
         *,
         at_first: bool = True,
     ) -> None:
-        """Have both.
+        """Prepare both forms.
 
         Args:
             function: the loop.
-            how: the decorator that compiles it.
-            turns: tells the turns of the loop from its arguments.
-            by_arrays: gives the same bits by operations on whole arrays, for the interpreter.
-            at_first: little work is interpreted though the compiled loop is kept.
+            how: name of the decorator that compiles it.
+            turns: computes the number of iterations from the arguments.
+            by_arrays: computes the same bits by whole-array operations, for the interpreter.
+            at_first: whether to interpret little work even if a compiled form is cached.
         """
         self._function, self._how = cast("FunctionType", function), how
         self._turns = turns or longest_index
@@ -99,7 +99,7 @@ class Loop:
 
     @cached_property
     def interpreted(self) -> Callable[..., Any]:
-        """The function as the interpreter runs it."""
+        """The function as run by the interpreter."""
         if self._by_arrays is not None:
             return self._by_arrays
         return self._replace_globals(
@@ -108,7 +108,7 @@ class Loop:
 
     @cached_property
     def compiled(self) -> Any:
-        """For numba, which is imported when this is asked for."""
+        """The function compiled by numba, which is imported on first use."""
         from estimators import compiled  # imports numba, which is slow
 
         calls = {name: each.compiled for name, each in self._loops_called().items()}
@@ -116,11 +116,11 @@ class Loop:
 
     @cached_property
     def is_cached(self) -> bool:
-        """Whether a process has compiled it before, so that it is ready."""
+        """Whether a process has compiled it before, so that it starts at once."""
         return is_cached(Path(self._function.__code__.co_filename), self._function.__qualname__)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it in the way that its work asks for."""
+        """Run the form that suits the amount of work."""
         if (
             _InterpreterBudget.seconds > 0
             and self._at_first
@@ -154,7 +154,7 @@ class Loop:
         return {name: each for name, each in used.items() if isinstance(each, Loop | Primitive)}
 
     def _replace_globals(self, names: dict[str, Any]) -> Callable[..., Any]:
-        """The function, with other things under some of its global names."""
+        """The function with some of its global names replaced."""
         mine = self._function
         made = FunctionType(
             mine.__code__, {**mine.__globals__, **names}, mine.__name__, mine.__defaults__
@@ -163,50 +163,50 @@ class Loop:
 
 
 class Primitive:
-    """A function with two implementations: one for plain Python, one for numba."""
+    """A function with one implementation for Python and one for numba."""
 
     def __init__(self, interpreted: Callable[..., Any], load: Callable[[], Any]) -> None:
-        """Have both.
+        """Prepare both implementations.
 
         Args:
-            interpreted: for the interpreter.
-            load: gives what numba takes in its place.
+            interpreted: implementation for the interpreter.
+            load: returns numba's implementation.
         """
         self.interpreted, self._load = interpreted, load
 
     @cached_property
     def compiled(self) -> Any:
-        """For numba, which is imported when this is asked for."""
+        """The implementation for numba, which is imported on first use."""
         return self._load()
 
 
 def compiled(function: F) -> F:
-    """As `estimators.compiled.compiled`, interpreted at first."""
+    """Like `estimators.compiled.compiled`, but interpreted at first."""
     return cast("F", Loop(function, _COMPILED))
 
 
 def uncounted(function: F) -> F:
-    """As `estimators.compiled.uncounted`, interpreted at first."""
+    """Like `estimators.compiled.uncounted`, but interpreted at first."""
     return cast("F", Loop(function, _UNCOUNTED))
 
 
 def inlined(function: F) -> F:
-    """As `estimators.compiled.inlined`, interpreted at first."""
+    """Like `estimators.compiled.inlined`, but interpreted at first."""
     return cast("F", Loop(function, _INLINED))
 
 
 def compiled_by_turns(turns: Callable[..., int]) -> Callable[[F], F]:
-    """As `compiled`, with what tells the turns of the loop from its arguments."""
+    """Like `compiled`, with a function that computes the number of iterations."""
     return lambda function: cast("F", Loop(function, _COMPILED, turns))
 
 
 def compiled_ahead(function: F) -> F:
-    """As `compiled`, interpreted for a short log of which nothing is kept, and only then."""
+    """Like `compiled`, but interpreted only for a short log without a cached form."""
     return cast("F", Loop(function, _COMPILED, largest_shape, at_first=False))
 
 
 def compiled_beside(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
-    """As `compiled_ahead`, with what gives the interpreter the same bits by whole arrays."""
+    """Like `compiled_ahead`, with whole-array operations for the interpreter."""
     return lambda function: cast(
         "F", Loop(function, _COMPILED, largest_shape, by_arrays, at_first=False)
     )
@@ -222,7 +222,7 @@ def _convert_to_python(result: Any) -> Any:
 
 
 def largest_shape(*arguments: Any) -> int:
-    """The most rows, columns or systems of any array among the arguments."""
+    """Largest dimension of any array among the arguments."""
     sizes = [0]
     for each in arguments:
         if isinstance(each, np.ndarray):
@@ -233,7 +233,7 @@ def largest_shape(*arguments: Any) -> int:
 
 
 def longest_index(*arguments: Any) -> int:
-    """The longest row of integers among the arguments, one that is in a tuple among them."""
+    """Length of the longest integer array among the arguments, including those in tuples."""
     sizes = [0]
     for each in arguments:
         if isinstance(each, np.ndarray):

@@ -1,4 +1,4 @@
-"""Names of a package that are imported when they are first used."""
+"""Lazy imports: names of a package that are imported on first use."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
@@ -6,11 +6,11 @@ from typing import Any
 
 
 def resolve_late(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """The `__getattr__` of a package (PEP 562).
+    """Make the `__getattr__` of a package that imports names on first use (PEP 562).
 
     Args:
-        package: its name.
-        homes: by public name the module that has it.
+        package: name of the package.
+        homes: module of each public name.
     """
 
     def resolve(name: str) -> Any:

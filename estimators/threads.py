@@ -1,4 +1,4 @@
-"""Windows in chunks, on as many cores as are worth it; sums that do not depend on their number."""
+"""Work on windows in chunks on several cores, with results independent of their number."""
 
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -23,21 +23,21 @@ del _UNTOUCHED
 
 
 def in_chunks(work: Callable[[slice], None], rows: int) -> None:
-    """Call `work` with slices that cover `rows`; each writes its own rows, so order is no matter.
+    """Call `work` with slices that cover `rows`, in any order; each writes only its own rows.
 
-    The loops release the interpreter's lock. NUMBA_NUM_THREADS bounds the cores, as for numba.
+    The loops release the interpreter's lock. NUMBA_NUM_THREADS limits the cores, as for numba.
     """
     chunks = [slice(begin, min(begin + CHUNK, rows)) for begin in range(0, rows, CHUNK)]
     map_in_threads(work, chunks, _WORTH_THREADS)
 
 
 def map_in_threads(work: Callable[[T], R], items: Sequence[T], a_thread: int = 1) -> list[R]:
-    """Call `work` with each item, and give what comes of them in their order.
+    """Call `work` with each item, and return the results in order.
 
     Args:
-        work: loops that release the interpreter's lock, mostly.
-        items: what is worked on.
-        a_thread: a thread is not worth starting for fewer.
+        work: function that mostly runs loops which release the interpreter's lock.
+        items: arguments of the calls.
+        a_thread: minimum number of items for each thread.
     """
     cores: int = config.NUMBA_NUM_THREADS  # pyright: ignore[reportAttributeAccessIssue] made at run time
     threads = min(cores, len(items) // a_thread)
@@ -49,11 +49,11 @@ def map_in_threads(work: Callable[[T], R], items: Sequence[T], a_thread: int = 1
 
 @contextmanager
 def one_blas_thread() -> Generator[None]:
-    """Keep BLAS to one thread, as a context or as the decorator of a function.
+    """Limit BLAS to one thread, as a context or a decorator.
 
-    BLAS splits sums over long vectors among its threads, so that their last bits depend on how
-    many there are. What is long is worked on by loops of our own, so nothing becomes slower.
-    The limit is the process's: whoever sets it first lifts it for all.
+    BLAS splits sums over long vectors among its threads, so that their last bits depend on the
+    number of threads. Long vectors are summed by this package's own loops, so nothing becomes
+    slower. The limit holds for the process: the first to set it lifts it for all.
     """
     from threadpoolctl import threadpool_limits  # sets an environment variable when imported
 

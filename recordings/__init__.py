@@ -1,4 +1,4 @@
-"""Recordings: what is kept of a run. Only this package imports Rerun and matplotlib, and late.
+"""Recordings of runs and their reports; only this package imports Rerun and matplotlib, and late.
 
 Names are resolved when first used: the digest of a page that it keeps needs none of them.
 """

@@ -83,12 +83,12 @@ STAGES: Final = (
 
 @dataclass(frozen=True)
 class _TopicChannels:
-    """The channels that come from a topic, in SI units and in time.
+    """Channels read from topics, in SI units, with time stamps.
 
     Attributes:
-        read: by channel, at its own rate.
-        stamps: which stamp each topic is placed by.
-        doubts: what is not provably there.
+        read: channel readings at their own rates, by channel.
+        stamps: kind of stamp that times each topic.
+        doubts: data whose loss cannot be proven.
     """
 
     read: dict[str, Series]
@@ -97,7 +97,7 @@ class _TopicChannels:
 
     @classmethod
     def from_topics(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_TopicChannels":
-        """Place every sample by its stamp, and take what the channels name."""
+        """Assign a time to every sample, and read the channels that the machine file names."""
         placed, stamps, doubts = assign_timestamps(raw)
         read, missing = read_measured_channels(placed, machine)
         return cls(read, stamps, [*doubts, *missing])
@@ -105,17 +105,17 @@ class _TopicChannels:
 
 @dataclass(frozen=True)
 class _Stages:
-    """What a log is worth, and all that says so.
+    """Results of the stages up to the findings.
 
     Attributes:
-        frames: of the run, up to the verdict.
+        frames: frames of the run, up to the verdict.
         weighing: the joint fit.
-        case: what causes are looked for in.
-        totals: the masses of the whole log, nothing withheld yet.
+        case: inputs for the search of causes.
+        totals: masses of the whole log, before anything is withheld.
         contradicted: methods whose mass the log contradicts.
-        stamps: which stamp each topic is placed by.
-        doubts: what is not provably there.
-        notes: what a reader should know.
+        stamps: kind of stamp that times each topic.
+        doubts: data whose loss cannot be proven.
+        notes: notes for the reader.
     """
 
     frames: dict[str, pl.DataFrame]
@@ -132,15 +132,15 @@ class _Stages:
 def run(
     logs: Log | Sequence[Log], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
-    """Replay one or more logs, in one time line, through the filter, the gate and the estimators.
+    """Replay one or more logs on one time line through all stages.
 
     Args:
         logs: opened logs (`open_log`).
         machine: channels and settings (`load_machine`).
-        on_stage: told the name of each stage as it begins.
+        on_stage: called with the name of each stage when it begins.
 
     Returns:
-        Every intermediate frame and where it came from.
+        Every intermediate frame, with the provenance.
     """
     logs, machine = join_parallel_tables(logs if isinstance(logs, Sequence) else [logs], machine)
     machine, logged_id = identify_machine(logs, machine)  # a sister's log is refused
@@ -283,7 +283,7 @@ def _run_stages(
 
 
 def _find_causes(seen: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine) -> pl.DataFrame:
-    """The causes that show; behind one that hides the others, those of the log without it."""
+    """Find the causes of the log, and those behind a cause that masks the others."""
     part = findings_of_first_hour(raw)
 
     def look(changed: Machine) -> pl.DataFrame | None:

@@ -1,1 +1,1 @@
-"""Two replays side by side."""
+"""Comparison of two replays."""

@@ -1,4 +1,4 @@
-"""Two runs on one time line: B placed in A's time, manoeuvre by manoeuvre, and B less A.
+"""Alignment of two runs: B on A's time line, manoeuvre by manoeuvre, and B minus A.
 
 Replays of one log differ by where their time begins; of two logs of the same manoeuvres, each
 manoeuvre of B is moved to where its counterpart of A begins.
@@ -20,14 +20,14 @@ _ROW: Final = "_row"
 
 
 def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
-    """Match the manoeuvres of two logs in order, alike in phase and duration.
+    """Match the manoeuvres of two logs in order, by phase and duration.
 
-    The alignment of least cost (Needleman and Wunsch 1970), where a pair costs |ln| of the ratio of
-    its durations and only manoeuvres of one phase pair.
+    The alignment has the least cost (Needleman and Wunsch 1970), where a pair costs |ln| of the
+    ratio of its durations and only manoeuvres of one phase pair.
 
     Args:
-        a: frame `segments`: start_t_ns, end_t_ns, phase.
-        b: likewise.
+        a: frame `segments` with start_t_ns, end_t_ns, phase.
+        b: the other frame.
 
     Returns:
         The rows of each pair.
@@ -64,13 +64,13 @@ def _cost_of_each_pair(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
 
 
 def align_times(a: Run, b: Run, *, one_log: bool) -> Run:
-    """B with its times those of A.
+    """Run B on the time line of A.
 
     Args:
-        a: the run whose time counts.
-        b: the run that is moved.
-        one_log: whether both are of the same samples; else manoeuvres are matched, and what belongs
-            to none of A's is left out.
+        a: run that defines the time line.
+        b: run that is moved.
+        one_log: whether both are of the same samples; otherwise manoeuvres are matched, and
+            unmatched ones left out.
 
     Returns:
         B, with A's start of time.
@@ -84,7 +84,7 @@ def align_times(a: Run, b: Run, *, one_log: bool) -> Run:
 
 
 def shift_spans_to_time_of_a(a: Run, b: Run) -> pl.DataFrame | None:
-    """Stretches of B's time: from, to and by how much each moves; None where nothing pairs."""
+    """Spans of B's time with the shift of each; None if no manoeuvre matches."""
     tables = [run.frames.get("segments", pl.DataFrame()) for run in (a, b)]
     if any(table.is_empty() for table in tables):
         return None
@@ -100,7 +100,7 @@ def shift_spans_to_time_of_a(a: Run, b: Run) -> pl.DataFrame | None:
 
 
 def manoeuvre_reach(table: pl.DataFrame) -> list[tuple[int, int]]:
-    """Each manoeuvre with half of the way to its neighbours; the outer ones a minute beyond."""
+    """Span of each manoeuvre to the middles of its gaps; a minute beyond the outer ones."""
     starts, ends = table["start_t_ns"].to_list(), table["end_t_ns"].to_list()
     halves = [(end + start) // 2 for end, start in zip(ends[:-1], starts[1:], strict=True)]
     minute = 60 * 10**9
@@ -128,11 +128,11 @@ def _shift_frame_times(
 
 
 def subtract_run(a: Run, b: Run) -> Run:
-    """B less A, where both have a row: at one time, or of manoeuvres and loads that overlap.
+    """B minus A, in common rows: at equal times, or of overlapping manoeuvres and loads.
 
     Args:
-        a: the run that differences are counted from.
-        b: the other, in A's time (`align_times`).
+        a: baseline run.
+        b: other run, in A's time (`align_times`).
 
     Returns:
         A run with A's times, differences in the columns of numbers, and no standard deviations:

@@ -1,4 +1,4 @@
-"""Two replays side by side: settings, columns, estimates and manoeuvres that differ."""
+"""Comparison of two replays: settings, columns, estimates and manoeuvres that differ."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -19,7 +19,7 @@ _ESTIMATES: Final = {
 
 @dataclass(frozen=True, slots=True)
 class ValueChange:
-    """A value by its name that one replay has otherwise than the other; None where it has none."""
+    """A named value that differs between two replays; None if absent."""
 
     name: str
     a: Any
@@ -28,7 +28,7 @@ class ValueChange:
 
 @dataclass(frozen=True, slots=True)
 class EstimateChange:
-    """An estimate of the whole log or of a manoeuvre that differs."""
+    """An estimate that differs, of the whole log or of a manoeuvre."""
 
     about: str
     """The method, or the seconds from and to of the manoeuvre."""
@@ -40,12 +40,12 @@ class EstimateChange:
 
     @property
     def change(self) -> float | None:
-        """B less A, None where one of them has no estimate."""
+        """B minus A; None if one lacks the estimate."""
         return None if self.a is None or self.b is None else self.b - self.a
 
     @property
     def change_in_stds(self) -> float | None:
-        """The change in standard deviations, of the larger of both."""
+        """The change over the larger standard deviation."""
         std = max(self.a_std or 0.0, self.b_std or 0.0)
         return None if self.change is None or not std else self.change / std
 
@@ -76,13 +76,13 @@ class Comparison:
 
     @property
     def equal(self) -> bool:
-        """Whether nothing differs but names of files and versions."""
+        """Whether nothing differs except file names and versions."""
         return not (
             self.settings or self.provenance or self.only_a or self.only_b or self.stages
         ) and not any(change.name == "contents" for change in self.inputs)
 
     def to_dict(self) -> dict[str, Any]:
-        """The comparison as plain values, with the changes of estimates."""
+        """The comparison as JSON-compatible values, with the changes of estimates."""
         plain = asdict(self)
         for name in ("estimates", "manoeuvres"):
             changes: tuple[EstimateChange, ...] = getattr(self, name)
@@ -94,7 +94,7 @@ class Comparison:
 
 
 def same_inputs(a: Provenance, b: Provenance) -> bool:
-    """Whether two replays read the same bytes, whatever the files are called."""
+    """Whether two replays read the same bytes, under any file names."""
     digests = [sorted(each.sha256 for each in about.inputs) for about in (a, b)]
     return digests[0] == digests[1]
 
@@ -103,12 +103,11 @@ def compare_runs(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) 
     """Compare two replays.
 
     Args:
-        a: the one that changes are counted from.
-        b: the other.
-        rtol: numbers differ by so much of the larger of both before they count as different;
-            0 compares bit for bit.
-        rows: whether the rows of stages correspond; where the logs are others, only what is said
-            of the whole log does.
+        a: baseline replay.
+        b: replay to compare with it.
+        rtol: relative tolerance of numbers; 0 compares bit for bit.
+        rows: whether the rows of stages correspond; for different logs only results of the whole
+            log are compared.
     """
     mine, theirs = a.provenance, b.provenance
     common = [name for name in a.stages if name in b.stages]
@@ -150,18 +149,19 @@ def changed_settings(a: Machine, b: Machine) -> list[ValueChange]:
     for machine in (a, b):
         plain = machine.model_dump(mode="json")
         del plain["settings"]
-        flat.append(_keys_by_stage(machine.settings, plain))
+        flat.append(_flatten_settings_and_keys(machine.settings, plain))
     return list(_iter_changed_entries(flat[0], flat[1]))
 
 
-def _keys_by_stage(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
+def _flatten_settings_and_keys(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
     by_stage = {f"settings.{name}": value for name, value in settings.to_flat_dict().items()}
     return {**by_stage, **dict(_flatten_to_dotted_names(machine, ""))}
 
 
 def _iter_setting_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
     yield from _iter_changed_entries(
-        _keys_by_stage(a.settings, a.machine), _keys_by_stage(b.settings, b.machine)
+        _flatten_settings_and_keys(a.settings, a.machine),
+        _flatten_settings_and_keys(b.settings, b.machine),
     )
 
 
@@ -194,7 +194,7 @@ def _read_stage_rows(replay: Replay, stage: str) -> list[dict[str, Any]]:
 
 
 def estimate_changes(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
-    """The masses of the whole log, by method, and those of its loads."""
+    """Changes of the whole log's masses, by method, and of its loads' masses."""
     mine, theirs = (
         {row["method"]: row for row in _read_stage_rows(each, "masses")} for each in (a, b)
     )
@@ -212,7 +212,7 @@ def estimate_changes(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange,
 def manoeuvre_changes(
     a: Replay, b: Replay, rtol: float, offset_ns: int
 ) -> tuple[EstimateChange, ...]:
-    """The manoeuvres of both, those of B under the ones of A that their middle lies in."""
+    """Changes of manoeuvres, with those of B assigned to A's at their middle."""
     mine, theirs = (_read_stage_rows(each, "segments") for each in (a, b))
     found: list[tuple[str, dict[str, Any], dict[str, Any]]] = []
     left = list(theirs)
@@ -239,7 +239,7 @@ def _format_span(row: Mapping[str, Any], offset_ns: int) -> str:
 def differing_estimates(
     pairs: Iterable[tuple[str, Mapping[str, Any], Mapping[str, Any]]], rtol: float
 ) -> tuple[EstimateChange, ...]:
-    """Estimates that differ: appeared or gone first, then by how far they moved."""
+    """Estimates that differ: appeared or missing ones first, then by size of the change."""
     changes = [
         EstimateChange(about, name, a.get(name), a.get(std), b.get(name), b.get(std))
         for about, a, b in pairs
@@ -262,7 +262,7 @@ def _is_equal(a: float | None, b: float | None, rtol: float) -> bool:
 
 
 def check_changes(a: Replay, b: Replay) -> Iterator[ValueChange]:
-    """Checks that passed in one and not in the other."""
+    """Checks that passed in only one of the two."""
     passed = [
         {row["check"]: row["passed"] for row in _read_stage_rows(each, "verdict")}
         for each in (a, b)

@@ -1,4 +1,4 @@
-"""A stage of two replays, column by column: which rows correspond, and where their values differ.
+"""Comparison of a stage of two replays: corresponding rows, and columns that differ.
 
 Rows correspond by what they are about: the time of a sample or window, the start of a manoeuvre,
 the method of a mass. Frames are read a few columns at a time, so that the memory is bounded.
@@ -36,26 +36,26 @@ _VALUES: Final = 1 << 24
 
 
 class Replay(Protocol):
-    """A replay to compare: a run, or a recording that is read on demand."""
+    """A replay to compare: a run, or a recording read on demand."""
 
     @property
     def provenance(self) -> Provenance:
-        """Where its frames came from."""
+        """Provenance of its frames."""
         ...
 
     @property
     def stages(self) -> Mapping[str, Sequence[str]]:
-        """The columns of each frame, in order."""
+        """Columns of each frame, in order."""
         ...
 
     def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
-        """Some columns of a frame."""
+        """Read some columns of a frame."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnChange:
-    """A column that differs, over the rows that both replays have."""
+    """A column that differs, in the rows that both replays have."""
 
     name: str
     rows: int
@@ -75,7 +75,7 @@ class ColumnChange:
 
 @dataclass(frozen=True, slots=True)
 class StageChange:
-    """A stage that both replays have and that differs."""
+    """A stage of both replays that differs."""
 
     name: str
     rows_a: int
@@ -88,7 +88,7 @@ class StageChange:
 
 
 def frame_of_stage(stage: str) -> str:
-    """Name the frame that declares the columns of a stage: `estimates` for `estimates/ls`."""
+    """Name of the frame that declares the columns of a stage: `estimates` for `estimates/ls`."""
     return stage.partition("/")[0]
 
 
@@ -98,14 +98,14 @@ def compare_stage(
     """Compare a stage that both replays have.
 
     Args:
-        a: the replay that changes are counted from.
-        b: the other.
-        name: the stage.
-        rtol: relative difference of numbers up to which they are equal; 0 compares bit for bit.
-        offset_ns: what the times of B are shifted by to be those of A.
+        a: baseline replay.
+        b: replay to compare with it.
+        name: name of the stage.
+        rtol: relative tolerance of numbers; 0 compares bit for bit.
+        offset_ns: shift of B's times to A's.
 
     Returns:
-        What differs, None where nothing does.
+        The differences; None without any.
     """
     has = a.stages[name], b.stages[name]
     key = [
@@ -139,7 +139,7 @@ def compare_stage(
 
 
 def row_keys(replay: Replay, name: str, key: Sequence[str], offset_ns: int) -> pl.DataFrame:
-    """Key of each row in A's time; its number where the frame has no key."""
+    """Key of each row in A's time; the row number if the frame has no key."""
     columns = list(key) or [replay.stages[name][0]] if replay.stages[name] else []
     frame = replay.read(name, columns) if columns else pl.DataFrame()
     if not key:
@@ -150,7 +150,7 @@ def row_keys(replay: Replay, name: str, key: Sequence[str], offset_ns: int) -> p
 
 
 def corresponding_rows(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> pl.DataFrame:
-    """The rows of A and B that are about the same, as `row_a` and `row_b`."""
+    """Corresponding rows of A and B, as `row_a` and `row_b`."""
     on = list(key) or ["row"]
     nth = pl.int_range(pl.len()).over(on).alias("_nth")  # of several about the same
     left = a.with_row_index("row_a").with_columns(nth)
@@ -160,7 +160,7 @@ def corresponding_rows(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> 
 
 
 def _row_times_s(ids: pl.DataFrame, pairs: pl.DataFrame | None) -> pl.Series | None:
-    """The time of each common row."""
+    """Time in s of each common row; None without times."""
     column = next((name for name in _TIMES if name in ids.columns), None)
     if column is None:
         return None
@@ -169,7 +169,7 @@ def _row_times_s(ids: pl.DataFrame, pairs: pl.DataFrame | None) -> pl.Series | N
 
 
 def column_batches(columns: Sequence[str], height: int) -> Iterator[Sequence[str]]:
-    """Columns that are read together."""
+    """Columns in batches that are read together."""
     size = max(1, _VALUES // max(height, 1))
     for begin in range(0, len(columns), size):
         yield columns[begin : begin + size]
@@ -211,7 +211,7 @@ def column_changes(
 
 
 def comparable_bits(series: pl.Series) -> pl.Series:
-    """A column whose equal values are equal bits: 0.0 is not -0.0, and a NaN is one."""
+    """A column in which equal values have equal bits: 0.0 is not -0.0, and all NaN are equal."""
     if isinstance(series.dtype, pl.Enum):
         return series.cast(pl.String)
     if not series.dtype.is_float():

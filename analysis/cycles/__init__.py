@@ -1,1 +1,1 @@
-"""Cycles of a loader: what was dug, hauled and dumped, and what a shift adds up to."""
+"""Cycles of a loader: what was dug, hauled and dumped, and the totals of a shift."""

@@ -1,4 +1,4 @@
-"""Cycles that boom or digging show where masses do not tell them: counted in number, not in kg."""
+"""Cycles shown by boom or digging but not by masses; they are counted, without a mass."""
 
 import numpy as np
 import polars as pl
@@ -10,13 +10,14 @@ from analysis.cycles.load_passes import Passes
 
 
 def does_digging_contradict_boom(found: Passes, digs: pl.DataFrame) -> bool:
-    """Whether masses change so often that most buckets, filled once, would be hauled twice.
+    """Whether masses change so often that most fillings would be hauled twice.
 
-    Loads too small for the ground let masses follow what else alternates, such as the direction.
+    With loads too small for the ground, masses follow whatever else alternates, such as the
+    direction.
 
     Args:
         found: the passes.
-        digs: `digging`.
+        digs: the frame `digging`.
     """
     if found.dumps.tells or digs.height <= LIMITS.boom_min_cycles:
         return False
@@ -37,14 +38,14 @@ def add_boom_cycles(
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
 ) -> tuple[list[CycleParts], bool]:
-    """Add what the boom shows beside the masses; where it contradicts them, they say nothing.
+    """Add cycles that the boom shows; if it contradicts the masses, these are discarded.
 
     Args:
-        parts: by masses, with their dumps.
+        parts: cycles by masses, with their dumps.
         found: the passes.
-        digs: `digging`.
-        aligned: `boom_rad`, where there is one.
-        excitation: the phases.
+        digs: the frame `digging`.
+        aligned: frame with `boom_rad`, if measured.
+        excitation: frame with the phases.
 
     Returns:
         The cycles, and whether boom and masses contradict each other.
@@ -76,12 +77,12 @@ def add_boom_cycles(
 
 
 def _cycle_first_seen_ns(part: CycleParts) -> int:
-    """When a cycle is seen first."""
+    """Time of the first evidence of a cycle."""
     return next(span[0] for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span)
 
 
 def _boom_cycle_parts(seen: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
-    """A cycle for each dump of the boom, with what was dug before it."""
+    """A cycle for each dump of the boom, with the digging before it."""
     dug = sorted(digs.select("start_t_ns", "end_t_ns").iter_rows())
     before = [0, *(each.end_ns for each in seen.dumps)]
     return [
@@ -95,6 +96,6 @@ def _boom_cycle_parts(seen: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
 
 
 def _digging_span(dug: list[Span], since_ns: int, until_ns: int) -> Span | None:
-    """From the first to the last digging in a stretch of time."""
+    """First to last digging within a time span; None without digging."""
     inside = [span for span in dug if since_ns <= span[0] < until_ns]
     return (inside[0][0], inside[-1][1]) if inside else None

@@ -1,4 +1,4 @@
-"""Dumps that the boom shows, by no mass: where it is out while the machine hardly moves.
+"""Dumps shown by the boom: it is out while the machine hardly moves.
 
 How far out a dump is, is the log's own to tell: by the boom between loads and the empty passes
 after them.
@@ -24,12 +24,12 @@ ONE_DUMP_NS: Final = 10 * 10**9
 
 
 class BoomDump(NamedTuple):
-    """A dump that the boom shows, in ns.
+    """A dump that the boom shows; times in ns.
 
     Attributes:
-        start_ns: when the boom is out,
-        end_ns: and until when.
-        dumped_ns: when the bucket is emptied.
+        start_ns: first time with the boom out.
+        end_ns: last time with the boom out.
+        dumped_ns: time when the bucket is emptied.
     """
 
     start_ns: int
@@ -37,33 +37,33 @@ class BoomDump(NamedTuple):
     dumped_ns: int
 
     def is_near(self, times_ns: Ints, off_ns: int = ONE_DUMP_NS) -> bool:
-        """Whether one of these times may be its own, which may be off by so much."""
+        """Whether one of these times is within `off_ns` of the dump."""
         after, before = self.start_ns - off_ns, self.end_ns + off_ns
         return bool(((after <= times_ns) & (times_ns <= before)).any())
 
 
 @dataclass(frozen=True)
 class BoomDumps:
-    """Dumps that the boom shows, in time.
+    """Dumps that the boom shows, in order of time.
 
     Attributes:
-        tells: whether the boom shows dumps in this log; if not, that there is none tells nothing.
-        dumps: all that it shows.
+        tells: whether the boom shows dumps in this log; otherwise their absence means nothing.
+        dumps: all dumps found.
     """
 
     tells: bool
     dumps: tuple[BoomDump, ...] = ()
 
     def dumps_during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
-        """Dumps that lie within a stretch of time."""
+        """Dumps within a time span."""
         return [each for each in self.dumps if start_ns <= each.dumped_ns <= end_ns]
 
     def dumps_with_boom_out(self, start_ns: int, end_ns: int) -> list[BoomDump]:
-        """Dumps with the boom out in a stretch of time: a creeping machine may dump before it."""
+        """Dumps with the boom out in a time span, since a creeping machine may dump earlier."""
         return [each for each in self.dumps if start_ns <= each.end_ns and each.start_ns <= end_ns]
 
     def shows_no_dump(self, start_ns: int, end_ns: int) -> bool:
-        """Whether the boom would show a dump in a stretch of time, and shows none."""
+        """Whether the boom reliably shows that there is no dump in a time span."""
         return self.tells and not self.dumps_with_boom_out(start_ns, end_ns)
 
 
@@ -77,10 +77,10 @@ def find_boom_dumps(
     """Find every dump of the boom.
 
     Args:
-        aligned: `boom_rad`, where there is one.
-        excitation: phases, and the speed.
-        known: stretches in each of which a load was dumped, as masses tell; None: nothing does,
-            and where the boom is farthest out it dumps.
+        aligned: frame with `boom_rad`, if measured.
+        excitation: frame with phases and speed.
+        known: spans that each contain a dump according to the masses; None if unknown, which takes
+            the farthest reach as dumps.
     """
     t_ns, boom = excitation["t_ns"].to_numpy(), values(aligned, "boom_rad")
     slow = is_creeping(excitation)
@@ -113,7 +113,7 @@ def find_boom_dumps(
 
 
 def is_creeping(excitation: pl.DataFrame) -> Bools:
-    """Samples at which the machine stands or creeps."""
+    """Samples at which the machine stands or creeps, (n,)."""
     stands = find_standing_samples(excitation)
     speed = np.abs(values(excitation, "speed_x_m_s"))
     moving = speed[np.isfinite(speed) & ~stands]
@@ -126,19 +126,19 @@ def is_creeping(excitation: pl.DataFrame) -> Bools:
 
 
 def find_standing_samples(excitation: pl.DataFrame) -> Bools:
-    """Samples at which it stands."""
+    """Samples at which the machine stands, (n,)."""
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 
 
 def _farthest_reach(away: Floats, slow: Bools, t_ns: Ints, span: Span) -> float:
-    """How far the boom is out in a stretch of time, with its sign; 0 where nothing tells."""
+    """Largest deflection of the boom in a span, with its sign; 0 if unknown."""
     first, last = np.searchsorted(t_ns, span)
     inside = away[first : last + 1][slow[first : last + 1]]
     return float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
 
 
 def _emptying_time_ns(out: Floats, t_ns: Ints, span: Span) -> int:
-    """When a bucket is emptied: soon after the boom is as far out as it gets in a span."""
+    """Time when the bucket is emptied: soon after the boom's farthest reach in a span."""
     first, end = np.searchsorted(t_ns, span[0]), np.searchsorted(t_ns, span[1], "right")
     angle, when = out[first:end], t_ns[first:end]
     up_ns = when[angle > LIMITS.boom_up_fraction * np.nanmax(angle)]
@@ -146,17 +146,17 @@ def _emptying_time_ns(out: Floats, t_ns: Ints, span: Span) -> int:
 
 
 def _join_dumps(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> list[Span]:
-    """Stretches of samples that dump, over moments in which the bucket is shaken.
+    """Spans of dumping samples, joined over moments in which the bucket is shaken.
 
-    A boom that has not come back in between is driven away from the dump it was at. It may be out
-    long before, on the way there: a machine that stands then dumps while it stands. A bucket that
-    is still full when the recording ends has not been dumped.
+    If the boom does not return in between, it is driven away from the dump. It may be out long
+    before, on the way there; a machine that stands then dumps while it stands. A bucket that is
+    still full when the recording ends has not been dumped.
 
     Args:
-        t_ns: (n,) of the samples.
-        dumps: (n,) which have the boom out while the machine hardly moves.
-        inside_ns: when the boom is in.
-        stands_ns: when it is out and the machine stands.
+        t_ns: (n,) times of the samples.
+        dumps: (n,) whether the boom is out while the machine hardly moves.
+        inside_ns: times with the boom in.
+        stands_ns: times with the boom out at a stand.
     """
     when = t_ns[dumps]
     if not when.size:
@@ -176,6 +176,6 @@ def _drop_cut_short(spans: list[Span], ends_ns: int) -> list[Span]:
 
 
 def _trim_to_stands(span: Span, stands_ns: Ints) -> Span:
-    """From the first to the last stand in a span; all of it where there is none."""
+    """First to last stand within a span; the whole span without stands."""
     first, end = np.searchsorted(stands_ns, span[0]), np.searchsorted(stands_ns, span[1], "right")
     return span if first == end else (int(stands_ns[first]), int(stands_ns[end - 1]))

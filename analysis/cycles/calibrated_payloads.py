@@ -1,4 +1,4 @@
-"""Payloads of cycles under a calibration line."""
+"""Payloads of cycles, calibrated by a line."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
-from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.mass_differences import difference_on_line
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.cycles.haul_spillage import subtract_spillage_from_payloads
@@ -22,35 +22,32 @@ _COMMON: Final = ("common", "shared")
 
 
 def calibrate_cycles(
-    cycles: pl.DataFrame, calibration: Calibration, unlike: Unlike | None = None
+    cycles: pl.DataFrame, calibration: Calibration, shared_errors: SharedErrors | None = None
 ) -> pl.DataFrame:
-    """Put payloads on the line m̂ = c0 + c1 m: of a difference of masses the constant cancels.
+    """Calibrate payloads by the line m̂ = c0 + c1 m; the constant cancels in differences.
 
-    What the line does not know is common to all cycles. Of what the log has in common, the line has
-    taken with it the scale and what the means of learnt priors have wrong; what is left of these is
-    what they do to this log otherwise than to the campaign's.
-
-    Where the empty machine tells the scale better than the line, payloads stay as they are.
-
-    A cycle whose load is outside of what was calibrated has no payload, and says so.
+    Uncertainty of the line is common to all cycles. The line already includes the scale and the
+    error of learnt means in its own logs; only their different effect on this log remains. If the
+    empty machine determines the scale better than the line, payloads are unchanged. A cycle with a
+    load outside the calibrated range has no payload and gives the reason.
 
     Args:
-        cycles: the frame.
-        calibration: of the machine.
-        unlike: what the log says of errors that it shares with its campaign; None takes none off.
+        cycles: the frame `cycles`.
+        calibration: calibration of the machine.
+        shared_errors: the log's estimate of errors shared with its campaign; None corrects none.
 
     Raises:
         DataError: the line is of another estimator.
     """
     if calibration.method not in (_OF_MASS, _OF_PAYLOAD):
         raise DataError(
-            f"calibration: it is of '{calibration.method}', no mass of cycles: "
+            f"calibration: it was made for '{calibration.method}', which is not a mass of cycles; "
             f"{nearest(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
         )
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
     scale_1 = values(cycles, "scale_1")
     payload_kg = values(cycles, "payload_kg") / scale_1
-    on_line = difference_on_line(calibration, unlike, numbers, payload_kg)
+    on_line = difference_on_line(calibration, shared_errors, numbers, payload_kg)
     common, shared = (
         on_line.common_kg_beside_line(values(cycles, f"own_u_{n}_kg")) for n in _COMMON
     )
@@ -71,7 +68,7 @@ def calibrate_cycles(
     )
     if _is_ticket_better(cycles, on_scale, tuple(found)):
         return cycles
-    off_kg, u_kg = _distance_from_line(calibration, unlike)
+    off_kg, u_kg = _distance_from_line(calibration, shared_errors)
     reasons = pl.Series(
         "reason", [_exclusion_reason(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
     )
@@ -91,12 +88,12 @@ def calibrate_cycles(
 
 
 def _is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequence[str]) -> bool:
-    """Whether the sum of the payloads is better known by the empty machine than by the line.
+    """Whether the empty machine gives the sum of payloads a smaller uncertainty than the line.
 
     Args:
-        cycles: the frame.
-        on_line: the same by the line.
-        names: columns that both have.
+        cycles: the frame `cycles`.
+        on_line: the same frame calibrated by the line.
+        names: columns in both.
     """
     counted = cycles["counted"].to_numpy()
     if not counted.any() or (cycles["scale_from"].drop_nulls() != BY_EMPTY_MACHINE).any():
@@ -111,26 +108,32 @@ def _is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequen
     return relative(cycles) < relative(on_line)
 
 
-def _distance_from_line(calibration: Calibration, unlike: Unlike | None) -> tuple[float, float]:
-    """Mean distance of the log's masses from their line, with its standard uncertainty."""
+def _distance_from_line(
+    calibration: Calibration, shared_errors: SharedErrors | None
+) -> tuple[float, float]:
+    """Mean offset of the log's masses from their line in kg, with its standard uncertainty."""
     of_masses = (
-        [] if unlike is None else [x for (of, _), x in unlike.moved_kg.items() if of == MOVED[0]]
+        []
+        if shared_errors is None
+        else [x for (of, _), x in shared_errors.moved_kg.items() if of == MOVED[0]]
     )
     if (
-        unlike is None
+        shared_errors is None
         or not of_masses
         or not calibration.responses
         or calibration.method == _OF_PAYLOAD
     ):
         return 0.0, 0.0
     moved_kg = np.mean(of_masses, axis=0)
-    return unlike.off_kg(moved_kg, unlike.line_shifts(calibration.responses, 1.0, 0.0))
+    return shared_errors.off_kg(
+        moved_kg, shared_errors.line_shifts(calibration.responses, 1.0, 0.0)
+    )
 
 
 def _exclusion_reason(
     row: Mapping[str, Any], calibration: Calibration, off_kg: float, unlike_u_kg: float
 ) -> str:
-    """Why a cycle is none of the line's; "" where it is, or has no mass anyway."""
+    """Why the line does not apply to a cycle; "" if it does, or if there is no mass."""
     name = "loaded" if calibration.method == _OF_MASS else "payload"
     mass_kg, u_kg = row[f"{name}_kg"], row["loaded_u_kg"]
     if row["payload_kg"] is None:

@@ -1,4 +1,4 @@
-"""Doubts about a counted load that the fit calls good."""
+"""Doubts about counted loads whose fit is good."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +10,7 @@ from analysis.model.uncertainty_sources import STD_OF_MAD
 
 
 def doubt_counted_cycles(cycles: pl.DataFrame) -> list[str]:
-    """Doubts of each cycle, joined by semicolons; empty where there is none or no payload.
+    """Doubts about each cycle, joined by semicolons; empty without doubts or payload.
 
     Args:
         cycles: frame `cycles`, as counted.

@@ -1,4 +1,4 @@
-"""Energy of each cycle and phase: where the work of the drive goes, each part with its uncertainty.
+"""Energy of each cycle and phase: work of the drive, its parts and their uncertainties.
 
     work = kinetic + slope + friction + digging
 
@@ -48,25 +48,25 @@ J_PER_KWH: Final = 3.6e6
 
 
 class EnergyAmount(NamedTuple):
-    """An energy and its standard uncertainty, in kWh."""
+    """An energy with its standard uncertainty, in kWh."""
 
     kWh: float
     u_kWh: float
 
 
 class EnergyRow(NamedTuple):
-    """The energies of a phase, or of a whole.
+    """Energies of a phase, a cycle or the shift.
 
     Attributes:
-        cycle: its number; None for the whole shift.
+        cycle: number of the cycle; None for the whole shift.
         phase: one of `PHASES`, or `WHOLE`.
-        work: of the drive at the wheels.
-        kinetic: of it, what masses gain in speed.
-        slope: of it, what lifts them.
-        friction: of it, the rest.
-        digging: of it, what the pile takes.
-        braking: what brakes and motor take out again.
-        fuel_L: fuel burnt, in L; None where no channel gives its rate.
+        work: work of the drive at the wheels.
+        kinetic: part of the work that accelerates the masses.
+        slope: part of the work that lifts the masses.
+        friction: the remaining part of the work.
+        digging: part of the work done on the pile.
+        braking: energy taken out by brakes and motor.
+        fuel_L: fuel burnt, in L; None without a fuel-rate channel.
     """
 
     cycle: int | None
@@ -81,13 +81,14 @@ class EnergyRow(NamedTuple):
 
 
 class ShiftEnergy(NamedTuple):
-    """The energy of a shift.
+    """Energies of a shift and its cycles.
 
     Attributes:
-        rows: the shift whole and by phase, then each cycle likewise; a cycle with a hole in it or
-            whose phases were not all seen has fewer, or none.
-        scale_unknown: settings without which the ± lacks the scale of the force, by commas.
-        fuel_u_1: relative standard uncertainty of the litres; None where it is not stated.
+        rows: the shift, whole and by phase, then each cycle; a cycle with a hole or with incomplete
+            phases has fewer rows or none.
+        scale_unknown: settings, separated by commas, without which the ± excludes the scale of the
+            force.
+        fuel_u_1: relative standard uncertainty of the fuel; None if not stated.
     """
 
     rows: tuple[EnergyRow, ...] = ()
@@ -102,16 +103,16 @@ NO_ENERGY: Final = ShiftEnergy()
 def compute_shift_energy(
     frames: Mapping[str, pl.DataFrame], machine: Machine, holes_ns: Sequence[tuple[int, int]]
 ) -> ShiftEnergy:
-    """The energy of each cycle and of the shift.
+    """Compute the energy of each cycle and of the shift.
 
     Args:
-        frames: of the run: aligned, excitation, digging, cycles, manoeuvres, loads, nuisances,
-            budget.
-        machine: as it was replayed.
+        frames: frames of the run: aligned, excitation, digging, cycles, manoeuvres, loads,
+            nuisances, budget.
+        machine: machine of the replay.
         holes_ns: see `cycles_without_mass.find_channel_gaps_ns`.
 
     Returns:
-        Its rows; none where no mass or no cycle was found.
+        The energies; without rows if there is no mass or no cycle.
     """
     manoeuvres = frames["manoeuvres"]
     spans = _whole_phase_spans(frames["cycles"], holes_ns)
@@ -136,7 +137,7 @@ def compute_shift_energy(
 def _common_phase_changes(
     drive: FittedDrive, spans: list[PhaseSpan], found: PhaseIntegrals, value: Floats
 ) -> list[Floats]:
-    """(phases, parts) in J each, what one standard uncertainty of each term changes."""
+    """Changes by one standard uncertainty of each term, (phases, parts) in J each."""
     model = drive.model
     forces = [
         *change_each_term(model, drive.model_u),
@@ -161,7 +162,7 @@ def _common_phase_changes(
 def _whole_phase_spans(
     cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
 ) -> list[PhaseSpan]:
-    """The phases of the cycles that have no hole; one that was not seen whole is in one piece."""
+    """Phase spans of the cycles without holes; an incomplete cycle is one span."""
     spans: list[PhaseSpan] = []
     for row in cycles.iter_rows(named=True):
         start, end = row["start_t_ns"], row["end_t_ns"]
@@ -180,7 +181,7 @@ def _whole_phase_spans(
 
 
 def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
-    """Where the phases of a cycle begin, and the last ends; None where they were not all seen."""
+    """Begins of a cycle's phases and end of the last; None if some were not seen."""
     if row["dig_t_ns"] is None or row["load_s"] is None or row["haul_s"] is None:
         return None
     loaded = row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
@@ -190,7 +191,7 @@ def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
 
 
 def _split_energy_by_phase(found: PhaseIntegrals, model: ForceModel) -> Floats:
-    """(phases, parts) in J."""
+    """Energy by phase and part, (phases, parts) in J."""
     drive, dig, slow = found.drive, found.dig, found.slow
     straight = _integrate_drive_work(drive, model)
     work = straight + found.turning_J
@@ -202,7 +203,7 @@ def _split_energy_by_phase(found: PhaseIntegrals, model: ForceModel) -> Floats:
 
 
 def _integrate_drive_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
-    """Work of the measured force without its errors, (phases,) in J."""
+    """Work of the measured force, corrected for its errors, (phases,) in J."""
     return (
         of["force"]
         - model.transfer * of["transfer"]
@@ -212,7 +213,7 @@ def _integrate_drive_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
 
 
 def _mass_and_friction_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
-    """Work that the masses and the fitted friction take, (phases,) in J."""
+    """Work done on masses and fitted friction, (phases,) in J."""
     return (
         of["mass"]
         + model.acting * of["offset"]
@@ -224,14 +225,14 @@ def _mass_and_friction_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
 
 
 def _work_against_friction(of: EnergyIntegrals, model: ForceModel) -> Floats:
-    """Work that a drive without a pile has to do, slip of its wheels included, in J."""
+    """Work of the drive against friction and slip without a pile, (phases,) in J."""
     return _mass_and_friction_work(of, model) + of["slip"]
 
 
 def _work_moved_by_slope(found: PhaseIntegrals, model: ForceModel) -> Floats:
-    """(phases, parts) in J, whether a slope shifts weight between the axles as acceleration does.
+    """Change if a slope shifts weight between axles like an acceleration, (phases, parts) in J.
 
-    It is taken to do so in full, and may do so in part: the width of that interval over √3.
+    The full effect is assumed, with half its width over √3 as uncertainty, since it may be partial.
     """
     share = model.transfer / np.sqrt(3.0)
     work, dig = (share * of["transfer_slope"] for of in (found.drive, found.dig))
@@ -240,10 +241,10 @@ def _work_moved_by_slope(found: PhaseIntegrals, model: ForceModel) -> Floats:
 
 
 def _work_change_by_speed(value: Floats) -> Floats:
-    """(phases, parts) in J, what a speed that is larger by its own share of 1 changes.
+    """Change by a relative speed error of 1, (phases, parts) in J.
 
-    Torque times the speed of its wheels stays; so does what lifts the masses, which are lighter by
-    as much as the way is longer: kinetic energy takes what it gains from the slope's.
+    Torque times wheel speed stays, and so does the work of lifting, since the masses are lighter as
+    the way is longer: kinetic energy takes what it gains from the slope's.
     """
     changed = np.zeros_like(value)
     changed[:, PARTS.index("kinetic")] = value[:, PARTS.index("kinetic")]
@@ -254,14 +255,14 @@ def _work_change_by_speed(value: Floats) -> Floats:
 def _shift_friction_to_coulomb(
     found: PhaseIntegrals, model: ForceModel, coulomb_N: float
 ) -> ForceModel:
-    """The force with more Coulomb friction, and so much less viscous that the drive meets both."""
+    """Force model with more Coulomb and less viscous friction, equal at the drive's mean."""
     way_m, viscous = (found.drive[name].sum() for name in ("direction", "viscous"))
     less_N_s_m = coulomb_N * way_m / viscous if viscous else 0.0
     return replace(model, direction=model.direction + coulomb_N, viscous=model.viscous - less_N_s_m)
 
 
 def _misfit_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
-    """(phases, parts) in J, what the fit leaves over on average where the machine does not dig."""
+    """Mean residual work of the fit without digging, (phases, parts) in J."""
     left_N = _unexplained_work(found, value, model).sum() / max(found.drive["direction"].sum(), 1.0)
     dig, slow = left_N * found.dig["direction"], left_N * found.slow["direction"]
     nothing, slope = np.zeros_like(dig), left_N * found.drive["offset"]
@@ -269,13 +270,13 @@ def _misfit_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Flo
 
 
 def _unexplained_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
-    """(phases,) work that neither masses, fitted friction nor digging explain, in J."""
+    """Work not explained by masses, fitted friction or digging, (phases,) in J."""
     explained = _work_against_friction(found.drive, model) + value[:, PARTS.index("digging")]
     return _integrate_drive_work(found.drive, model) - explained
 
 
 def _work_change_by_mass(found: PhaseIntegrals) -> Floats:
-    """(phases, parts) what masses that are all heavier by their own share of 1 change."""
+    """Change by a relative error of 1 of all masses, (phases, parts) in J."""
     lifted = found.drive["mass"] - found.kinetic_J
     dug = -found.dig["mass"]
     friction = -found.kinetic_J - lifted - dug
@@ -290,7 +291,7 @@ def _random_work(
     mass_u_1: float,
     spans: list[PhaseSpan],
 ) -> Floats:
-    """(phases, parts) in J, what differs from cycle to cycle: masses, and what the fit leaves."""
+    """Random uncertainty from cycle to cycle, of masses and fit residual, (phases, parts) in J."""
     drive, dig = found.drive, found.dig
     left = _unexplained_work(found, value, model)
     way_m = drive["direction"]
@@ -308,7 +309,7 @@ def _random_work(
 def _make_energy_rows(
     spans: list[PhaseSpan], value: Floats, common: Floats, random: Floats, fuel_L: Floats
 ) -> tuple[EnergyRow, ...]:
-    """The shift, whole and by phase, then each cycle likewise."""
+    """Rows of the shift, whole and by phase, then of each cycle."""
     cycle = np.array([span.cycle for span in spans])
     phase = np.array([span.phase for span in spans])
 

@@ -1,4 +1,4 @@
-"""Parts of cycles in time: what was dug, hauled and dumped when; how far and fast each drives."""
+"""Parts of cycles in time: digging, haul and dump of each, with distances and speeds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,13 +26,13 @@ IDLE_S: Final = 30.0
 
 
 class DriveSummary(NamedTuple):
-    """The motion in a stretch of time.
+    """Motion within a time span.
 
     Attributes:
-        distance_m: driven, forward and in reverse; None where no speed is known.
-        top_speed_m_s: the largest speed, either way; likewise.
-        moving_s: recorded time that is no standstill.
-        standing_s: recorded time at a standstill.
+        distance_m: distance driven in both directions; None without a speed.
+        top_speed_m_s: largest absolute speed; None without a speed.
+        moving_s: recorded time in motion.
+        standing_s: recorded time at standstill.
         hole_s: time without a recording.
     """
 
@@ -44,13 +44,13 @@ class DriveSummary(NamedTuple):
 
 
 class CycleMotion(NamedTuple):
-    """The motion of a cycle.
+    """Motion of a cycle.
 
     Attributes:
-        cycle: its number.
-        haul_m: driven with the load, from the end of digging to the stand to dump; None where
-            either was not seen, or no speed is known.
-        whole: from one dump to the next.
+        cycle: number of the cycle.
+        haul_m: distance with the load, from the end of digging to the stand for dumping; None if
+            either was not seen, or without a speed.
+        whole: motion from one dump to the next.
     """
 
     cycle: int
@@ -59,7 +59,7 @@ class CycleMotion(NamedTuple):
 
 
 class _DriveSamples(NamedTuple):
-    """Samples of a recording: time, time that each stands for, speed, and whether it stands."""
+    """Samples of a recording: time, duration, speed, and whether the machine stands."""
 
     t_ns: Ints
     step_s: Floats
@@ -82,7 +82,7 @@ class _DriveSamples(NamedTuple):
     def summarise_span(
         self, start_ns: int, end_ns: int, holes_ns: Sequence[tuple[int, int]]
     ) -> DriveSummary:
-        """Summarise the drive within a stretch of time."""
+        """Summarise the motion within a time span."""
         part = slice(*np.searchsorted(self.t_ns, [start_ns, end_ns]))
         step_s, speed = self.step_s[part], self.speed_m_s[part]
         known = np.isfinite(speed)
@@ -98,17 +98,17 @@ class _DriveSamples(NamedTuple):
 
 @dataclass
 class CycleParts:
-    """One cycle as it is seen; times in ns since the first aligned sample, None where not seen.
+    """Parts of one cycle; times in ns since the first aligned sample, None if not seen.
 
     Attributes:
         dig_ns: first and last sample of its digging.
         loaded: number of its loaded pass.
-        haul_ns: first and last sample that moves with the load.
-        dump_ns: when the machine stands to dump, and when it moves again.
-        dumped_ns: when it dumps: where the boom is farthest out, or the middle of that stand.
-        before: number of the empty pass before its load.
-        after: of the one after it.
-        unseen: whether it is dumped while nothing is recorded.
+        haul_ns: first and last sample in motion with the load.
+        dump_ns: begin and end of the stand for dumping.
+        dumped_ns: time of the dump: farthest reach of the boom, or middle of that stand.
+        before: number of the empty pass before the load.
+        after: number of the empty pass after the load.
+        unseen: whether it was dumped while nothing was recorded.
     """
 
     dig_ns: tuple[int, int] | None = None
@@ -122,9 +122,9 @@ class CycleParts:
 
 
 def split_cycles_into_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
-    """Go through passes and starts that dig in time, and say which cycle each is of.
+    """Assign passes and digging starts to cycles, in order of time.
 
-    A load that is hauled is a cycle; so is digging of which no start tells a mass.
+    Each hauled load is a cycle, and so is digging without a weighed load.
     """
     events = [
         *((int(t), 1, n) for n, t in enumerate(found.start_ns)),
@@ -172,7 +172,7 @@ def split_cycles_into_parts(found: Passes, digs: pl.DataFrame) -> list[CyclePart
 
 
 def _add_neighbours(cycles: list[CycleParts], found: Passes) -> list[CycleParts]:
-    """The nearest empty passes, where the cycle itself has none."""
+    """Add the nearest empty passes to cycles that lack their own."""
     empties = np.flatnonzero(~found.loaded)
     for cycle in cycles:
         if cycle.loaded is None:
@@ -186,16 +186,16 @@ def _add_neighbours(cycles: list[CycleParts], found: Passes) -> list[CycleParts]
 def add_dump_times(
     cycles: list[CycleParts], found: Passes, aligned: pl.DataFrame, excitation: pl.DataFrame
 ) -> None:
-    """Find when each load is dumped: when the boom shows a dump.
+    """Find the dump time of each load by the boom.
 
-    Else in the stand after it in which the boom moves most, or the longest one; nothing where the
-    machine is neither empty nor digs afterwards.
+    Without a boom, it is the longest stand after the load, or the one with most boom motion; none
+    if the machine is neither empty nor digs afterwards.
 
     Args:
-        cycles: get their `dump_ns`.
+        cycles: cycles, whose `dump_ns` are set.
         found: the passes.
-        aligned: `boom_rad`, where there is one.
-        excitation: the phases.
+        aligned: frame with `boom_rad`, if measured.
+        excitation: frame with the phases.
     """
     t_ns = excitation["t_ns"].to_numpy()
     stands, stops = find_standing_samples(excitation), is_creeping(excitation)
@@ -231,7 +231,7 @@ def add_dump_times(
 
 
 def _when_last_loaded_ns(cycle: CycleParts, found: Passes) -> int:
-    """When a load is last seen on the machine: at the end of its pass, or of its digging."""
+    """Last time with the load: end of its pass, or of its digging."""
     if cycle.loaded is not None:
         return int(found.end_ns[cycle.loaded])
     assert cycle.dig_ns is not None
@@ -239,7 +239,7 @@ def _when_last_loaded_ns(cycle: CycleParts, found: Passes) -> int:
 
 
 def _extend_to_stands(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple[int, int]:
-    """A stretch of time, and the stands that it begins and ends in."""
+    """Extend a span to include the stands at its ends."""
     first, last = (int(k) for k in np.searchsorted(t_ns, span))
     last = min(last, t_ns.size - 1)
     while first > 0 and stands[first - 1]:
@@ -250,7 +250,7 @@ def _extend_to_stands(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple
 
 
 def _find_longest_hole(t_ns: Ints) -> tuple[int, int] | None:
-    """The longest time without a sample, where that is long."""
+    """Longest time without samples, if it is long; else None."""
     steps = np.diff(t_ns)
     if not steps.size or steps.max() < LIMITS.dump_hole_s * NS_PER_S:
         return None
@@ -259,7 +259,7 @@ def _find_longest_hole(t_ns: Ints) -> tuple[int, int] | None:
 
 
 def _find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
-    """The longest time that a machine stands or creeps, no idling; None where it does not."""
+    """Longest stand or creep, without idling; None if there is none."""
     begins, ends = runs_of_flagged_samples(stops)
     length = t_ns[ends] - t_ns[begins]
     length[length > IDLE_S * NS_PER_S] = 0
@@ -272,7 +272,7 @@ def _find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
 def _boom_stand(
     stands: Bools, boom: NDArray[np.float64], t_ns: Ints
 ) -> tuple[int, int, bool] | None:
-    """A stand, and whether the boom moves in it."""
+    """A stand, and whether the boom moves during it."""
     begins, ends = runs_of_flagged_samples(stands)
     if not begins.size:
         return None
@@ -284,10 +284,10 @@ def _boom_stand(
 
 
 def _boom_out_ns(boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int) -> int:
-    """The middle of the time in which the boom is more than half as far out as it gets.
+    """Middle of the time in which the boom is more than half out.
 
-    The stand may last: idling begins where a machine has dumped. A boom that is moved once more
-    after a while does something else.
+    The stand may last longer, since idling begins after a dump; a boom that moves again later does
+    something else.
     """
     inside = (t_ns >= start_ns) & (t_ns <= end_ns) & np.isfinite(boom)
     angle, when = boom[inside], t_ns[inside]
@@ -306,11 +306,11 @@ def _peak_to_peak(x: NDArray[np.float64]) -> float:
 def summarise_cycle_motion(
     cycles: pl.DataFrame, excitation: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
 ) -> list[CycleMotion]:
-    """The motion of each cycle.
+    """Summarise the motion of each cycle.
 
     Args:
-        cycles: the frame.
-        excitation: times, phases and speed.
+        cycles: the frame `cycles`.
+        excitation: frame with times, phases and speed.
         holes_ns: see `cycles_without_mass.find_channel_gaps_ns`.
     """
     samples = _DriveSamples.from_excitation(excitation)
@@ -330,7 +330,7 @@ def summarise_cycle_motion(
 def summarise_shift_motion(
     excitation: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
 ) -> DriveSummary:
-    """The motion of the whole shift; arguments as of `summarise_cycle_motion`."""
+    """Summarise the motion of the whole shift; arguments as in `summarise_cycle_motion`."""
     t_ns = excitation["t_ns"].to_numpy()
     if not t_ns.size:
         return DriveSummary(None, None, 0.0, 0.0, 0.0)
@@ -340,7 +340,7 @@ def summarise_shift_motion(
 
 
 def find_idle_stands(excitation: pl.DataFrame) -> list[tuple[int, int]]:
-    """The stands of more than `IDLE_S`, first and last sample in ns, in time."""
+    """Stands longer than `IDLE_S`: first and last sample in ns, in order of time."""
     if excitation.is_empty():
         return []
     t_ns = excitation["t_ns"].to_numpy()

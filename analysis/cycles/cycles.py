@@ -1,4 +1,4 @@
-"""Frame `cycles`: a row a load that was dug, hauled and dumped, and what it weighs.
+"""Frame `cycles`: a row per load that was dug, hauled and dumped, with its mass.
 
 The payload is what was dumped: the loaded pass less the empty one. Both empty passes beside it tell
 that: the one after by itself, the one before as far as what is carried back is alike. Their weights
@@ -43,12 +43,12 @@ _HAULED_TWICE: Final = "most buckets are filled once, and hauled more than once 
 
 
 class LogCycles(NamedTuple):
-    """The cycles of a log.
+    """Cycles of a log.
 
     Attributes:
-        cycles: the frame.
-        sums: by the number of each cycle with a payload, (masses,) weights of the fit's.
-        scale: of the payloads.
+        cycles: the frame `cycles`.
+        sums: (masses,) weights of the fit's masses in each payload, by number of the cycle.
+        scale: source of the payloads' scale.
     """
 
     cycles: pl.DataFrame
@@ -61,11 +61,12 @@ class _CommonUncertainty:
     """Uncertainty common to payloads, which does not average out.
 
     Attributes:
-        shared_1: of all payloads together, as a share of them: it adds up over a shift.
-        other_1: the part of it that is no nuisance of the fit, such as the scale.
-        factor: (terms, passes) what a deviation of each nuisance moves each pass' mass by, in kg.
-        covariance: (passes, passes) of what noise and scatter do to all of them.
-        empty: (passes,) what a payload of 1 kg has besides of each pass' errors, by the datum.
+        shared_1: relative uncertainty shared by all payloads, which adds up over a shift.
+        other_1: part of it that is not a nuisance of the fit, such as the scale.
+        factor: (terms, passes) response of each pass' mass to one standard deviation of each
+            nuisance, in kg.
+        covariance: (passes, passes) covariance due to noise and scatter.
+        empty: (passes,) additional weight of each pass' errors in 1 kg of payload, by the datum.
     """
 
     shared_1: float
@@ -74,12 +75,12 @@ class _CommonUncertainty:
     covariance: Floats
     empty: Floats
 
-    def of_payload_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
-        """Common uncertainty of one payload, and the part of it that all payloads share.
+    def uncertainty_of_payload_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
+        """Common uncertainty of one payload, and the part shared by all payloads, in kg.
 
         Args:
-            weights: (passes,) of each pass in it.
-            payload_kg: what it is.
+            weights: (passes,) weight of each pass in the payload.
+            payload_kg: the payload.
         """
         weights = weights + payload_kg * self.empty
         moved = self.factor @ weights
@@ -95,14 +96,14 @@ def weigh_cycles(
     verdict: Verdict,
     known: Passes | None = None,
 ) -> LogCycles:
-    """Make `cycles`, and say of which masses each payload is a sum and what tells their scale.
+    """Make `cycles`, with each payload's composition and the source of the scale.
 
     Args:
-        weighing: the joint fit, for what is common to all payloads.
+        weighing: joint fit, for the uncertainty common to all payloads.
         frames: `aligned`, `excitation`, `digging`, `loads` and `manoeuvres` of a run.
-        machine: for the scale.
-        verdict: what it forbids is withheld.
-        known: the passes, where they are not to be looked for.
+        machine: machine file, for the scale.
+        verdict: the verdict, which withholds quantities.
+        known: the passes, if already found.
     """
     digs = frames["digging"]
     motion = frames["aligned"], frames["excitation"]
@@ -161,7 +162,7 @@ def _cycle_frame(rows: list[dict[str, object]]) -> pl.DataFrame:
 
 
 def _list_cycle_times(part: CycleParts, ready_ns: int) -> dict[str, object]:
-    """From one dump to the next, and what it is made of."""
+    """Times and parts of a cycle, from one dump to the next."""
     dig, haul, dump = part.dig_ns, part.haul_ns, part.dump_ns
     seen = [span for span in (dig, haul, dump) if span]
     return {
@@ -177,13 +178,13 @@ def _list_cycle_times(part: CycleParts, ready_ns: int) -> dict[str, object]:
 
 
 def _cycle_complete_ns(part: CycleParts) -> int:
-    """When the machine is through with a cycle."""
+    """Time at which a cycle is complete."""
     seen = [span for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span]
     return seen[-1][1]
 
 
 def _reason_for_no_mass(part: CycleParts) -> str:
-    """Why a cycle has no mass, nothing where it has one."""
+    """Why a cycle has no mass; empty if it has one."""
     if part.loaded is None:
         return "no start with this load tells a mass"
     if part.before is None and part.after is None:
@@ -237,15 +238,18 @@ def _make_payload_row(
 def _payload_uncertainty(
     row: dict[str, object], worth: "_SharedUncertainty", weights: Floats
 ) -> dict[str, object]:
-    """Uncertainty that a payload shares with others, the part shared by all, and the total.
+    """Common, shared and total uncertainty of a payload.
 
-    The log's own stand beside those that the empty machine tells: a calibration has to have them.
+    Values of the log alone are kept beside those by the empty machine, since a calibration needs
+    them.
     """
     own_kg, random_kg = row["payload_kg"], row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
     assert isinstance(random_kg, float)
-    own_common_kg, own_shared_kg = worth.own.of_payload_kg(weights, own_kg)
-    common_kg, shared_kg = (worth.scale_1 * u for u in worth.told.of_payload_kg(weights, own_kg))
+    own_common_kg, own_shared_kg = worth.own.uncertainty_of_payload_kg(weights, own_kg)
+    common_kg, shared_kg = (
+        worth.scale_1 * u for u in worth.told.uncertainty_of_payload_kg(weights, own_kg)
+    )
     random_kg *= worth.scale_1
     return {
         "scale_1": worth.scale_1,
@@ -261,12 +265,12 @@ def _payload_uncertainty(
 
 
 def pass_weights(part: CycleParts, share: Floats, count: int) -> Floats:
-    """(passes,) of each pass' mass in the payload.
+    """(passes,) weights of the passes' masses in a payload.
 
     Args:
         part: the cycle.
-        share: (passes,) weight of the empty pass before it, if there is one after it as well.
-        count: passes.
+        share: (passes,) weight of the empty pass before, if there is one after as well.
+        count: number of passes.
     """
     weights = np.zeros(count)
     assert part.loaded is not None
@@ -281,7 +285,7 @@ def pass_weights(part: CycleParts, share: Floats, count: int) -> Floats:
 
 
 def _tare_share(found: Passes) -> Floats:
-    """(passes,) the weight of the empty pass before each loaded one: the smallest variance."""
+    """(passes,) minimum-variance weight of the empty pass before each loaded one."""
     share = np.full(found.mass_kg.size, 0.5)
     empties = np.flatnonzero(~found.loaded)
     spread = 2.0 * carry_back_variance(found)
@@ -294,7 +298,7 @@ def _tare_share(found: Passes) -> Floats:
 
 
 def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
-    """Variance of a payload because of a different load carried back before it."""
+    """Variance of a payload due to a different carry-back before it, in kg²."""
     variance = 2.0 * carry_back_variance(found)
     if part.loaded is None:
         return 0.0
@@ -306,7 +310,7 @@ def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
 
 
 def _sum_weights(found: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
-    """(passes,) weights of the sum of all payloads; 0 where there is none."""
+    """(passes,) weights in the sum of all payloads."""
     whole = [p for p in parts if p.loaded is not None and (p.before, p.after) != (None, None)]
     weights = [pass_weights(part, tare, found.mass_kg.size) for part in whole]
     return np.sum([np.zeros(found.mass_kg.size), *weights], axis=0)
@@ -314,13 +318,13 @@ def _sum_weights(found: Passes, parts: list[CycleParts], tare: Floats) -> Floats
 
 @dataclass(frozen=True)
 class _SharedUncertainty:
-    """Uncertainty that payloads share.
+    """Uncertainty shared by payloads.
 
     Attributes:
-        own: by the log alone, over payloads of the log alone.
-        told: once the empty machine tells the scale, likewise, less the factor.
-        scale_1: that factor.
-        scale: where it comes from.
+        own: by the log alone, for uncalibrated payloads.
+        told: with the scale from the empty machine, before its factor.
+        scale_1: factor from the empty machine.
+        scale: source of the scale.
     """
 
     own: _CommonUncertainty
@@ -336,14 +340,14 @@ def _shared_uncertainty(
     weights: Floats,
     empty: EmptyMachine | None,
 ) -> _SharedUncertainty:
-    """Find it.
+    """Compute the uncertainty shared by the payloads.
 
     Args:
         weighing: the joint fit.
-        machine: for the scale.
+        machine: machine file, for the scale.
         found: the passes.
-        weights: (passes,) of the sum of payloads.
-        empty: as the empty passes weigh it.
+        weights: (passes,) weights in the sum of payloads.
+        empty: empty machine as weighed by the empty passes.
     """
     if weighing is None or weighing.fit.states is None or empty is None or not weights.any():
         count = found.mass_kg.size
@@ -367,10 +371,10 @@ def _shared_uncertainty(
 def common_uncertainty(
     weighing: Weighing, machine: Machine, found: Passes, weights: Floats, datum: Datum | None
 ) -> _CommonUncertainty:
-    """Uncertainty common to the log's own payloads, with the fit's correlations.
+    """Uncertainty common to the uncalibrated payloads, with the fit's correlations.
 
-    Of all payloads together it is what the fit's budget has besides what the passes' own noise and
-    scatter add up to. One payload also has what nuisances do to its own starts and not to others'.
+    For the sum of payloads it is the fit's budget beyond the passes' own noise and scatter. A
+    single payload also has nuisance errors of its own starts.
     """
     fit = weighing.fit
     of_states = pass_weights_by_state(fit, found)

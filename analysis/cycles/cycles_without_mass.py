@@ -1,4 +1,4 @@
-"""Cycles that a shift shows and that have no mass, or that holes in it hide, in number and kg.
+"""Cycles without a mass, and cycles hidden by holes in the log: expected number and mass.
 
 Digging, dumps of the boom and counted cycles are compared. What two of them show was a cycle; what
 only one shows was one with a probability: more where the log has no second witness, less where it
@@ -28,10 +28,10 @@ class UncountedCycles(NamedTuple):
     """Cycles without a mass.
 
     Attributes:
-        dumps: of the boom, over the whole shift; None where the boom shows none.
-        cycles: expected number.
+        dumps: number of boom dumps in the shift; None if the boom shows none.
+        cycles: expected number of cycles.
         u: its standard uncertainty.
-        on_board_kg: the load that is not dumped when the recording ends, where there is one.
+        on_board_kg: load on board when the recording ends; None without one.
         on_board_u_kg: its standard uncertainty.
     """
 
@@ -48,9 +48,9 @@ def uncounted_cycles(
     """Compare digging, dumps of the boom and counted cycles.
 
     Args:
-        cycles: the frame.
-        excitation: phases and speed.
-        aligned: `boom_rad`, where there is one.
+        cycles: the frame `cycles`.
+        excitation: frame with phases and speed.
+        aligned: frame with `boom_rad`, if measured.
     """
     t_ns = excitation["t_ns"].to_numpy()
     end_ns = int(t_ns[-1]) if t_ns.size else 0
@@ -78,14 +78,14 @@ def uncounted_cycles(
 def unweighed_load_kg(
     number: float, number_u: float, mean_kg: float | None, std_kg: float | None, counted: int
 ) -> tuple[float, float]:
-    """Estimate the load of so many cycles, with its uncertainty, by the loads that have a mass.
+    """Estimated total load of unweighed cycles, from the weighed ones, with its uncertainty.
 
     Args:
-        number: of cycles.
+        number: number of cycles.
         number_u: its standard uncertainty.
-        mean_kg: of the counted payloads.
-        std_kg: their standard deviation.
-        counted: how many they are: the mean of a few is another than that of the rest.
+        mean_kg: mean of the counted payloads.
+        std_kg: standard deviation of the counted payloads.
+        counted: number of counted payloads; the mean of a few differs from that of the rest.
     """
     if mean_kg is None:
         return 0.0, 0.0
@@ -96,7 +96,7 @@ def unweighed_load_kg(
 
 
 def _row_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
-    """How likely each row without a mass was a cycle."""
+    """Probability that each row without a mass was a cycle."""
     blank = cycles.filter(pl.col("payload_kg").is_null())
     only_dug = LIMITS.contradicted_probability if boom.tells else LIMITS.sole_witness_probability
     only_dumped = (
@@ -112,18 +112,18 @@ def _row_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
 
 
 def is_digging_reliable(cycles: pl.DataFrame) -> bool:
-    """Whether digging is a witness: counted cycles mostly have it."""
+    """Whether most counted cycles show digging."""
     counted = cycles.filter("counted")
     dug = counted.height - counted["dig_t_ns"].null_count()
     return dug >= LIMITS.digging_witness_fraction * max(counted.height, 1)
 
 
 def _rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
-    """How likely each cycle that the rhythm lacks was one: as likely as the rhythm is steady.
+    """Probability of each cycle missing in the rhythm, by the rhythm's regularity.
 
     Args:
-        dumps_ns: when loads are dumped, ascending.
-        excitation: phases: what idles or is not recorded is no work.
+        dumps_ns: times of the dumps, ascending.
+        excitation: frame with phases; idling and holes are not work.
     """
     if dumps_ns.size < LIMITS.rhythm_min_dumps:
         return []
@@ -150,13 +150,13 @@ HOLE_S: Final = 1.0
 
 
 class LostCycles(NamedTuple):
-    """Cycles that the recording cannot show.
+    """Cycles hidden by holes in the recording.
 
     Attributes:
         cycles: expected number.
         u: its standard uncertainty.
-        payload_kg: what they would have carried.
-        payload_u_kg: likewise.
+        payload_kg: expected payload.
+        payload_u_kg: its standard uncertainty.
     """
 
     cycles: float
@@ -166,11 +166,11 @@ class LostCycles(NamedTuple):
 
 
 def find_channel_gaps_ns(excitation: pl.DataFrame, aligned: pl.DataFrame) -> list[tuple[int, int]]:
-    """Stretches of a second or more in which a channel is missing, in ns, between its samples.
+    """Spans of a second or more with a missing channel, in ns, between its samples.
 
     Args:
-        excitation: its times.
-        aligned: `gap`, row by row.
+        excitation: frame with the times.
+        aligned: frame with `gap`, in the same rows.
     """
     t_ns = excitation["t_ns"].to_numpy()
     here = t_ns[~aligned["gap"].to_numpy()]
@@ -181,16 +181,16 @@ def find_channel_gaps_ns(excitation: pl.DataFrame, aligned: pl.DataFrame) -> lis
 
 
 def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles:
-    """Price what the holes hide: a cycle is lost when all of its loaded stretch lies in one.
+    """Estimate the cycles hidden by holes: those whose whole haul is inside a hole.
 
-    With a period P between dumps, hauls of D, as long as those that were seen, a hole G hides
-    (G − D)/P cycles, nothing where the haul is longer; the number of whole periods in a stretch of
-    chance place deviates by √(f(1−f)), f being the fraction over whole ones, and periods differ.
-    Where no haul was seen whole, nothing is priced.
+    With a period P between dumps and hauls of duration D, a hole G hides (G − D)/P cycles, none if
+    hauls are longer; the number of whole periods in a randomly placed span deviates by √(f(1−f)), f
+    being the fraction beyond whole ones, and periods differ. Without a completely seen haul nothing
+    is estimated.
 
     Args:
-        cycles: the frame.
-        gaps: `find_channel_gaps_ns`.
+        cycles: the frame `cycles`.
+        gaps: gaps from `find_channel_gaps_ns`.
     """
     dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / NS_PER_S
     known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()

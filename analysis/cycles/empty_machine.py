@@ -1,4 +1,4 @@
-"""The empty passes of a shift: what they weigh, what a clean bucket would, and of which machine.
+"""The empty machine by a shift's empty passes: its mass, clean bucket and identity.
 
 Fuel, mud, a fork for a bucket change an empty machine by a few per cent; another machine by more.
 """
@@ -26,12 +26,12 @@ BY_CALIBRATION: Final = "calibration"
 
 @dataclass(frozen=True)
 class MixedMachines:
-    """An empty mass that jumps where a log begins.
+    """A jump of the empty mass at the begin of a log.
 
     Attributes:
-        log: number of the log that it jumps at, from 0 on.
-        before_kg: the lightest starts before it,
-        after_kg: and from it on.
+        log: number of the log with the jump, from 0.
+        before_kg: mass of the lightest starts before it.
+        after_kg: mass of the lightest starts from it on.
     """
 
     log: int
@@ -39,10 +39,10 @@ class MixedMachines:
     after_kg: float
 
     def warning_text(self, name: str) -> str:
-        """Warning for the reader.
+        """Warning about the jump.
 
         Args:
-            name: of the log that it jumps at.
+            name: name of the log with the jump.
         """
         more = self.after_kg / self.before_kg - 1.0
         return (
@@ -53,12 +53,13 @@ class MixedMachines:
 
 
 class ShiftScale(NamedTuple):
-    """Where the scale of the payloads comes from.
+    """Source of the payloads' scale.
 
     Attributes:
-        told_by: source that fixes the scale; empty if none.
+        told_by: name of the source; empty if there is none.
         unknown: scale sources without a stated uncertainty, separated by commas.
-        gain_1: mass of the empty machine in the log over that of the machine file, where it has u.
+        gain_1: empty mass in the log over that of the machine file, if the latter has an
+            uncertainty.
         gain_u_1: its standard uncertainty.
     """
 
@@ -69,7 +70,7 @@ class ShiftScale(NamedTuple):
 
 
 def pass_weights_by_state(fit: JointFit, found: Passes) -> Floats:
-    """(states, passes) by which masses of passes are those of states weighted."""
+    """(states, passes) weights of the states' masses in the passes' masses."""
     assert fit.states is not None
     weights = np.zeros((fit.count, found.mass_kg.size))
     np.add.at(weights, (fit.states.membership, found.membership), found.share)
@@ -77,7 +78,7 @@ def pass_weights_by_state(fit: JointFit, found: Passes) -> Floats:
 
 
 def carry_back_variance(found: Passes) -> float:
-    """Variance of what is carried back, in kg²: what empty passes differ by beyond their noise."""
+    """Variance of the carry-back in kg²: variance of the empty passes beyond their noise."""
     mass, u = found.mass_kg[~found.loaded], found.u_kg[~found.loaded]
     if mass.size < LIMITS.carried_min_passes:
         return 0.0
@@ -86,10 +87,10 @@ def carry_back_variance(found: Passes) -> float:
 
 
 def clean_bucket_mass_kg(found: Passes) -> tuple[float, float]:
-    """The mass of the machine with a clean bucket, and its uncertainty.
+    """Mass of the machine with a clean bucket, and its uncertainty, in kg.
 
-    The spread of empty passes is more than that of what they carry: quantiles are drawn towards the
-    mean by the share of the variance that is noise.
+    The spread of empty passes exceeds that of the carry-back, so quantiles are shrunk towards the
+    mean by the fraction of noise in the variance.
     """
     mass, u = found.mass_kg[~found.loaded], found.u_kg[~found.loaded]
     if not mass.size:
@@ -105,11 +106,11 @@ def clean_bucket_mass_kg(found: Passes) -> tuple[float, float]:
 def empty_machine(
     weighing: Weighing | None, machine: Machine, found: Passes
 ) -> EmptyMachine | None:
-    """The empty machine as the empty passes weigh it; None where there is none.
+    """The empty machine as weighed by the empty passes; None without any.
 
     Args:
         weighing: the joint fit.
-        machine: what is known of it.
+        machine: machine file.
         found: the passes.
     """
     empty = ~found.loaded
@@ -131,14 +132,14 @@ def empty_machine(
 def find_empty_mass_jump(
     manoeuvres: pl.DataFrame, begins_ns: Sequence[int]
 ) -> MixedMachines | None:
-    """Look for a log from which on the empty machine weighs otherwise.
+    """Find the log from which on the empty machine has another mass.
 
     Args:
-        manoeuvres: the frame of a run.
-        begins_ns: (logs,) when each log begins, since the first aligned sample, ascending.
+        manoeuvres: the frame `manoeuvres`.
+        begins_ns: (logs,) begin of each log since the first aligned sample, ascending.
 
     Returns:
-        The largest jump; None where there is none, or too little of either side.
+        The largest jump; None if there is none, or too few starts on either side.
     """
     known = manoeuvres.drop_nulls(["mass_kg", "mass_std_kg"])
     if known.is_empty():
@@ -163,7 +164,7 @@ def find_empty_mass_jump(
 
 
 def _lightest_mass(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
-    """Mass of the lightest starts, and its deviation; None where none of them is known empty."""
+    """Mass of the lightest starts, and its standard deviation; None if none is known empty."""
     if mass_kg.size < LIMITS.side_min_starts:
         return None
     low, high = (

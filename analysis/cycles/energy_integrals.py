@@ -1,4 +1,4 @@
-"""Integrals of force, speed and acceleration over the phases of cycles, from which energy follows.
+"""Integrals of force, speed and acceleration over the phases of cycles, for the energies.
 
 Each energy is linear in what the joint fit found (offset of the force, load transfer, friction),
 so that one pass over the samples serves the value and its uncertainty alike.
@@ -21,7 +21,7 @@ from estimators.arrays import Bools, Floats, Ints
 
 
 class PhaseSpan(NamedTuple):
-    """A phase of a cycle, first sample and the first after it in ns."""
+    """A phase of a cycle: its first sample, and the first after it, in ns."""
 
     cycle: int
     phase: str
@@ -31,12 +31,12 @@ class PhaseSpan(NamedTuple):
 
 @dataclass(frozen=True)
 class MotionErrors:
-    """How measured force and speed differ from those that act on the ground.
+    """Errors of measured force and speed against those at the ground.
 
     Attributes:
-        force_late_s: how late the force is behind the acceleration.
-        speed_late_s: how late the speed is behind it.
-        slip_1_N: what share of their speed a newton makes the wheels slip.
+        force_late_s: delay of the force behind the acceleration.
+        speed_late_s: delay of the speed behind the acceleration.
+        slip_1_N: wheel slip per newton, as a fraction of the speed.
     """
 
     force_late_s: float
@@ -46,20 +46,20 @@ class MotionErrors:
 
 @dataclass(frozen=True)
 class EnergySamples:
-    """Samples of a log before the moving mean, 0 where something is not known, (n,) each.
+    """Samples of a log before the moving mean, (n,) each; 0 where unknown.
 
     Attributes:
-        t_ns: since the first sample.
-        step_s: that each stands for; 0 at a hole.
-        force_N: measured, of all driven wheels.
-        speed_m_s: of the wheels.
-        acceleration_m_s2: that multiplies the mass, gravity included.
+        t_ns: time since the first sample.
+        step_s: duration of each sample; 0 at a hole.
+        force_N: measured force of all driven wheels.
+        speed_m_s: speed of the wheels.
+        acceleration_m_s2: acceleration that multiplies the mass, including gravity.
         turning_W: power of the yaw torque.
         progress: from -1/2 to 1/2 over the log, as in the joint fit.
-        drives: which samples the drive puts energy into.
-        digs: of those, which are of a start that digs.
-        fuel_L_h: rate of the fuel; None where no channel gives it.
-        slows: which samples move while neither the drive pushes nor a pile stops them.
+        drives: whether the drive puts energy in.
+        digs: whether it does so in a digging start.
+        fuel_L_h: fuel rate; None without a channel.
+        slows: whether the machine moves without drive and without a pile that stops it.
     """
 
     t_ns: Ints
@@ -82,17 +82,17 @@ def energy_samples(
     machine: Machine,
     offset_N: float = 0.0,
 ) -> EnergySamples:
-    """Take the samples of a log.
+    """Collect the samples of a log.
 
-    The drive puts energy in where the smoothed force, along the speed, is more than its noise; so
-    noise of a coasting or standing machine adds nothing.
+    The drive puts energy in where the smoothed force along the speed exceeds its noise, so noise of
+    a coasting or standing machine adds nothing.
 
     Args:
         aligned: the grid, before the moving mean.
-        excitation: the smoothed force and the phases, on the same grid.
-        digging: starts that dig.
-        machine: radius, share of the force, which acceleration.
-        offset_N: of the measured force: what does not act pushes nothing.
+        excitation: frame with the smoothed force and the phases, on the same grid.
+        digging: the frame `digging`.
+        machine: machine file with wheel radius, force share and choice of acceleration.
+        offset_N: offset of the measured force, which does no work.
     """
     t_ns = aligned["t_ns"].to_numpy()
     step_s = np.diff(t_ns, append=t_ns[-1:]) / NS_PER_S
@@ -137,13 +137,13 @@ def energy_samples(
 
 
 def rows_of_each_phase(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
-    """(phases, 2) first row of each phase, and the first after it."""
+    """First and end row of each phase, (phases, 2)."""
     ends = [(span.start_ns, span.end_ns) for span in spans]
     return np.searchsorted(samples.t_ns, ends).reshape(-1, 2)
 
 
 def sum_fuel_litres(samples: EnergySamples, spans: list[PhaseSpan]) -> Floats:
-    """(phases,) fuel of each phase in L, standing included; NaN where the rate is not known."""
+    """Fuel of each phase in L, including standstill, (phases,); NaN if the rate is unknown."""
     if samples.fuel_L_h is None:
         return np.full(len(spans), np.nan)
     litres = np.nan_to_num(samples.fuel_L_h) * samples.step_s / SECONDS_PER_HOUR
@@ -163,15 +163,17 @@ def subtract_braked_drive(
     viscous_N_s_m: float,
     coulomb_N: float,
 ) -> EnergySamples:
-    """Subtract the drive where brakes absorb more; unmeasured brakes do not show in the force.
+    """Remove driving samples in which brakes absorb more than the drive gives.
+
+    Unmeasured brakes do not show in the force.
 
     Args:
-        samples: of the log.
-        excitation: smoothed acceleration and speed.
-        machine: for the length of the moving mean.
-        mass_kg: (n,) of machine and load.
-        viscous_N_s_m: friction by the joint fit.
-        coulomb_N: likewise.
+        samples: samples of the log.
+        excitation: frame with smoothed acceleration and speed.
+        machine: machine file, for the length of the moving mean.
+        mass_kg: (n,) mass of machine and load.
+        viscous_N_s_m: viscous friction by the joint fit.
+        coulomb_N: Coulomb friction by the joint fit.
     """
     speed, acceleration = centred_motion(excitation, machine)
     along = mass_kg * acceleration * np.sign(speed) + viscous_N_s_m * np.abs(speed) + coulomb_N
@@ -181,16 +183,16 @@ def subtract_braked_drive(
 
 
 def undelayed_drive(samples: EnergySamples, force_late_s: float) -> EnergySamples:
-    """Move the stretches of drive from where the force is measured to where it acts."""
+    """Shift the driving stretches from the time of measurement to the time of action."""
     sampled = samples.step_s[samples.step_s > 0.0]
     rows = round(force_late_s / float(np.median(sampled))) if sampled.size else 0
     return shift_drive_in_time(samples, -rows)
 
 
 def shift_drive_in_time(samples: EnergySamples, rows: int) -> EnergySamples:
-    """Delay the stretches of drive by a number of rows.
+    """Delay the driving stretches by a number of rows.
 
-    A motor lets go gradually: where its force ends is known to half the moving mean at best.
+    A motor releases gradually, so the end of its force is known to half the moving mean at best.
     """
     drives, digs, slows = (
         np.roll(each, rows) for each in (samples.drives, samples.digs, samples.slows)
@@ -199,30 +201,30 @@ def shift_drive_in_time(samples: EnergySamples, rows: int) -> EnergySamples:
 
 
 def centred_motion(excitation: pl.DataFrame, machine: Machine) -> tuple[Floats, Floats]:
-    """Speed, and acceleration that multiplies the mass, of the centred moving mean: (n,) each."""
+    """Speed, and acceleration that multiplies the mass, by the centred moving mean, (n,) each."""
     names = ("speed_x_m_s", "regressor_acc_x_m_s2")
     speed, acceleration = (_centred_mean(excitation, name, machine) for name in names)
     return speed, acceleration
 
 
 def _centred_mean(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
-    """A column after the trailing mean, moved back by half its length, (n,); 0 where unknown."""
+    """Column after the trailing mean, advanced by half its length, (n,); 0 where unknown."""
     return np.roll(np.nan_to_num(values(excitation, name)), -excitation_delay_rows(machine))
 
 
 def _mark_phase(excitation: pl.DataFrame, name: str, machine: Machine, *, unknown: bool) -> Bools:
-    """(n,) which samples are in a phase of the motion, which is told after the trailing mean."""
+    """Samples in a phase, (n,), corrected for the delay of the trailing mean."""
     found = (excitation["phase"] == name).fill_null(value=unknown).to_numpy()
     return np.roll(found, -excitation_delay_rows(machine))
 
 
 def excitation_delay_rows(machine: Machine) -> int:
-    """Rows by which the trailing mean of the excitation is late."""
+    """Delay of the excitation's trailing mean, in rows."""
     return (machine.settings.smooth.samples - 1) // 2
 
 
 def _turning_power(aligned: pl.DataFrame, body: Body) -> Floats:
-    """Power of the yaw torque, (n,), where both sides are measured."""
+    """Power of the yaw torque, (n,) in W, if both sides are measured."""
     torque = yaw_torque(aligned, body)
     if torque is None or "yaw_rate_rad_s" not in aligned.columns:
         return np.zeros(aligned.height)
@@ -250,7 +252,7 @@ _TERMS: Final = (
 
 @dataclass(frozen=True)
 class EnergyIntegrals:
-    """Integrals by phase of a cycle, (phases,) each, over one set of samples, by name."""
+    """Integrals by phase, (phases,) each, over one set of samples, by name."""
 
     by_term: dict[str, Floats]
 
@@ -260,13 +262,13 @@ class EnergyIntegrals:
 
 @dataclass(frozen=True)
 class PhaseIntegrals:
-    """The integrals of all phases.
+    """Integrals of all phases.
 
     Attributes:
-        drive: where the drive puts energy in.
-        dig: of those, where it digs.
-        slow: where the machine moves without it.
-        kinetic_J: kinetic energy that the drive adds.
+        drive: integrals over samples in which the drive puts energy in.
+        dig: integrals over those that dig.
+        slow: integrals over motion without drive.
+        kinetic_J: kinetic energy added by the drive.
         turning_J: work of the yaw torque.
     """
 
@@ -288,12 +290,12 @@ def integrate_phases(
     """Integrate over each phase.
 
     Args:
-        samples: of the log.
+        samples: samples of the log.
         spans: the phases.
-        mass_kg: (n,) of machine and load at each sample, on the scale of the measured force.
-        rotating_kg: equivalent mass of what rotates.
-        errors: of force and speed.
-        ground_N: (n,) force between tyres and ground where the machine does not dig.
+        mass_kg: (n,) mass of machine and load, on the scale of the measured force.
+        rotating_kg: equivalent rotating mass.
+        errors: errors of force and speed.
+        ground_N: (n,) force between tyres and ground without digging.
     """
     force = _advance_column(samples, "force_N", errors.force_late_s)
     wheels = _advance_column(samples, "speed_m_s", errors.speed_late_s)
@@ -342,7 +344,7 @@ def integrate_phases(
 
 
 def _advance_column(samples: EnergySamples, name: str, late_s: float) -> Floats:
-    """A column moved back by how late it is, (n,)."""
+    """A column advanced by its delay, (n,)."""
     x: Floats = getattr(samples, name)
     if not late_s:
         return x

@@ -1,4 +1,4 @@
-"""Terms of the joint fit that the energy of cycles needs, each with its uncertainty."""
+"""Terms of the joint fit for the energy of cycles, with their uncertainties."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -26,8 +26,8 @@ class ForceModel:
     """Force model of the joint fit, in the units of `nuisances`.
 
     Attributes:
-        const: the constant force.
-        offset: of it, the error of the measured one; the rest acts.
+        const: constant force.
+        offset: part of it that is a measurement error; the rest acts.
     """
 
     transfer: float
@@ -43,7 +43,7 @@ class ForceModel:
 
     @property
     def acting(self) -> float:
-        """The constant force that acts: a slope, or an accelerometer's tilt."""
+        """Constant force that acts, such as a slope or an accelerometer tilt, in N."""
         return self.const - self.offset
 
 
@@ -53,15 +53,15 @@ Terms = TypeVar("Terms", ForceModel, MotionErrors)
 def fitted_force(
     frames: Mapping[str, pl.DataFrame], mass_kg: Floats, priors: PriorSettings
 ) -> tuple[ForceModel, ForceModel]:
-    """The fit's terms, and their standard uncertainties.
+    """Force model of the fit, and its standard uncertainties.
 
-    A constant force is in part an error of the measured one, in part one that acts (a slope, an
-    accelerometer's tilt): by the priors, as in the fit, and by what is measured at a stand.
+    A constant force is partly a measurement error and partly a force that acts, split by the priors
+    as in the fit, and by the readings at standstill.
 
     Args:
-        frames: of the run.
-        mass_kg: (n,) of machine and load at each sample.
-        priors: of the fit.
+        frames: frames of the run.
+        mass_kg: (n,) mass of machine and load.
+        priors: priors of the fit.
     """
     rows = frames["nuisances"].select("term", "posterior", "posterior_std", "prior_std")
     term = {name: (value, std, prior) for name, value, std, prior in rows.iter_rows()}
@@ -101,12 +101,12 @@ def fitted_force(
 def undetermined_coulomb(
     frames: Mapping[str, pl.DataFrame], mass_kg: Floats, machine: Machine
 ) -> float:
-    """Standard deviation of the Coulomb friction that the fit has no term for, in N.
+    """Standard deviation of Coulomb friction if the fit has no such term, in N.
 
-    Where the log drives one way, it is part of the viscous friction and of the constant force.
+    If the log drives one way only, it is part of the viscous friction and the constant force.
 
     Returns:
-        0 where the fit has the term.
+        0 if the fit has the term.
     """
     if "direction" in frames["nuisances"]["term"]:
         return 0.0
@@ -116,7 +116,7 @@ def undetermined_coulomb(
 
 
 def _find_largest_force(excitation: pl.DataFrame) -> float:
-    """The force that the log drives with, in N."""
+    """Large quantile of the log's force, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
     pushed_N = np.abs(values(driving, "force_x_N"))
     return float(np.nanquantile(pushed_N, 0.95)) if pushed_N.size else 0.0
@@ -125,9 +125,9 @@ def _find_largest_force(excitation: pl.DataFrame) -> float:
 def _combine_offsets(
     by_fit: tuple[float, float], excitation: pl.DataFrame, mass_kg: Floats
 ) -> tuple[float, float]:
-    """The force's offset by the fit and by the stands, in N, with its uncertainty.
+    """Combine the force offsets by the fit and by the stands, in N, with the uncertainty.
 
-    Where the two contradict each other, a stand measures something else: the fit's stays.
+    If they contradict each other, the fit's offset is used.
     """
     at_rest = standing_offset(excitation, mass_kg)
     if at_rest is None or not by_fit[1]:
@@ -140,14 +140,14 @@ def _combine_offsets(
 
 
 def standing_offset(excitation: pl.DataFrame, mass_kg: Floats) -> tuple[float, float] | None:
-    """The force that is measured while the machine stands on level ground, in N, and its u.
+    """Force measured at standstill on level ground, in N, and its uncertainty.
 
-    On a slope brakes or motor hold it: the median of each stand is a line over the weight along it,
-    and the offset where that is zero. What friction holds differs from stand to
-    stand, and is in the uncertainty.
+    On a slope brakes or motor hold the machine: the median of each stand is regressed on the weight
+    along the slope, and the offset is its value at zero. Static friction varies between stands, and
+    is part of the uncertainty.
 
     Returns:
-        None where there are too few stands.
+        None if there are too few stands.
     """
     force, acceleration = (
         values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
@@ -178,7 +178,7 @@ def fitted_motion_errors(
 ) -> tuple[MotionErrors, MotionErrors]:
     """Delays and slip by the fit, and their standard uncertainties.
 
-    Slip is what the wheels say of it where they do, else what it costs of the friction.
+    Slip is measured by the wheels if possible, else derived from its share of the friction.
     """
     term = {name: (value, std) for name, value, std in nuisances.select(_FOUND).iter_rows()}
     nothing = (0.0, 0.0)
@@ -191,7 +191,7 @@ def fitted_motion_errors(
 
 
 def change_each_term(values: Terms, stds: Terms) -> list[Terms]:
-    """The values with one after the other changed by its standard uncertainty."""
+    """Copies of the values, each with one term changed by its standard uncertainty."""
     names = [each.name for each in fields(values) if getattr(stds, each.name)]
     return [
         replace(values, **{name: getattr(values, name) + getattr(stds, name)}) for name in names
@@ -199,7 +199,7 @@ def change_each_term(values: Terms, stds: Terms) -> list[Terms]:
 
 
 def force_gain_uncertainty(machine: Machine) -> tuple[float, str]:
-    """Relative standard uncertainty of the measured work, and the settings that it lacks.
+    """Relative standard uncertainty of the measured work, and the settings missing for it.
 
     Torque times the speed of the same wheels needs no radius.
     """
@@ -218,7 +218,7 @@ def force_gain_uncertainty(machine: Machine) -> tuple[float, str]:
 
 
 def relative_mass_uncertainty(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
-    """Relative standard uncertainty of masses on the force's own scale: common, and of each."""
+    """Relative standard uncertainty of masses on the force's scale: common, and individual."""
     loads = frames["loads"].filter(pl.col("mass_kg").is_not_null())
     budget = frames["budget"].filter(pl.col("kind") == "common").group_by("load_id")
     squares = budget.agg((pl.col("u_kg").fill_null(0.0) ** 2).sum().sqrt().alias("common_kg"))

@@ -1,4 +1,4 @@
-"""The drive of a log as the joint fit has it: samples, masses, the force's model and its errors."""
+"""The drive of a log by the joint fit: samples, masses, force model and motion errors."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -33,17 +33,17 @@ from estimators.arrays import Floats, Ints
 
 @dataclass(frozen=True)
 class FittedDrive:
-    """The samples of a log, and what the joint fit says of them.
+    """Samples of a log, with the results of the joint fit.
 
     Attributes:
-        samples: with the drive's stretches as the force acts.
-        move_rows: by which the ends of those stretches are uncertain.
-        mass_kg: (n,) of machine and load.
-        rotating_kg: equivalent mass of what rotates.
-        ground_N: (n,) force between tyres and ground where the machine does not dig.
-        model: of the force, and its standard uncertainties.
-        errors: of force and motion, and their standard uncertainties.
-        coulomb_N: standard deviation of Coulomb friction that the fit has no term for.
+        samples: samples, with driving stretches in the time of action.
+        move_rows: uncertainty of the ends of those stretches, in rows.
+        mass_kg: (n,) mass of machine and load.
+        rotating_kg: equivalent rotating mass.
+        ground_N: (n,) force between tyres and ground without digging.
+        model: force model, and its standard uncertainties.
+        errors: errors of force and motion, and their standard uncertainties.
+        coulomb_N: standard deviation of Coulomb friction without a term in the fit.
         speed_u_1: relative standard uncertainty of the wheels' speed beside an accelerometer.
     """
 
@@ -60,7 +60,7 @@ class FittedDrive:
     speed_u_1: float
 
     def integrate(self, spans: list[PhaseSpan]) -> PhaseIntegrals:
-        """The integrals over each phase."""
+        """Integrals over each phase."""
         return integrate_phases(
             self.samples, spans, self.mass_kg, self.rotating_kg, self.errors, self.ground_N
         )
@@ -69,10 +69,10 @@ class FittedDrive:
 def _ground_force(
     excitation: pl.DataFrame, machine: Machine, mass_kg: Floats, model: ForceModel
 ) -> Floats:
-    """(n,) what accelerates the masses against friction, brakes included, in N.
+    """Force that accelerates the masses against friction, including brakes, (n,) in N.
 
-    Of the moving mean: slip is a share of the speed, and the vibration of an accelerometer in both
-    would add up to a work.
+    It is of the moving mean: slip is a fraction of the speed, and accelerometer vibration in both
+    would add up to work.
     """
     v, a = centred_motion(excitation, machine)
     resisted = model.viscous * v + model.direction * np.sign(v) + model.quadratic * v * np.abs(v)
@@ -80,7 +80,7 @@ def _ground_force(
 
 
 def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDrive:
-    """Take samples, masses and force of a log as the joint fit has them."""
+    """Collect samples, masses and force of a log from the joint fit."""
     grids = frames["aligned"], frames["excitation"], frames["digging"]
     cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
     mass_kg = _machine_and_load_mass_kg(energy_samples(*grids, machine), cycles, manoeuvres)
@@ -110,7 +110,7 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
 def _machine_and_load_mass_kg(
     samples: EnergySamples, cycles: pl.DataFrame, manoeuvres: pl.DataFrame
 ) -> Floats:
-    """(n,) mass of machine and load: of the nearest start with that load, growing while it digs."""
+    """Mass of machine and load, (n,): of the nearest start with that load, growing in digging."""
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
     by_state = means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)
@@ -141,7 +141,7 @@ def _machine_and_load_mass_kg(
 
 
 class _Starts(NamedTuple):
-    """Starts in time: the middle of each, and the mean mass of its load state."""
+    """Starts in order of time: the middle of each, and the mean mass of its load state."""
 
     middle_ns: Floats
     mass_kg: Floats
@@ -158,6 +158,6 @@ class _Starts(NamedTuple):
         return _Starts(np.array([float(begin_ns)]), np.array([otherwise_kg]))
 
     def nearest_masses(self, t_ns: Ints) -> Floats:
-        """(n,) the mass of the start that is nearest to each time."""
+        """Mass of the nearest start to each time, (n,)."""
         halfway = (self.middle_ns[1:] + self.middle_ns[:-1]) / 2.0
         return self.mass_kg[np.searchsorted(halfway, t_ns)]

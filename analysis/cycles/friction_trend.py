@@ -1,4 +1,4 @@
-"""Friction over a shift and over days, with the masses known: what tells wear, or a cold morning.
+"""Friction over a shift and over days with known masses, as a sign of wear or a cold start.
 
 Masses, and what else the joint fit says of the force, are those of the whole shift; of each part of
 it the viscous friction is what is left. So the parts compare with each other; what they share (a
@@ -30,8 +30,8 @@ class FrictionDay(NamedTuple):
     """The friction of a shift.
 
     Attributes:
-        at_d: in the middle of it, in days since any instant.
-        friction_N_s_m: viscous friction by its joint fit.
+        at_d: middle of the shift, in days since any epoch.
+        friction_N_s_m: viscous friction by the joint fit.
         std_N_s_m: its standard deviation.
     """
 
@@ -41,16 +41,16 @@ class FrictionDay(NamedTuple):
 
 
 class FrictionTrend(NamedTuple):
-    """The trend of friction, and when it reaches the limit.
+    """Trend of friction, and when it reaches a limit.
 
     Attributes:
-        limit_N_s_m: that was asked for.
-        slope_N_s_m_d: change a day.
+        limit_N_s_m: the limit.
+        slope_N_s_m_d: change per day.
         slope_u_N_s_m_d: its standard uncertainty.
-        now_N_s_m: of the line at the last shift.
-        reached_d: 95 % interval of the day at which it reaches the limit, on the days' clock; None
-            where it cannot be said.
-        why_not: why it cannot be said; empty where it can.
+        now_N_s_m: value of the line at the last shift.
+        reached_d: 95 % interval of the day on which the limit is reached, on the days' clock; None
+            if unknown.
+        why_not: why that is unknown; else empty.
     """
 
     limit_N_s_m: float
@@ -65,11 +65,11 @@ class FrictionPart(NamedTuple):
     """A part of a shift.
 
     Attributes:
-        start_s: since the first sample.
-        end_s: likewise.
-        manoeuvres: in it.
+        start_s: begin since the first sample.
+        end_s: end since the first sample.
+        manoeuvres: number of manoeuvres.
         friction_N_s_m: viscous friction.
-        std_N_s_m: its standard deviation, by how manoeuvres differ.
+        std_N_s_m: its standard deviation, from the differences between manoeuvres.
     """
 
     start_s: float
@@ -82,16 +82,17 @@ class FrictionPart(NamedTuple):
 def friction_parts(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[FrictionPart, ...]:
-    """Fit F - m·a - what is constant = b·v in each part of a shift.
+    """Fit the viscous friction b in F - m·a - constants = b·v, for each part of a shift.
 
     Args:
-        excitation: force, regressor, speed and phase.
-        manoeuvres: load states and masses.
-        nuisances: of the joint fit: constant, Coulomb friction, quadratic resistance and slip.
-        settings: of the regressor.
+        excitation: frame with force, regressor, speed and phase.
+        manoeuvres: frame with load states and masses.
+        nuisances: frame of the joint fit with constant, Coulomb friction, quadratic resistance and
+            slip.
+        settings: settings of the regressor.
 
     Returns:
-        Parts with manoeuvres enough, in time; none where the shift has no mass.
+        Parts with enough manoeuvres, in order of time; none without a mass.
     """
     if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count() or nuisances.is_empty():
         return ()
@@ -125,7 +126,7 @@ def friction_parts(
 def _sum_manoeuvre_friction(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[Floats, Floats]:
-    """(manoeuvres,) of speed times the force that is left, and of the speed's square."""
+    """Sums of speed times remaining force, and of squared speed, (manoeuvres,) each."""
     A, force = regressor(X, excitation, settings)
     acceleration, speed = A[:, 0], A[:, 1]
     by_term: dict[str, float] = dict(nuisances.select("term", "posterior").iter_rows())
@@ -153,17 +154,17 @@ def _sum_manoeuvre_friction(
 
 
 def _state_masses(manoeuvres: pl.DataFrame) -> Floats:
-    """(manoeuvres,) the mass of the load state of each."""
+    """Mass of the load state of each manoeuvre, (manoeuvres,)."""
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
     return means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)[state]
 
 
 def friction_trend(days: Sequence[FrictionDay], limit_N_s_m: float) -> FrictionTrend:
-    """Fit the trend, and date the limit.
+    """Fit the trend, and estimate the day on which it reaches the limit.
 
     Args:
-        days: one of each shift of one machine, in any order.
+        days: one per shift of a machine, in any order.
         limit_N_s_m: upper limit of the friction.
     """
     n = len(days)

@@ -1,4 +1,4 @@
-"""Spillage on the haul: the share of the weighed load that arrives at the dump.
+"""Spillage on the haul: the fraction of the weighed load that arrives at the dump.
 
 A load is weighed where the machine gains speed, at the start of a haul. What pours from the bucket
 after that leaves no trace in the log that uneven ground does not leave as well, so the machine file
@@ -32,14 +32,14 @@ def subtract_spillage(
     frames: Mapping[str, pl.DataFrame],
     body: Body,
 ) -> pl.DataFrame:
-    """Make payloads those that arrive at the dump; without a stated spillage they stay.
+    """Reduce payloads to what arrives at the dump; unchanged without a stated spillage.
 
     Args:
-        cycles: the frame, with payloads as weighed.
-        parts: when the load of each cycle sets off, and when the machine stands to dump it.
-        found: which manoeuvres weigh each load.
-        frames: `manoeuvres` and `excitation`.
-        body: with its spillage.
+        cycles: frame with payloads as weighed.
+        parts: begin of each haul, and stand for its dump.
+        found: manoeuvres that weigh each load.
+        frames: the frames `manoeuvres` and `excitation`.
+        body: machine body with its spillage.
     """
     if body.haul_spillage_share is None or cycles.is_empty():
         return cycles
@@ -55,15 +55,15 @@ def subtract_spillage(
 
 
 def estimate_arriving_share(progress: Floats, body: Body) -> tuple[Floats, Floats]:
-    """The weighed load's share that arrives, and its standard uncertainty.
+    """Fraction of the weighed load that arrives, and its standard uncertainty.
 
-    Of a load L the share s is spilled evenly over the haul, so that L (1 - s p) is weighed where
-    the share p of the haul is driven, and L (1 - s) arrives. Where on the haul it pours is not
-    known: p is uncertain by a rectangle of its own width.
+    If a fraction s of a load L is spilled evenly over the haul, L (1 - s p) is weighed at the
+    fraction p of the haul, and L (1 - s) arrives. The place of the spilling is unknown, so p has a
+    rectangular uncertainty of its own width.
 
     Args:
         progress: (cycles,) p.
-        body: with s and its standard uncertainty.
+        body: machine body with s and its standard uncertainty.
     """
     spilled, spilled_u = body.haul_spillage_share or 0.0, body.haul_spillage_u or 0.0
     weighed = 1.0 - spilled * progress
@@ -73,7 +73,7 @@ def estimate_arriving_share(progress: Floats, body: Body) -> tuple[Floats, Float
 
 
 def subtract_spillage_from_payloads(cycles: pl.DataFrame) -> pl.DataFrame:
-    """Take the spillage of the columns `arriving_1` and `arriving_u_1` off payloads."""
+    """Subtract the spillage in columns `arriving_1` and `arriving_u_1` from payloads."""
     if cycles["arriving_1"].null_count() == cycles.height:
         return cycles
     arriving = pl.col("arriving_1").fill_null(1.0)
@@ -90,10 +90,10 @@ def subtract_spillage_from_payloads(cycles: pl.DataFrame) -> pl.DataFrame:
 def _weighing_progress(
     parts: Sequence[CycleParts], found: Passes, manoeuvres: pl.DataFrame, excitation: pl.DataFrame
 ) -> Floats:
-    """(cycles,) share of its haul that each load has behind it where it is weighed.
+    """Fraction of the haul at which each load is weighed, (cycles,).
 
-    Acceleration weighs: a manoeuvre's place is the mean of the time in motion, each sample by the
-    square of its acceleration, and a load's the mean of its manoeuvres by their weight.
+    The place of a manoeuvre is the mean time in motion weighted by squared acceleration, and that
+    of a load the weighted mean of its manoeuvres.
     """
     t_ns = excitation["t_ns"].to_numpy()
     moves = (excitation["phase"] != "standstill").fill_null(value=False).to_numpy()

@@ -1,4 +1,4 @@
-"""Mass of each pass between two changes of load.
+"""Passes: manoeuvres between two changes of load, and their mass.
 
 A pass is a stretch of manoeuvres that are all loaded or all empty; states that differ by less than
 loaded and empty do (spillage, a state split in two) are one pass.
@@ -19,18 +19,18 @@ from estimators.arrays import Bools, Floats, Ints
 
 @dataclass(frozen=True)
 class Passes:
-    """Passes in time.
+    """Passes in order of time.
 
     Attributes:
-        membership: (manoeuvres,) the pass of each.
-        share: (manoeuvres,) the weight of each in its pass' mass; those of a pass add up to 1.
-        loaded: (passes,).
-        mass_kg: (passes,).
-        u_kg: (passes,) what is random of it: manoeuvres' own noise and their scatter.
+        membership: (manoeuvres,) pass of each manoeuvre.
+        share: (manoeuvres,) weight in the pass' mass; the weights of a pass add up to 1.
+        loaded: (passes,) whether each pass is loaded.
+        mass_kg: (passes,) mass.
+        u_kg: (passes,) random uncertainty of the mass, from noise and scatter of the manoeuvres.
         start_ns: (passes,) first fitted sample.
         end_ns: (passes,) last fitted sample.
-        one_filling_ns: starts that dig and are no further apart fill the bucket once.
-        dumps: that the boom shows.
+        one_filling_ns: largest distance between digging starts that fill the bucket once.
+        dumps: dumps that the boom shows.
     """
 
     membership: Ints
@@ -63,14 +63,14 @@ def find_load_passes(
     aligned: pl.DataFrame | None = None,
     excitation: pl.DataFrame | None = None,
 ) -> Passes | None:
-    """Join manoeuvres to passes; None where loaded and empty cannot be told apart.
+    """Join manoeuvres to passes; None if loaded and empty cannot be distinguished.
 
     Args:
-        loads: for the scatter.
-        manoeuvres: states and masses.
-        digs: `digging`: what comes before a start that digs is empty, what comes after is loaded.
-        aligned: for the boom, where there is one.
-        excitation: for phases and speed.
+        loads: frame with the scatter.
+        manoeuvres: frame with states and masses.
+        digs: the frame `digging`: a digging start separates empty before from loaded after.
+        aligned: frame with the boom, if measured.
+        excitation: frame with phases and speed.
     """
     if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return None
@@ -94,7 +94,7 @@ def find_load_passes(
         known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
         dumps = find_boom_dumps(aligned, excitation, known)
         of_state = _reclassify_at_dumps(of_state, begin, end, digs, dumps)
-    one_filling_ns = _one_filling_ns(of_state, begin, end, digs)
+    one_filling_ns = _longest_filling_step_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
     parts[_refill_places(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
@@ -131,17 +131,17 @@ def find_load_passes(
 def _find_short_hauls(
     loaded: Bools, parts: Bools, begin: Ints, end: Ints, digs: pl.DataFrame
 ) -> Bools:
-    """(manoeuvres,) which would haul a load that nothing filled, in next to no time.
+    """Mark very short hauls of a load without a filling, (manoeuvres,).
 
-    A machine that backs out of where it dumped is a load in some logs: a short manoeuvre tells
-    little of its mass, and a boom that comes down is as good as one that dumps.
+    A machine that backs out after a dump may look loaded: a short manoeuvre determines its mass
+    badly, and a lowered boom looks like a dump.
 
     Args:
-        loaded: (manoeuvres,).
-        parts: (manoeuvres - 1,) where one pass ends and another begins.
-        begin: (manoeuvres,) when each begins.
-        end: (manoeuvres,) likewise.
-        digs: `digging`.
+        loaded: (manoeuvres,) whether each is loaded.
+        parts: (manoeuvres - 1,) borders between passes.
+        begin: (manoeuvres,) begin of each.
+        end: (manoeuvres,) end of each.
+        digs: the frame `digging`.
     """
     found = np.zeros(loaded.size, np.bool_)
     first = np.flatnonzero(np.append(True, parts))
@@ -159,8 +159,8 @@ def _find_short_hauls(
     return found
 
 
-def _one_filling_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -> int:
-    """How far apart starts are at most that fill the bucket once: less than a cycle lasts."""
+def _longest_filling_step_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -> int:
+    """Largest time in ns between starts that fill the same bucket, shorter than a cycle."""
     starts = np.sort(digs["start_t_ns"].to_numpy())
     stops = np.sort(digs["end_t_ns"].to_numpy())
     middle = (begin + end) // 2
@@ -182,10 +182,10 @@ def _refill_places(
     dumps: BoomDumps,
     one_filling_ns: int,
 ) -> list[int]:
-    """Places before which a loaded machine digs after it was empty in between.
+    """Borders before which a loaded machine digs again, so that it was empty in between.
 
-    No start tells of the empty drive: it was too short, or nothing was recorded. The boom shows
-    that it dumped, or so much time went by.
+    No start weighs the empty drive: it was too short, or not recorded. The boom shows a dump, or
+    enough time passed.
     """
     found: list[int] = []
     last_ns = -one_filling_ns
@@ -206,10 +206,10 @@ def _refill_places(
 def _reclassify_at_dumps(
     loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame, dumps: BoomDumps
 ) -> Bools:
-    """(manoeuvres,) whether each is loaded, if loads are dumped where the boom shows it.
+    """Whether each manoeuvre is loaded, (manoeuvres,), with dumps where the boom shows them.
 
-    Where masses have a load dumped a few manoeuvres sooner or later, in a place in which the boom
-    shows nothing, what moves in between is on the other side.
+    If masses place a dump a few manoeuvres away from the boom's, the manoeuvres in between change
+    class.
     """
     at = [int(np.searchsorted(begin, each.dumped_ns)) for each in dumps.dumps]
     dug = np.unique(np.searchsorted(begin, digs["start_t_ns"].to_numpy()))
@@ -228,7 +228,7 @@ def _reclassify_at_dumps(
 
 
 def _dump_places(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> list[int]:
-    """Places between two loaded manoeuvres where the boom dumps: the second load is another."""
+    """Borders between loaded manoeuvres with a boom dump, where the second load is another."""
     return [
         k
         for k in range(loaded.size - 1)
@@ -237,7 +237,7 @@ def _dump_places(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> lis
 
 
 def _is_dumping(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
-    """(manoeuvres,) which creep while they dump: a load that changes has no mass."""
+    """Mark manoeuvres that creep while dumping, (manoeuvres,); a changing load has no mass."""
     dumped = np.array([each.dumped_ns for each in dumps.dumps], np.int64)
     return np.searchsorted(dumped, begin) < np.searchsorted(dumped, end, "right")
 
@@ -245,12 +245,12 @@ def _is_dumping(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
 def _carries_spilled_load(
     loaded: Bools, membership: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
 ) -> Bools:
-    """(manoeuvres,) which carry a load that is spilled before it is dumped.
+    """Mark manoeuvres with a load that is spilled before the dump, (manoeuvres,).
 
     Args:
-        loaded: (manoeuvres,), and not dumping.
-        membership: (manoeuvres,) the pass of each.
-        state: (manoeuvres,) the load state of each.
+        loaded: (manoeuvres,) whether each is loaded and not dumping.
+        membership: (manoeuvres,) pass of each.
+        state: (manoeuvres,) load state of each.
         mass_kg: (states,).
         u_kg: (states,).
     """
@@ -271,14 +271,14 @@ def _carries_spilled_load(
 def loaded_states(
     mass_kg: Floats, u_kg: Floats, state: Ints, times_ns: tuple[Ints, Ints], digs: pl.DataFrame
 ) -> Bools | None:
-    """(states,) whether each is loaded; None where that cannot be told.
+    """Whether each state is loaded, (states,); None if undecidable.
 
     Args:
         mass_kg: (states,).
-        u_kg: (states,) what is random of it.
-        state: (manoeuvres,) the load state of each.
-        times_ns: (manoeuvres,) when each begins, and ends.
-        digs: `digging`: what comes before a start that digs is empty, what comes after is loaded.
+        u_kg: (states,) random uncertainty.
+        state: (manoeuvres,) load state of each.
+        times_ns: (manoeuvres,) begins, and ends.
+        digs: the frame `digging`: a digging start separates empty before from loaded after.
     """
     label = _digging_labels(mass_kg, u_kg, state, *times_ns, digs)
     possible = are_masses_possible(mass_kg)
@@ -290,7 +290,7 @@ def loaded_states(
 def _digging_labels(
     mass_kg: Floats, u_kg: Floats, state: Ints, begin: Ints, end: Ints, digs: pl.DataFrame
 ) -> Ints:
-    """(states,) 0 where a start that digs follows, 1 where one came before, -1 else."""
+    """Labels by digging starts, (states,): 0 if one follows, 1 if one precedes, else -1."""
     label = np.full(mass_kg.size, -1)
     for start, stop in digs.select("start_t_ns", "end_t_ns").iter_rows():
         before = int(np.searchsorted(end, start, "right")) - 1
@@ -306,10 +306,10 @@ def _digging_labels(
 
 
 def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
-    """(states,) whether each is loaded: the side of a border between the two classes.
+    """Whether each state is loaded, (states,), by a mass border between two classes.
 
-    Loads that are less than a state's deviation have no such border: what was dug tells then, or
-    that nearly every state is heavier than both its neighbours or lighter.
+    If loads are below the states' deviations, digging decides, or that nearly every state is
+    heavier or lighter than both neighbours.
     """
     if mass_kg.size < 2:
         return None
@@ -342,10 +342,7 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
 
 
 def _alternating_labels(mass_kg: Floats) -> Ints:
-    """(states,) 1 if heavier than the state before, 0 if lighter; -1 where none alternate.
-
-    How often independent masses turn: Bienaymé 1874, Sur une question de probabilités.
-    """
+    """1 if heavier than the state before, 0 if lighter, (states,); -1 if they do not alternate."""
     rises = np.diff(mass_kg) > 0.0
     turns = rises[1:] != rises[:-1]
     by_chance = 2.0 * turns.size / 3.0
@@ -359,7 +356,7 @@ def _alternating_labels(mass_kg: Floats) -> Ints:
 
 
 def _class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
-    """Whether the means of two classes of states differ, each of enough states to tell."""
+    """Whether the means of two classes differ, with enough states in each."""
     if min(light.size, heavy.size) < LIMITS.own_spread_min_states:
         return False
     variances = (robust_std(each, least_kg) ** 2 / each.size for each in (light, heavy))
@@ -369,7 +366,7 @@ def _class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
 
 
 def _border_by_labels(mass_kg: Floats, label: Ints, border: float) -> float:
-    """The border that is at odds with the fewest labels, of several the one nearest to `border`."""
+    """Border that contradicts the fewest labels, among several the nearest to `border`."""
     order = np.sort(mass_kg)
     choices = np.append((order[1:] + order[:-1]) / 2.0, border)
     wrong = [
@@ -381,15 +378,15 @@ def _border_by_labels(mass_kg: Floats, label: Ints, border: float) -> float:
 
 
 def robust_std(values: Floats, least: float) -> float:
-    """Standard deviation by the median absolute deviation."""
+    """Standard deviation from the median absolute deviation."""
     return max(STD_OF_MAD * float(np.median(np.abs(values - np.median(values)))), least)
 
 
 def median_border(values: Floats) -> float:
-    """The border that leaves the least sum of distances to the median on either side.
+    """Border with the least sum of distances to the medians on both sides.
 
-    By their squares (Otsu 1979) two masses far above all others would be the one class, and all
-    others, loaded or empty, the other.
+    With squared distances (Otsu 1979), two masses far above the others would be a class of their
+    own.
     """
     order = np.sort(values)
     middles = (order[1:] + order[:-1]) / 2.0

@@ -1,4 +1,4 @@
-"""Payloads against the target of a truck or a bucket: the 10/10/20 rule."""
+"""Check of payloads against a target by the 10/10/20 rule."""
 
 from typing import NamedTuple
 
@@ -8,15 +8,15 @@ from analysis.cycles.cycle_limits import LIMITS
 
 
 class TargetCheck(NamedTuple):
-    """The 10/10/20 rule.
+    """Result of the 10/10/20 rule.
 
     Attributes:
-        target_kg: of a load.
-        loads: that were judged.
-        mean_kg: of them.
-        above: above 110 %.
-        never: above 120 %.
-        near: whose uncertainty reaches over either border.
+        target_kg: target of a load.
+        loads: number of judged loads.
+        mean_kg: mean load.
+        above: number of loads above 110 %.
+        never: number of loads above 120 %.
+        near: number of loads within their uncertainty of either limit.
         keeps: whether the rule is kept.
     """
 
@@ -30,11 +30,11 @@ class TargetCheck(NamedTuple):
 
 
 def check_target(counted: pl.DataFrame, target_kg: float) -> TargetCheck | None:
-    """Judge the counted payloads; None where there are none.
+    """Judge the counted payloads; None without any.
 
     Args:
         counted: rows of `cycles` with a payload.
-        target_kg: of a load.
+        target_kg: target of a load.
     """
     if counted.is_empty():
         return None

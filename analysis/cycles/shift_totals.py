@@ -1,4 +1,4 @@
-"""Frame `shift`: what the cycles add up to, with what repeats and what is common kept apart.
+"""Frame `shift`: totals of the cycles, with random and common uncertainty.
 
 What was dumped in the shift is the counted cycles, those that the log shows without a mass, and
 those that holes hide; one uncertainty holds for all of it.
@@ -27,12 +27,12 @@ _NO_SCALE: Final = ShiftScale()
 
 
 class LabelTotal(NamedTuple):
-    """The counted loads with one label.
+    """Total of the counted loads with one label.
 
     Attributes:
-        label: the text; empty for loads that have none.
-        loads: how many.
-        payload_kg: their sum.
+        label: the label; empty for loads without one.
+        loads: number of loads.
+        payload_kg: sum of the payloads.
         payload_u_kg: its standard uncertainty.
     """
 
@@ -51,10 +51,10 @@ def sum_shift(
     """Make `shift`, one row.
 
     Args:
-        cycles: the frame.
-        excitation: phases.
-        aligned: where nothing was recorded.
-        scale: of the payloads.
+        cycles: the frame `cycles`.
+        excitation: frame with the phases.
+        aligned: frame with the gaps of the recording.
+        scale: source of the payloads' scale.
     """
     gaps = find_channel_gaps_ns(excitation, aligned)
     lost, more = lost_cycles(cycles, gaps), uncounted_cycles(cycles, excitation, aligned)
@@ -93,12 +93,12 @@ def sum_shift(
 def recount_shift(
     summary: pl.DataFrame, cycles: pl.DataFrame, rejected: Collection[int] = ()
 ) -> pl.DataFrame:
-    """Sum the shift again with other cycles: calibrated ones, or without rejected ones.
+    """Recompute the totals for other cycles: calibrated, or without rejected ones.
 
     Args:
         summary: frame `shift`.
         cycles: frame `cycles`.
-        rejected: numbers of cycles that are not counted.
+        rejected: numbers of cycles to leave out.
     """
     sums = sum_cycles(cycles, rejected)
     mean_kg = summary["payload_mean_kg"][0]
@@ -122,7 +122,7 @@ def recount_shift(
 def total_payload(row: Mapping[str, Any]) -> dict[str, float]:
     """Total dumped in the shift: counted, uncounted and lost, with one uncertainty.
 
-    What is common to all payloads is common to those that are priced by them.
+    Cycles without a mass share the common uncertainty of the payloads that they are estimated from.
     """
     counted_kg, lost_kg = row["payload_kg"], row["lost_kg"] or 0.0
     number_u = row["uncounted_cycles_u"] or 0.0
@@ -140,10 +140,10 @@ def total_payload(row: Mapping[str, Any]) -> dict[str, float]:
 
 
 def sum_cycles(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any]:
-    """Sum up cycles.
+    """Totals of the cycles.
 
-    Random parts of the passes add up in squares, each with its whole weight in the sum: an empty
-    pass is in the payload before it and in the one after. Common parts add up as they are.
+    Random parts of the passes add in squares, each with its total weight in the sum, since an empty
+    pass is part of the payload before and after it. Common parts add linearly.
     """
     out = pl.col("cycle").is_in(list(rejected))
     counted = cycles.filter(pl.col("counted") & ~out)
@@ -174,7 +174,7 @@ def _finite_or_none(value: object) -> float | None:
 
 
 def _random_payload_u_kg(counted: pl.DataFrame) -> float:
-    """The random part of the sum of payloads."""
+    """Random uncertainty of the sum of payloads."""
     weight: dict[int, float] = {}
     u_kg: dict[int, float] = {}
     carried = 0.0
@@ -198,7 +198,7 @@ def _random_payload_u_kg(counted: pl.DataFrame) -> float:
 
 
 def _idle_s(excitation: pl.DataFrame) -> float:
-    """Time in stands that are long."""
+    """Total time in long stands."""
     if excitation.is_empty():
         return 0.0
     stands = find_standing_samples(excitation)
@@ -211,15 +211,15 @@ def _idle_s(excitation: pl.DataFrame) -> float:
 def sum_by_label(
     cycles: pl.DataFrame, labels: Sequence[str], rejected: Collection[int] = ()
 ) -> list[LabelTotal]:
-    """The sum of each label, by label; none where no cycle has one.
+    """Totals by label; none if no cycle has a label.
 
-    Parts that are common to all loads are in each sum: the uncertainties of two labels do not add
-    up in squares.
+    Each total includes the common uncertainty, so uncertainties of two labels do not add in
+    squares.
 
     Args:
         cycles: frame `cycles`.
-        labels: of each row; empty where it has none.
-        rejected: numbers of cycles that are not counted.
+        labels: label of each row; empty for none.
+        rejected: numbers of cycles to leave out.
     """
     if not any(labels):
         return []

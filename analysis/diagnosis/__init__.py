@@ -1,4 +1,4 @@
-"""Diagnosis: what a log says of itself. Its one table is `analysis.diagnosis.checks.CHECKS`."""
+"""Diagnosis: whether a log can weigh. The table of checks is `analysis.diagnosis.checks.CHECKS`."""
 
 from analysis.diagnosis.check_inputs import CheckInputs
 from analysis.diagnosis.checks import CHECKS, judge_checks, withhold_by_findings

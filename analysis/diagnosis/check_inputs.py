@@ -47,15 +47,15 @@ _CANDIDATES: Final = {
 
 @dataclass(frozen=True)
 class EmptyMassDifference:
-    """The lightest load against the machine's empty mass.
+    """Difference between the lightest load and the machine's empty mass.
 
     Attributes:
-        mass_kg: of the lightest load, less what only turns.
-        empty_kg: by the machine file.
-        u_kg: standard uncertainty of the difference, with that of the scale.
-        scale_known: whether the machine file states the scale's; else it is 10 %.
-        empty_known: whether the log says when it was empty, or has several loads.
-        machine: for the factors that it states.
+        mass_kg: lightest mass, without the inertia of rotating parts.
+        empty_kg: empty mass in the machine file.
+        u_kg: standard uncertainty of the difference, including the scale.
+        scale_known: whether the machine file states the scale's uncertainty; else it is 10 %.
+        empty_known: whether the log shows when the machine was empty, or has several loads.
+        machine: machine file, for the factors that it states.
     """
 
     mass_kg: float
@@ -67,22 +67,22 @@ class EmptyMassDifference:
 
     @property
     def difference_in_u(self) -> float:
-        """The difference in its standard uncertainty, negative below."""
+        """The difference in standard uncertainties; negative if the log's mass is smaller."""
         return (self.mass_kg - self.empty_kg) / self.u_kg
 
     @property
     def factor(self) -> float:
-        """The mass over the empty mass."""
+        """Ratio of the mass to the empty mass."""
         return self.mass_kg / self.empty_kg
 
     @property
     def is_informative(self) -> bool:
-        """Whether the difference tells of the scale: what is above may be a payload."""
+        """Whether the difference tests the scale; a larger mass may be a payload."""
         return self.difference_in_u < 0.0 or self.empty_known or self.difference_in_u > _PAYLOAD_U
 
     @property
     def text(self) -> str:
-        """The factor, and what it may be, in words."""
+        """The factor and its possible causes, as text."""
         scale = (
             "" if self.scale_known else ", with 10 % for a scale that the machine file leaves open"
         )
@@ -95,7 +95,7 @@ class EmptyMassDifference:
 
     @property
     def possible_causes(self) -> list[str]:
-        """Possible causes of such a factor."""
+        """Possible causes of this factor, as text."""
         if self.factor <= 0.0:
             return ["a force of the wrong sign"]
         times = max(self.factor, 1.0 / self.factor)
@@ -114,7 +114,7 @@ class EmptyMassDifference:
 
 
 class UngatedFit(NamedTuple):
-    """One fit over every moving sample: its first parameter ± std, and R²."""
+    """A fit over every moving sample: first parameter, its standard deviation and R²."""
 
     value: float
     std: float
@@ -123,15 +123,15 @@ class UngatedFit(NamedTuple):
 
 @dataclass(frozen=True)
 class AxisMotion:
-    """The samples of one axis: A (n, p), f (n,), and (n,) flags.
+    """Samples of one axis: A (n, p), f (n,), and (n,) flags.
 
     Attributes:
-        A: the regressor.
-        f: force or yaw torque.
-        known: nothing is missing.
-        moving: fitted: it moves, and does not brake unless braking counts as driving.
-        braking: it slows down.
-        speeding: it speeds up.
+        A: regressor.
+        f: force in N, or yaw torque in N·m.
+        known: no value is missing.
+        moving: fitted samples: in motion, and not braking unless braking counts as driving.
+        braking: the machine slows down.
+        speeding: the machine speeds up.
     """
 
     A: Floats
@@ -143,29 +143,29 @@ class AxisMotion:
 
     @cached_property
     def fit(self) -> UngatedFit:
-        """The fit of the axis' model to all that moves."""
+        """Fit of the axis' model to every moving sample."""
         return UngatedFit(*fit_quality.ungated_fit(self.A, self.f, self.moving))
 
     @property
     def speed(self) -> Floats:
-        """(n,) in m/s, or rad/s of a spin."""
+        """Speed (n,) in m/s, or yaw rate in rad/s for a spin."""
         return self.A[:, 1]
 
 
 @dataclass(frozen=True)
 class CheckInputs:
-    """A log as the checks see it.
+    """Frames and results of one log that the checks judge.
 
     Attributes:
-        excitation: regressors and phases.
-        gated: which windows were accepted.
-        machine: empty mass, settings.
+        excitation: frame with regressors and phases.
+        gated: frame with the accepted windows.
+        machine: machine file with empty mass and settings.
         weighing: the joint fit; None where nothing could be fitted.
-        signals: the channels as measured; None where only frames are at hand.
-        totals: `masses`, nothing withheld.
-        t0_unix_ns: when the first row is.
-        noise: of the columns; None where it is not known.
-        left_out: what checks name, and what the answer is without it, by check.
+        signals: raw channels; None if only frames are at hand.
+        totals: the frame `masses`, before anything is withheld.
+        t0_unix_ns: Unix time of the first row.
+        noise: noise of the columns; None if it is not known.
+        left_out: stretches left out and the answer without them, by check.
     """
 
     excitation: pl.DataFrame
@@ -183,30 +183,27 @@ class CheckInputs:
         return set(columns) <= set(self.excitation.columns)
 
     def is_phase(self, *names: str) -> Bools:
-        """Which samples are in one of these phases, (n,)."""
+        """Samples in one of the named phases, (n,)."""
         return self.excitation["phase"].is_in(names).fill_null(False).to_numpy()
 
     @cached_property
     def position_dependent_force(self) -> Floats | None:
-        """Position-dependent force in N of the joint fit, such as a spring, (n,).
-
-        None where there is none.
-        """
+        """Position-dependent force of the joint fit, such as a spring, (n,) in N; None without."""
         return None if self.weighing is None else self.weighing.fit.position_dependent_force
 
     @cached_property
     def empty_mass(self) -> EmptyMassDifference | None:
-        """The lightest load against the machine's empty mass; None without either."""
+        """Lightest load compared with the empty mass; None if either is missing."""
         return compare_empty_mass(self.weighing, self.machine)
 
     @cached_property
     def side_differences(self) -> Mapping[str, SideDifference]:
-        """Left against right, by kind: torque, speed, slip."""
+        """Differences of right and left by kind: torque, speed, slip."""
         return side_differences(self.excitation, self.signals, self.machine, self.t0_unix_ns)
 
     @cached_property
     def straight_motion(self) -> AxisMotion:
-        """Straight motion, without a force that depends on the place."""
+        """Samples of straight motion, without the position-dependent force."""
         settings = self.machine.settings
         A, f = straight_regressor(self.excitation, settings)
         if self.position_dependent_force is not None:
@@ -224,7 +221,7 @@ class CheckInputs:
 
     @cached_property
     def spins(self) -> AxisMotion | None:
-        """Spins, where the channels allow it and there are enough of them."""
+        """Samples of spins; None if the channels do not allow it or there are too few."""
         if Z not in available_axes(self.excitation):
             return None
         A, f = spin_regressor(self.excitation)
@@ -244,10 +241,10 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
 
     Args:
         weighing: the joint fit.
-        machine: its empty mass and what it states of the scale.
+        machine: machine file with its empty mass and scale uncertainties.
 
     Returns:
-        None where either has no mass, or the fit no uncertainty.
+        None if either mass is missing, or the fit has no uncertainty.
     """
     body = machine.machine
     if weighing is None or body.empty_mass_kg is None:

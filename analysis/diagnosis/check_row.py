@@ -1,4 +1,4 @@
-"""A check: a number of a log, its limits, and the consequence of failing it."""
+"""A check: a number computed from a log, its limits, and the consequence of failing."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,22 +22,22 @@ def _return_empty_text(_: CheckInputs, __: AxisMotion) -> str:
 
 @dataclass(frozen=True, slots=True)
 class CheckRow:
-    """One check.
+    """One check of a log.
 
     Attributes:
-        name: in the verdict.
-        about: what it may withhold, and so which motion it looks at.
-        number: computes its number; NaN if the log has nothing to compute it from.
-        minimum: the setting of `[settings.verdict]` that it must reach, if any.
-        maximum: the one that it must not exceed.
-        applies: whether this log has what it looks at.
-        optional: whether it does not apply where it has no number.
-        meaning: what the number says, in a sentence.
-        names: names what the number is of, where that differs from log to log; else "".
-        consequence: of failing,
-        moved_u: where what the check names was left out or replaced: how far that moves the answer,
-            in standard uncertainties. Up to one, failing withholds nothing and is told.
-        remedy: the setting or change that would mend it.
+        name: name in the verdict.
+        about: quantity that the check may withhold; it decides which motion is judged.
+        number: computes the number; NaN if the log lacks the data.
+        minimum: setting of `[settings.verdict]` that the number must reach, if any.
+        maximum: setting of `[settings.verdict]` that the number must not exceed, if any.
+        applies: whether the check applies to a log.
+        optional: whether the check does not apply if it has no number.
+        meaning: meaning of the number, in a sentence.
+        names: names the subject of the number where it differs between logs; else "".
+        consequence: consequence of failing.
+        moved_u: change of the answer, in standard uncertainties, once what the check names is left
+            out or replaced. Up to 1, failing withholds nothing and is only reported.
+        remedy: setting or change that would correct it.
     """
 
     name: str
@@ -54,11 +54,11 @@ class CheckRow:
     remedy: str = ""
 
     def describe_number(self, inputs: CheckInputs, motion: AxisMotion) -> str:
-        """The meaning, and what the number is of."""
+        """Meaning of the number and its subject, as text."""
         name = self.names(inputs, motion)
         return f"{self.meaning} ({name})" if name else self.meaning
 
     def consequence_in_log(self, inputs: CheckInputs, motion: AxisMotion) -> Consequence:
-        """Consequence of failing in this log, in proportion to the mass change it names."""
+        """Consequence of failing in this log, given the mass change it causes."""
         moved_u = self.moved_u(inputs, motion)
         return "tell" if moved_u is not None and moved_u <= MOVES_U else self.consequence

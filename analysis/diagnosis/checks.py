@@ -1,4 +1,4 @@
-"""The one table of checks: whether a log can weigh at all, judged on its ungated moving samples.
+"""The table of checks: whether a log can weigh, judged on all moving samples, ungated.
 
 A gate cannot protect from a log that holds no answer: of enough windows some look fine. So the
 checks look at everything that moved, each with its number and its limit. Straight motion decides
@@ -37,7 +37,11 @@ _SHORTEST_MOVING_S: Final = 1.0
 
 
 def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
-    """Judge the log, a row a check; `passed` is null where a check does not apply."""
+    """Judge the log by every check of the table.
+
+    Returns:
+        `verdict`: a row per check; `passed` is null if the check does not apply.
+    """
     machine = inputs.machine
     motions = {"mass": inputs.straight_motion, "inertia": inputs.spins}
     judged = [(row, motion) for row in CHECKS if (motion := motions[row.about]) is not None]
@@ -97,7 +101,7 @@ def _driving_share(_: CheckInputs, motion: AxisMotion) -> float:
 
 
 def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
-    """Slope of the accelerometer on the wheels' acceleration over all straight motion."""
+    """Slope of the accelerometer against the wheels' acceleration in straight motion."""
     used = motion.known & inputs.is_phase("accelerating", "cruising", "braking")
     measured = values(inputs.excitation, "specific_force_x_m_s2")
     imu = average_like_speed_rate(measured, inputs.machine.settings)
@@ -106,7 +110,7 @@ def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
 
 
 def rate_noise_variance(inputs: CheckInputs) -> float:
-    """Variance of the wheels' acceleration by the noise of their speed, in m²/s⁴."""
+    """Variance of the wheels' acceleration due to speed noise, in m²/s⁴."""
     settings = inputs.machine.settings
     known = None if inputs.noise is None else ColumnNoise.of_axis(X, inputs.noise, settings.noise)
     if known is None:
@@ -154,7 +158,7 @@ def _spin_centre(inputs: CheckInputs, motion: AxisMotion) -> float:
 
 @dataclass(frozen=True, slots=True)
 class AxisWords:
-    """Names of the quantities of an axis."""
+    """Names of an axis' quantities in the texts of its checks."""
 
     prefix: str
     acceleration: str
@@ -165,7 +169,7 @@ class AxisWords:
 
 
 def model_checks(about: EvidenceSubject, words: AxisWords) -> tuple[CheckRow, ...]:
-    """The checks that every axis must pass: they ask whether its model fits what moved."""
+    """Checks of every axis: whether its model fits the moving samples."""
     force, moves = words.force, words.moves
     return (
         CheckRow(
@@ -295,15 +299,15 @@ CHECKS: Final = (
 def withhold_by_findings(
     judged: pl.DataFrame, findings: pl.DataFrame, machine: Machine
 ) -> pl.DataFrame:
-    """Add the check that withholds what a finding withholds.
+    """Add the check that fails if a finding invalidates the mass.
 
     Args:
-        judged: `verdict`.
-        findings: of the same log.
-        machine: its limit.
+        judged: the frame `verdict`.
+        findings: findings of the same log.
+        machine: machine file with the check's limit.
 
     Returns:
-        `verdict` with one row more, behind those of the mass.
+        `verdict` with one more row, after those of the mass.
     """
     # a cause of what is withheld already is said once, by its finding
     is_open = Verdict.of(judged).can_weigh

@@ -1,4 +1,4 @@
-"""Stretches that a check names, left out of the fit, and what that moves the answer by.
+"""Stretches that a check names, left out of the fit, and the resulting change of the answer.
 
 A sensor that freezes for a second of a day, or an engine that gives no more than it can, is no
 reason to say nothing: what is named is left out. Where the answer then is another one, nobody knows
@@ -29,12 +29,12 @@ _SMEARS: Final = 1.0
 
 @dataclass(frozen=True)
 class ExcludedStretches:
-    """Stretches that a check names, and the answer without them.
+    """Stretches that a check names, and the effect of leaving them out.
 
     Attributes:
-        fitted_s: how much of it the fit had.
-        moved_u: by how much the mass moves without it, in standard uncertainties of the answer
-            without it; infinite where nothing is left.
+        fitted_s: duration of the stretches that the fit had used.
+        moved_u: change of the mass without them, in standard uncertainties of the new answer;
+            infinite if nothing is left.
     """
 
     fitted_s: float
@@ -42,12 +42,12 @@ class ExcludedStretches:
 
     @property
     def is_harmless(self) -> bool:
-        """Whether the answer without it is the answer."""
+        """Whether the answer stays the same without the stretches."""
         return self.moved_u <= MOVES_U
 
     @property
     def text(self) -> str:
-        """The outcome in words."""
+        """The outcome as text."""
         if not self.fitted_s:
             return "none of it is in what is weighed"
         part = f"{self.fitted_s:.1f} s of it in what is weighed"
@@ -60,12 +60,12 @@ class ExcludedStretches:
 
 @dataclass(frozen=True)
 class RefitWithoutStretches:
-    """The answer without what checks name, as far as that is harmless.
+    """The answer without harmless stretches that checks name.
 
     Attributes:
         weighing: the joint fit.
-        gated: the gate, with windows refused that hold what is left out.
-        named: by check.
+        gated: the gate, which rejects windows that contain them.
+        named: the stretches, by check.
     """
 
     weighing: Weighing | None
@@ -80,14 +80,14 @@ def refit_without_stretches(
     machine: Machine,
     weighed: Callable[[pl.DataFrame], Weighing | None],
 ) -> RefitWithoutStretches:
-    """Weigh, and weigh again without the stretches that checks of the readings name.
+    """Fit with and without the stretches that checks of the readings name.
 
     Args:
-        signals: the channels as measured.
-        grid: `aligned`, and when its first row is, in unix ns.
-        gated: which windows are accepted.
-        machine: settings.
-        weighed: the joint fit of a grid, some of whose rows may be left out.
+        signals: raw channels.
+        grid: `aligned` and the Unix time of its first row in ns.
+        gated: frame with the accepted windows.
+        machine: machine file with settings.
+        weighed: computes the joint fit of a grid, some of whose rows may be left out.
     """
     aligned, t0_unix_ns = grid
     weighing = weighed(aligned)
@@ -117,7 +117,7 @@ def refit_without_stretches(
 def _named_stretches(
     signals: Signals, limits: VerdictLimits
 ) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
-    """Each check that fails, where its stretches are, and why the gate refuses them."""
+    """Name, stretches by channel and rejection reason of each check that fails."""
     if signals.frozen_s > limits.frozen_max_s:
         yield "frozen", signals.frozen, "gap"  # what is frozen was not measured
     if signals.clipped_share > limits.clipped_max:
@@ -125,7 +125,7 @@ def _named_stretches(
 
 
 def _is_weighed(weighing: Weighing) -> Bools:
-    """The samples of the fit, and of manoeuvres whose load would seem to change, (n,)."""
+    """Samples of the fit and of manoeuvres whose load appears to change, (n,)."""
     motion = weighing.fit.motion
     return motion.used | np.isin(motion.unit, [each.unit for each in weighing.growing])
 
@@ -140,7 +140,7 @@ def _mass_shift_u(whole: Weighing, without: Weighing | None) -> float:
 def _rows_reached_by_spans(
     spans: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine
 ) -> Bools:
-    """The rows of the grid that a stretch of any channel reaches, (n,)."""
+    """Grid rows that a stretch of any channel overlaps, (n,)."""
     reach_ns = int(_SMEARS / machine.settings.filter.cutoff_hz * 1e9)
     held = np.zeros(unix_ns.size, np.bool_)
     for begin, end in (span for each in spans.values() for span in each):

@@ -1,4 +1,4 @@
-"""Checks of the joint fit: what its terms found, and who disagrees with whom."""
+"""Checks of the joint fit: the size of its terms, and disagreements between estimates."""
 
 from collections.abc import Callable
 from typing import Final
@@ -43,7 +43,7 @@ def _has_wheel_kinematics(inputs: CheckInputs, _: AxisMotion) -> bool:
 
 
 def _relative_u(inputs: CheckInputs, _: AxisMotion) -> float:
-    """Relative uncertainty of the load with most manoeuvres."""
+    """Relative standard uncertainty of the load with the most manoeuvres."""
     weighing = inputs.weighing
     if weighing is None:
         return np.nan
@@ -51,7 +51,7 @@ def _relative_u(inputs: CheckInputs, _: AxisMotion) -> float:
 
 
 def is_answer_expected(inputs: CheckInputs, _: AxisMotion) -> bool:
-    """Whether there is to be an answer: frames alone have none."""
+    """Whether the inputs are complete enough for an answer; frames alone give none."""
     return inputs.totals is not None
 
 
@@ -98,7 +98,7 @@ def _contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
 
 
 def _gating_bias_u(inputs: CheckInputs, motion: AxisMotion) -> float:
-    """Deviations between the gated and the ungated pooled mass; NaN where both miss a spring."""
+    """Gated minus ungated pooled mass, in standard deviations; NaN where a spring acts on both."""
     if inputs.totals is None or inputs.position_dependent_force is not None:
         return np.nan
     pooled = inputs.totals.filter(inputs.totals["method"] == "pooled")
@@ -111,7 +111,7 @@ def _gating_bias_u(inputs: CheckInputs, motion: AxisMotion) -> float:
 
 
 def term_presence_check(name: str, meaning: str) -> CheckRow:
-    """A term that the fit has: its check tells that it is there."""
+    """Check that reports whether the fit contains a term."""
     return CheckRow(
         name,
         "mass",

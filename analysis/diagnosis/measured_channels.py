@@ -1,4 +1,4 @@
-"""The channels as they were measured, before any filter: signs, frozen and clipped readings."""
+"""The raw channels before any filter: signs, frozen readings and clipped readings."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -51,7 +51,7 @@ _AT_LIMIT: Final = 0.15
 
 
 class RepeatedReading(NamedTuple):
-    """Readings that repeat one value: when, in unix ns, and which."""
+    """A stretch that repeats one reading: begin and end in Unix ns, and the value."""
 
     begin_ns: int
     end_ns: int
@@ -63,9 +63,9 @@ class Signals:
     """Raw channels.
 
     Attributes:
-        channels: by name: unix stamps in ns and readings in SI units, not filtered.
-        drift: the two clocks that run apart most clearly, None where that cannot be told.
-        span_s: how long the log is.
+        channels: Unix stamps in ns and unfiltered readings in SI units, by channel.
+        drift: the two clocks that drift apart most clearly; None if undetermined.
+        span_s: duration of the log.
     """
 
     channels: Mapping[str, Series]
@@ -74,14 +74,14 @@ class Signals:
 
     @property
     def clock_distance_s(self) -> float:
-        """How far the clocks run apart over the log, 0 where that is within its noise."""
+        """Drift between the clocks over the log in s; 0 if it may be noise."""
         if self.drift is None or self.drift.drift_ppm < 5.0 * self.drift.drift_std_ppm:
             return 0.0
         return self.drift.drift_ppm * 1e-6 * self.span_s
 
     @cached_property
     def _repeated_readings(self) -> dict[str, list[RepeatedReading]]:
-        """By force or motion channel: where it repeats itself while another one changes."""
+        """Stretches in which a force or motion channel repeats itself while another changes."""
         told = (*_FORCES, *_MOTION, *_BESIDE)
         looked = {name: series for name, series in self.channels.items() if name in told}
         return {
@@ -90,10 +90,10 @@ class Signals:
 
     @cached_property
     def limits(self) -> dict[str, dict[float, float]]:
-        """By force channel: the values that it ends at, and the share of its readings at each.
+        """Limits of each force channel, and the fraction of its readings at each.
 
-        Readings pile up at an extreme, or come back to one value for long, again and again: there a
-        sensor clips, or an engine gives no more.
+        Readings that accumulate at an extreme, or return to one value for long, indicate a clipping
+        sensor or an engine at its maximum.
         """
         return {
             name: {
@@ -106,7 +106,7 @@ class Signals:
 
     @cached_property
     def frozen(self) -> dict[str, Spans]:
-        """By force or motion channel: where it is frozen, in ns; at a limit it is not."""
+        """Spans in ns in which a force or motion channel is frozen, limits excluded, by channel."""
         return {
             name: [
                 (run.begin_ns, run.end_ns)
@@ -118,7 +118,7 @@ class Signals:
 
     @cached_property
     def standstill_spans(self) -> Spans:
-        """Where every speed reads exactly 0, in ns: no channel has to change there."""
+        """Spans in ns in which every speed reads exactly 0, so that no channel has to change."""
         by_speed = [
             _find_zero_speed_spans(*self.channels[name])
             for name in _SPEEDS
@@ -131,13 +131,13 @@ class Signals:
 
     @property
     def frozen_s(self) -> float:
-        """For how long a force or motion channel repeats itself while another one changes."""
+        """Total duration in s of frozen force or motion channels."""
         spans = self.frozen.values()
         return max((sum(end - begin for begin, end in each) / 1e9 for each in spans), default=0.0)
 
     @cached_property
     def clipped(self) -> dict[str, tuple[float, float]]:
-        """By force channel: the largest share of its readings at one limit, and which."""
+        """Largest fraction of readings at one limit, and that limit, by force channel."""
         nothing = (0.0, float("nan"))
         return {
             name: max(((share, at) for at, share in found.items()), default=nothing)
@@ -146,7 +146,7 @@ class Signals:
 
     @cached_property
     def at_limit(self) -> dict[str, Spans]:
-        """By force channel: where it stays at a limit, in ns."""
+        """Spans in ns in which a force channel stays at a limit, by channel."""
         return {
             name: _find_spans_at_limits(list(found), *self.channels[name])
             for name, found in self.limits.items()
@@ -155,11 +155,11 @@ class Signals:
 
     @property
     def clipped_share(self) -> float:
-        """The largest share of a force channel's readings that are at its limit."""
+        """Largest fraction of a force channel's readings at its limit."""
         return max((share for share, _ in self.clipped.values()), default=0.0)
 
     def interpolate_force_at(self, unix_ns: Ints) -> Floats | None:
-        """The unfiltered force, or the sum of both torques; None where it is derived."""
+        """Interpolate the unfiltered force, or the sum of both torques; None if it is derived."""
         names = [name for name in _FORCES if name in self.channels]
         if not names:
             return None
@@ -167,11 +167,11 @@ class Signals:
 
 
 def measured_signals(raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]) -> Signals:
-    """Take the raw channels of a log.
+    """Collect the raw channels of a log.
 
     Args:
-        raw: by topic, with log times and header stamps.
-        channels: as `analysis.stages.signals.derive.measured` gives them.
+        raw: frames by topic, with log times and header stamps.
+        channels: readings as `analysis.stages.signals.derive.measured` returns them.
     """
     span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
     return Signals(channels, relative_drift(clock_drifts(raw)), span_ns / 1e9)
@@ -183,13 +183,17 @@ def _interpolate_at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
 
 
 def find_equal_runs(x: Floats) -> tuple[Ints, Ints]:
-    """First and last reading of each run of equal ones."""
+    """First and last index of each run of equal readings."""
     first = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
     return first, np.append(first[1:], x.size) - 1
 
 
 def find_long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
-    """Where a channel repeats one reading for long, and whether it hardly ever does otherwise."""
+    """Find long runs of one reading.
+
+    Returns:
+        The runs, and whether the channel hardly ever repeats a reading elsewhere.
+    """
     first, last = find_equal_runs(x)
     long = ((t[last] - t[first]) > _FROZEN_S * 1e9) & (last - first >= _FEWEST_RUN - 1)
     runs = zip(t[first[long]], t[last[long]], x[first[long]], strict=True)
@@ -201,7 +205,7 @@ def find_long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
 
 
 def _find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
-    """Where a speed reads exactly 0 for long, and comes to it and leaves it gradually, in ns."""
+    """Spans in ns in which a speed reads 0 for long, with gradual entry and exit."""
     first, last = find_equal_runs(x)
     before, after = np.abs(x[np.maximum(first - 1, 0)]), np.abs(x[np.minimum(last + 1, x.size - 1)])
     small = _BESIDE_STAND * float(np.quantile(np.abs(x), 0.98))
@@ -211,7 +215,7 @@ def _find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
 
 
 def _intersect_spans(some: Spans, others: Spans) -> Spans:
-    """Where both are."""
+    """Intersection of two lists of spans."""
     pairs = ((max(b, c), min(e, d)) for b, e in some for c, d in others)
     return [(begin, end) for begin, end in pairs if begin < end]
 
@@ -240,7 +244,7 @@ def _find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[R
 
 
 def _is_dead(name: str, channels: Mapping[str, Series]) -> bool:
-    """Whether a channel that never moves should: it drives, or its other side does."""
+    """Whether a constant channel should have moved, since it or its other side drives."""
     of_motion = name in _MOTION
     speeds = [x for key, (_, x) in channels.items() if key in _SPEEDS and key != name]
     forces = [x for key, (_, x) in channels.items() if key in _FORCES and key != name]
@@ -250,7 +254,7 @@ def _is_dead(name: str, channels: Mapping[str, Series]) -> bool:
 
 
 def _is_changing(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bool:
-    """Whether a channel changes by more than `least` from one half of a stretch to the other."""
+    """Whether a channel changes by more than `least` between the halves of a stretch."""
     part = x[np.searchsorted(t, begin_ns) : np.searchsorted(t, end_ns, side="right")]
     if part.size < 4:
         return False
@@ -259,7 +263,7 @@ def _is_changing(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -
 
 
 def find_repeated_extremes(x: Floats) -> dict[float, float]:
-    """The extremes that readings pile up at, and the share of the readings at each."""
+    """Extremes at which readings accumulate, with the fraction of readings at each."""
     values, counts = np.unique(x, return_counts=True)
     if values.size < 10:
         return {}
@@ -271,7 +275,7 @@ def find_repeated_extremes(x: Floats) -> dict[float, float]:
 
 
 def _find_recurring_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
-    """Find levels to which long runs return and that few readings exceed."""
+    """Find levels that long runs return to and few readings exceed."""
     often = Counter(run.value for run in runs)
     return {
         value: float((x == value).mean())

@@ -1,4 +1,4 @@
-"""The paper's estimates against the answer: which of them the log contradicts."""
+"""Comparison of the paper's estimates with the joint fit: which of them it contradicts."""
 
 from typing import Final, NamedTuple
 
@@ -15,7 +15,7 @@ _TERM_IS_THERE: Final = 3.0
 
 
 class Disagreement(NamedTuple):
-    """How far a method is from the answer, in deviations, and whether it is contradicted."""
+    """Distance of a method from the answer in standard deviations, and whether it disagrees."""
 
     method: str
     deviations: float
@@ -25,10 +25,10 @@ class Disagreement(NamedTuple):
 def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     """Compare every method that has a mass with the joint fit.
 
-    A method without nuisance terms says that they are 0, but for the Coulomb term where it is set.
-    Where the log shows one that is not, its interval must at least contain the answer's; likewise
-    where starts disagree, since then its deviation, which is of noise alone, is too small. None
-    holds where there are several loads: each has one mass.
+    A method without nuisance terms assumes that they are 0, except for a configured Coulomb term.
+    If the log shows a term that is not 0, or if its starts disagree, the method's own deviation is
+    too small, and its interval must at least contain that of the answer. With several loads no
+    method agrees, since each estimates one mass.
     """
     weighing, totals = inputs.weighing, inputs.totals
     if weighing is None or totals is None:
@@ -55,7 +55,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
 
 
 def _nuisances_of_methods(inputs: CheckInputs) -> set[str]:
-    """The nuisances that the methods have as well: their Coulomb term, a constant one way."""
+    """Nuisances that the methods also model: the Coulomb term, or a constant for one direction."""
     if inputs.weighing is None or not inputs.machine.settings.forces.coulomb:
         return set()
     return {"direction" if inputs.weighing.fit.motion.drives_both_ways else "const"}

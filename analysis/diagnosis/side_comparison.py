@@ -43,13 +43,13 @@ _ONE_SIDED_RESISTANCE_1: Final = 0.03
 
 @dataclass(frozen=True)
 class SideDifference:
-    """Right less left, over their mean.
+    """Right minus left, relative to their mean.
 
     Attributes:
-        kind: torque, speed, or slip: speed in hard starts beyond that in soft ones.
-        value_1: the difference; 2 where the left side reads nothing.
+        kind: torque, speed, or slip: the speed difference in hard starts minus that in soft ones.
+        value_1: the relative difference; 2 if the left side reads 0.
         std_1: its standard deviation.
-        resistance_1: how much of it a resistance of one side may be.
+        resistance_1: part of it that a resistance on one side may cause.
     """
 
     kind: str
@@ -59,22 +59,22 @@ class SideDifference:
 
     @property
     def least_difference_1(self) -> float:
-        """Least difference of the sides; 0 if it may be noise."""
+        """Lower bound of the difference; 0 if it may be noise."""
         return max(abs(self.value_1) - self.resistance_1, 0.0) if self.is_significant else 0.0
 
     @property
     def is_significant(self) -> bool:
-        """Whether it is more than noise."""
+        """Whether the difference exceeds its noise."""
         return abs(self.value_1) > SURELY * self.std_1
 
     @property
     def smaller_side(self) -> str:
-        """The side that reads less."""
+        """Name of the side that reads less."""
         return "left" if self.value_1 > 0.0 else "right"
 
     @property
     def smaller_over_larger_1(self) -> float:
-        """Ratio of the smaller side to the larger; below 0 they oppose each other."""
+        """Ratio of the smaller side to the larger; negative if they oppose each other."""
         half = abs(self.value_1) / 2.0  # of a side that reads nothing it is 1, but for rounding
         return (1.0 - half) / (1.0 + half)
 
@@ -86,12 +86,12 @@ def side_differences(
 
     Args:
         excitation: the grid with its phases.
-        signals: the channels as measured.
-        machine: the track's width.
-        t0_unix_ns: when the first row is.
+        signals: raw channels.
+        machine: machine file with the track width.
+        t0_unix_ns: Unix time of the first row.
 
     Returns:
-        By kind: `torque`, `speed` and `slip`, where the log has samples enough for it.
+        Differences by kind (`torque`, `speed`, `slip`), as far as the log has enough samples.
     """
     if signals is None:
         return {}
@@ -138,7 +138,7 @@ def side_differences(
 
 
 def _driving_direction(speeds: Sequence[Floats | None], torques: Sequence[Floats | None]) -> Floats:
-    """(n,) which way the machine goes, by its wheels, else by what drives them."""
+    """Driving direction (n,) by the wheel speeds, or else by the torques."""
     known = next(each for each in (*speeds, *torques) if each is not None)
     return np.sign(known)
 
@@ -146,9 +146,9 @@ def _driving_direction(speeds: Sequence[Floats | None], torques: Sequence[Floats
 def _torque_difference(
     left: Floats, right: Floats, turning: list[Floats], ahead: Floats, driving: Bools, stands: Bools
 ) -> SideDifference | None:
-    """By how much more one side pushes where both push more.
+    """Slope of the torque difference on the mean torque.
 
-    An offset of one side is no difference, and what opposes one side, as on a cross slope, is none.
+    An offset of one side, or a resistance of one side as on a cross slope, does not count.
     """
     apart, mean = right - left, (right + left) / 2.0
     if driving.sum() < _FEWEST:
@@ -166,7 +166,7 @@ def _torque_difference(
 def _speed_difference(
     apart: Floats, mean: Floats, push: Floats | None, driving: Bools
 ) -> dict[str, SideDifference | None]:
-    """By how much faster one side turns, and by how much more in hard starts."""
+    """Relative difference of the wheel speeds, and its increase in hard starts."""
     everywhere = slope_of_difference("speed", apart, mean, [], driving)
     if push is None or driving.sum() < _FEWEST:
         return {"speed": everywhere}
@@ -186,7 +186,7 @@ def _speed_difference(
 def slope_of_difference(
     kind: str, apart: Floats, mean: Floats, others: list[Floats], rows: Bools
 ) -> SideDifference | None:
-    """The slope of the difference on the mean, with a constant and the other columns."""
+    """Regress the difference on the mean, with a constant and the other columns."""
     if rows.sum() < _FEWEST:
         return None
     beside = [each[rows] for each in others if each[rows].any()]

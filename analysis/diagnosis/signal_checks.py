@@ -1,4 +1,4 @@
-"""Checks of the signals as they were measured, before any low-pass."""
+"""Checks of the raw signals, before any low-pass."""
 
 from collections.abc import Callable
 from typing import Final
@@ -13,7 +13,7 @@ from estimators.arrays import Floats
 
 
 def _raw_opposing_share(inputs: CheckInputs, motion: AxisMotion) -> float:
-    """`opposing_share` of the unfiltered force, since a low-pass undershoots below 0."""
+    """`opposing_share` of the unfiltered force, since a low-pass undershoots zero."""
     force = _raw_force(inputs)
     if force is None:
         return np.nan
@@ -21,7 +21,7 @@ def _raw_opposing_share(inputs: CheckInputs, motion: AxisMotion) -> float:
 
 
 def _raw_force(inputs: CheckInputs) -> Floats | None:
-    """The unfiltered force on the grid, (n,)."""
+    """Unfiltered force on the grid, (n,) in N; None if the force is derived."""
     if inputs.signals is None:
         return None
     return inputs.signals.interpolate_force_at(
@@ -42,7 +42,7 @@ def _clock_distance_s(inputs: CheckInputs, _: AxisMotion) -> float:
 
 
 def _mass_shift_u(check: str) -> Callable[[CheckInputs, AxisMotion], float | None]:
-    """How far the answer moves without what this check names."""
+    """Function that returns the change of the answer without a check's stretches."""
 
     def of(inputs: CheckInputs, _: AxisMotion) -> float | None:
         found = inputs.left_out.get(check)
@@ -52,7 +52,7 @@ def _mass_shift_u(check: str) -> Callable[[CheckInputs, AxisMotion], float | Non
 
 
 def _make_refit_outcome(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
-    """Outcome of refitting without the stretches of this check."""
+    """Function that describes the refit without a check's stretches."""
 
     def of(inputs: CheckInputs, _: AxisMotion) -> str:
         found = inputs.left_out.get(check)
@@ -62,7 +62,7 @@ def _make_refit_outcome(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
 
 
 def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
-    """The largest difference of left and right; NaN without two sides."""
+    """Largest relative difference of left and right; NaN without two sides."""
     return max(
         (each.least_difference_1 for each in inputs.side_differences.values()), default=np.nan
     )

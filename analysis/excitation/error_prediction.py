@@ -40,7 +40,7 @@ class MeasuredSignals(NamedTuple):
     yaw_rate_rad_s: Floats
 
     @classmethod
-    def measure_motion(cls, motion: Channels) -> Self:
+    def from_motion(cls, motion: Channels) -> Self:
         """A motion as ideal instruments give it."""
         return cls(*(getattr(motion, name) for name in cls._fields))
 
@@ -75,24 +75,24 @@ def true_parameters(body: RigidBody) -> Floats:
 
 @dataclass(frozen=True)
 class Filters:
-    """The moving mean of `samples` and, on it, the central difference: what a window is made of."""
+    """Moving mean of `samples` and its central difference, as the fit of a window applies them."""
 
     samples: int
     rate_hz: float
 
     @property
     def margin(self) -> int:
-        """Samples that a window needs beyond its own."""
+        """Samples that the filters need before and after a window, together."""
         return self.samples + 1
 
     @property
     def mean(self) -> Floats:
-        """(samples + 2,) weights of the moving mean, amid those of `difference`."""
+        """Weights (samples + 2,) of the moving mean, padded to the length of `difference`."""
         return np.r_[0.0, np.full(self.samples, 1.0 / self.samples), 0.0]
 
     @property
     def difference(self) -> Floats:
-        """(samples + 2,) weights of the difference of the means a sample before and after."""
+        """Weights (samples + 2,) of the central difference of moving means."""
         ones = np.full(self.samples, 1.0 / self.samples)
         return (np.r_[0.0, 0.0, ones] - np.r_[ones, 0.0, 0.0]) * self.rate_hz / 2.0
 
@@ -116,13 +116,13 @@ def _filter_equation_columns(raw: Floats, weights: Floats) -> Floats:
 def window_system(
     drive: Drive, filters: Filters, raw: MeasuredSignals, noise: MeasuredSignals
 ) -> tuple[Floats, Floats]:
-    """The system that least squares solves: (rows, p) and (rows,), over the noise of force, torque.
+    """System of least squares: regressor (rows, p) and right side (rows,), over the noise.
 
     Args:
         drive: which rows and columns are fitted.
         filters: of every channel.
         raw: the channels, true or noisy.
-        noise: of one sample, of which force's and torque's count here.
+        noise: noise of one sample; only that of force and torque is used.
     """
     A, y = filters.stack_rows(raw)
     rows, weights = _ROWS[drive], reciprocal_noise(drive, noise)
@@ -131,18 +131,19 @@ def window_system(
 
 
 def reciprocal_noise(drive: Drive, noise: MeasuredSignals) -> Floats:
-    """(rows,) the reciprocal noise of force and torque; 1 where there is none."""
+    """Reciprocal noise (rows,) of force and torque; 1 if they have none."""
     each = np.array([float(noise.force_x_N), float(noise.torque_z_N_m)])
     return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[drive]]
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """The error of one number that a window is for.
+    """Predicted error of one estimated quantity.
 
     Attributes:
         value: the true number.
-        variance_per_force: variance for each N² of variance of the force (the torque's with it).
+        variance_per_force: variance per N² of variance of the force; the torque's noise scales with
+            the force's.
         variance_rest: variance from all other noise.
         bias: systematic error.
         force_N: noise of one sample of the force.
@@ -165,7 +166,7 @@ class Prediction:
         return float(np.hypot(self.std, self.bias))
 
     def allowed_force_noise(self, error: float) -> float | None:
-        """Noise of the force in N at which the r.m.s. error is `error`; None: the rest is more."""
+        """Force noise in N at which the r.m.s. error is `error`; None if there is none."""
         left = error**2 - self.bias**2 - self.variance_rest
         return float(np.sqrt(left / self.variance_per_force)) if left > 0.0 else None
 
@@ -173,17 +174,17 @@ class Prediction:
 def predict_errors(
     drive: Drive, filters: Filters, truth: MeasuredSignals, body: RigidBody, noise: MeasuredSignals
 ) -> dict[str, Prediction]:
-    """Predict the mass, the yaw inertia and the centre of mass, as far as the drive fits them.
+    """Predict the errors of the mass, the yaw inertia and the centre of mass that a drive fits.
 
     Args:
-        drive: what is fitted.
-        filters: of every channel.
+        drive: which equations are fitted.
+        filters: filters applied to every channel.
         truth: (n + margin,) the noise-free channels of the window.
         body: the machine.
-        noise: of one sample of each channel; the force has some.
+        noise: noise of one sample of each channel; the force's must not be zero.
 
     Returns:
-        By name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
+        Predictions by name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
     """
     columns, rows = COLUMNS[drive], _ROWS[drive]
     A, y = window_system(drive, filters, truth, noise)
@@ -215,7 +216,7 @@ def predict_errors(
 
 
 def predicted_quantities(body: RigidBody) -> dict[str, tuple[float, Floats]]:
-    """Each number and its gradient in `planar_rows.PARAMETERS`."""
+    """True value of each quantity, and its gradient in `planar_rows.PARAMETERS`."""
     mass = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     inertia = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     com_x = np.array([-body.com_x_m, 0.0, 1.0, 0.0, 0.0, 0.0]) / body.mass_kg
@@ -229,7 +230,7 @@ def predicted_quantities(body: RigidBody) -> dict[str, tuple[float, Floats]]:
 def _predict_variance_by_source(
     filters: Filters, weight: Floats, phi: Floats, full: Floats, noise: MeasuredSignals
 ) -> tuple[float, float]:
-    """Variance from force and torque, and from all else, of an error Σ weight (n, 2) · rows."""
+    """Variance of an error Σ weight (n, 2) · rows due to force and torque, and due to the rest."""
     m, inertia, mc_x, mc_y, b_x, b_psi = phi
     w_x, w_z = weight.T
     omega = full[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
@@ -252,7 +253,7 @@ def _predict_variance_by_source(
 def _regressor_noise(
     drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> Floats:
-    """(p,) the diagonal of E[NᵀN] over a window; the central difference and the mean share none."""
+    """Diagonal (p,) of E[NᵀN] over a window; mean and central difference are uncorrelated."""
     mean, difference = (float(each @ each) for each in (filters.mean, filters.difference))
     s_x, s_y, speed, yaw_rate = (float(each) ** 2 * mean for each in noise[2:])
     turn = float(noise.yaw_rate_rad_s) ** 2 * difference
@@ -269,7 +270,7 @@ def _regressor_noise(
 def condition_number(
     drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> float:
-    """Condition number of AᵀA, each column in units of the noise in it."""
+    """Condition number of AᵀA after each column is divided by its noise."""
     A, _ = window_system(drive, filters, truth, noise)
     inside = np.sqrt(_regressor_noise(drive, filters, truth, noise))
     if not (inside > 0.0).all():

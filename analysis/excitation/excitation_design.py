@@ -57,23 +57,22 @@ _ASKED: Final[dict[Drive, tuple[str, ...]]] = {
 
 @dataclass(frozen=True)
 class Score:
-    """Predicted estimates of one waveform, from the window that determines them least.
+    """Predicted errors of one waveform, from the window that determines the parameters least.
 
     Attributes:
         waveform: its shape.
-        ways: one way (no force or torque against the motion) or both.
-        manoeuvre: to drive.
-        start_s: when the window begins, with the samples that the filters take before it.
-        predictions: by name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
+        ways: "one" (force and torque never oppose the motion) or "both".
+        manoeuvre: manoeuvre that drives the waveform.
+        start_s: start of the window, including the samples that the filters need before it.
+        predictions: predictions by name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
         rank: of both rows of `planar_rows.regressor`: how many of six parameters are determined.
-        condition: of AᵀA, columns in units of their noise.
+        condition: condition number of AᵀA, with each column divided by its noise.
         snr: r.m.s. variation over a period (standard deviation) of the force that the drive
             applies over the noise of one sample of it; of the torque in a spin.
-        snr_needed: the smallest at which the accuracy is reached; None: at none, since bias or
-            other noise is more.
-        peak_speed_m_s: fastest.
-        reach_m: how far from its start the machine gets before it brakes.
-        relative_error: the largest r.m.s. error of what is asked for, over its value.
+        snr_needed: smallest SNR that reaches the accuracy; None if bias or other noise prevents it.
+        peak_speed_m_s: highest speed.
+        reach_m: largest distance from the start before braking.
+        relative_error: largest r.m.s. error of the wanted quantities, over their values.
     """
 
     waveform: Shape
@@ -113,7 +112,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Design:
-    """The waveforms tried, and the best of those that fit the yard (None where none does)."""
+    """Scores of all waveforms, and the best one that fits the yard (None if none fits)."""
 
     drive: Drive
     response_s: Mapping[str, float]
@@ -124,7 +123,7 @@ class Design:
 
     @property
     def is_reached(self) -> bool:
-        """Whether the best waveform is as accurate as asked for."""
+        """Whether the best waveform reaches the wanted accuracy."""
         return self.best is not None and self.best.relative_error <= self.accuracy
 
     def to_dict(self) -> dict[str, Any]:
@@ -147,26 +146,27 @@ class Design:
         }
 
     def to_scenario(self, base: Scenario) -> Scenario:
-        """The best waveform as the trial of a scenario, after a short rest.
+        """Scenario whose trial is the best waveform after a short rest.
 
         Raises:
             DataError: no waveform fits the yard.
         """
         if self.best is None:
-            raise DataError("no waveform fits the yard")
+            raise DataError("no waveform stays within the yard; give a longer --yard")
         return scenario_with_manoeuvres(base, Rest(duration_s=2.0), self.best.manoeuvre)
 
 
 def scenario_with_manoeuvres(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
-    """Copy a scenario with these manoeuvres as its trial."""
+    """Copy of a scenario with these manoeuvres as its trial."""
     campaign = base.campaign.model_copy(update={"manoeuvres": manoeuvres})
     return base.model_copy(update={"campaign": campaign})
 
 
 def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
-    """T: how long the speed (yaw rate) takes to within 2 % of its last value after a step.
+    """Settling time T of the speed (yaw rate) after a step, to 2 % of its final value.
 
-    Half of full throttle, valve and Coulomb friction included; about four time constants.
+    The step is half of full throttle, with valve and Coulomb friction; T is about four time
+    constants.
 
     Raises:
         DataError: friction of that axis is zero or holds the machine, so that there is no T.
@@ -195,7 +195,7 @@ def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) ->
 
 def _settling_time_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
     if friction <= 0.0:
-        raise DataError(f"machine.{key}: without friction a step never settles; give it")
+        raise DataError(f"machine.{key}: is 0, so that a step never settles; give a value above 0")
     return min(12.0 * (inertia / friction + scenario.campaign.valve_lag_s), 3600.0)
 
 
@@ -212,8 +212,8 @@ def design_excitation(
         scenario: machine, sensors, ground; its first load.
         drive: straight (force), spin (torque) or joint (both, full throttle shared).
         accuracy: wanted r.m.s. error over the value: of the mass, the yaw inertia, or both.
-        window_s: T_φ, between T and T_f of the slowest axis; 2 T unless given.
-        yard_m: how far from its start the machine may get.
+        window_s: T_φ, between T and T_f of the slowest axis; default 2 T.
+        yard_m: largest distance from the start that the yard allows.
 
     Raises:
         DataError: a window outside T to T_f, an axis that has no response time, or a force without
@@ -222,7 +222,8 @@ def design_excitation(
     load_kg = scenario.campaign.loads_kg[0]
     if scenario.sensors.force_noise_N == 0.0:
         raise DataError(
-            "sensors.force_noise_N: without noise there is no signal-to-noise ratio; give it"
+            "sensors.force_noise_N: is 0, so that there is no signal-to-noise ratio; give a value "
+            "above 0"
         )
     response_s = {axis: driveline_response_time_s(scenario, load_kg, axis) for axis in _AXES[drive]}
     slowest_s = max(response_s.values())
@@ -241,7 +242,7 @@ def design_excitation(
 
 
 def best_score(scores: Sequence[Score], yard_m: float | None) -> Score | None:
-    """The score of the smallest error that fits the yard, None where none does."""
+    """Score with the smallest error that fits the yard; None if none fits."""
     fitting = [score for score in scores if yard_m is None or score.reach_m <= yard_m]
     return min(fitting, key=lambda score: score.relative_error, default=None)
 
@@ -295,7 +296,7 @@ def _score_shape(
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
     motion = solve_motion(scenario_with_manoeuvres(scenario, longer), load_kg)
     driven = motion.sample_channels(np.arange(round(last_s * rate_hz)) / rate_hz)
-    truth = MeasuredSignals.measure_motion(driven)
+    truth = MeasuredSignals.from_motion(driven)
     asked = _ASKED[drive]
 
     def worst(predictions: Mapping[str, Prediction]) -> float:
@@ -338,7 +339,7 @@ def _score_shape(
 
 
 def determined_parameter_count(driven: Channels) -> int:
-    """How many of the six parameters both rows of a solved motion determine, noise aside."""
+    """Number of the six parameters that a noise-free motion determines."""
     A = planar_rows.regressor(
         driven.specific_force_x_m_s2,
         driven.specific_force_y_m_s2,

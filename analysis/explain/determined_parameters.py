@@ -31,11 +31,12 @@ class DeterminedParameters:
     """Parameters that the motion determines.
 
     Attributes:
-        samples: that were looked at.
-        alone: parameters that are determined by themselves.
-        combinations: of the others, as a person reads them: `mass_kg - 5 coulomb_x_N`.
-        lost: parameters that are in none of these.
-        trade_offs: pairs whose estimates are correlated by more than `TRADE_OFF`, with it.
+        samples: number of samples examined.
+        alone: parameters that are determined individually.
+        combinations: determined combinations of other parameters, as text: `mass_kg - 5
+            coulomb_x_N`.
+        lost: parameters that occur in none of these.
+        trade_offs: pairs of parameters, and their correlation if beyond `TRADE_OFF`.
     """
 
     samples: int
@@ -48,16 +49,16 @@ class DeterminedParameters:
 def determine_parameters(
     excitation: pl.DataFrame, rows: Bools, noise: pl.DataFrame | None, settings: Settings
 ) -> DeterminedParameters | None:
-    """Find what some samples determine.
+    """Find which parameters the chosen samples determine.
 
     Args:
-        excitation: regressor, speed, direction.
-        rows: (n,) which samples.
-        noise: of the columns (frame `noise`).
-        settings: samples of the mean, noise.
+        excitation: frame with regressor, speed and direction.
+        rows: (n,) chosen samples.
+        noise: frame `noise` of the columns.
+        settings: settings with the moving mean and the noise.
 
     Returns:
-        None where there are too few samples, or their noise is not known.
+        None if there are too few samples, or their noise is unknown.
     """
     acceleration = values(excitation, "regressor_acc_x_m_s2")
     speed = values(excitation, "speed_x_m_s")
@@ -86,7 +87,7 @@ def determine_parameters(
 
 
 def column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Floats | None:
-    """Noise of acceleration, speed, sign and constant after the moving mean, (4,)."""
+    """Noise (4,) of acceleration, speed, sign and constant after the mean, if known."""
     known = ColumnNoise.of_axis(X, noise, settings.noise)
     if known is None:
         return None
@@ -99,7 +100,7 @@ def column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Floats 
 
 
 def _trade_offs(A: Floats) -> tuple[tuple[str, str, float], ...]:
-    """Correlations of least squares estimates beyond `TRADE_OFF`, the strongest first."""
+    """Correlations of least-squares estimates beyond `TRADE_OFF`, strongest first."""
     length = np.linalg.norm(A, axis=0)
     kept = [i for i in range(A.shape[1]) if length[i] > 0.0]
     scaled = A[:, kept] / length[kept]

@@ -1,4 +1,4 @@
-"""Why a run says what it says: its verdict, the causes that show, the gate, what is open."""
+"""Explanation of a run: its answer, causes, gate decisions and undetermined parameters."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -40,7 +40,7 @@ SMALL: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A cause that the log shows, in words and numbers (frame `findings`)."""
+    """Cause found in the log (row of frame `findings`)."""
 
     rank: int
     cause: str
@@ -59,7 +59,7 @@ class Finding:
 
     @classmethod
     def from_row(cls, row: Mapping[str, Any]) -> "Finding":
-        """Read a row of `findings`."""
+        """Finding from a row of `findings`."""
         # the causes bring all that looks for them; most recordings show none
         from analysis.findings import CAUSES, UNKNOWN
 
@@ -74,24 +74,24 @@ class Finding:
 
     @property
     def has_proposal(self) -> bool:
-        """Whether it has something to write into the machine file."""
+        """Whether it proposes a change to the machine file."""
         return self.setting is not None and self.value is not None
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """Why a run says what it says.
+    """Explanation of a run's answer.
 
     Attributes:
         said: the answer.
-        at_s: the moment that is meant; None: the whole run.
-        findings: the causes that the log shows, the likeliest first; those of another
-            time are left out where a moment is meant. None where none was looked for.
-        manoeuvre: the one that the moment lies in.
-        worst: without a moment, the manoeuvres that say something else than their load.
-        gate: the gate's reasons around the moment.
-        shares: share of the windows by reason.
-        determined: what the motion determines; None where that is not known.
+        at_s: explained moment; None for the whole run.
+        findings: causes found in the log, likeliest first, only those that cover `at_s` if it is
+            given; None if the run did not look for causes.
+        manoeuvre: manoeuvre at that moment.
+        worst: for a whole run, the manoeuvres that deviate most from their loads.
+        gate: gate decisions around the moment.
+        shares: share of windows by reason.
+        determined: determined parameters; None if unknown.
     """
 
     said: Answer
@@ -123,8 +123,8 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
     """Explain a run, or a moment of it.
 
     Args:
-        run: with the frames `SMALL` and the columns `COLUMNS`, as far as it has them.
-        at_s: the moment, in seconds since the start.
+        run: run with as many of the frames `SMALL` and the columns `COLUMNS` as it has.
+        at_s: moment, in seconds since the start.
     """
     frames, settings = run.frames, run.provenance.settings
     gate = frames.get("gate", pl.DataFrame())
@@ -165,7 +165,7 @@ def _is_near(finding: Finding, at_s: float) -> bool:
 def determine_parameters_at_moment(
     run: Run, manoeuvre: ManoeuvreReport | None, at_s: float | None
 ) -> DeterminedParameters | None:
-    """Determined parameters of the manoeuvre, the window that ends at a moment, or the log."""
+    """Parameters determined by the manoeuvre or window at a moment, or by the log."""
     excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
     settings = run.provenance.settings
     if excitation is None or not excitation.height:

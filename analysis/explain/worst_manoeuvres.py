@@ -1,4 +1,4 @@
-"""The gate along a stretch of time, and the manoeuvres that say something else than their load."""
+"""Gate decisions over time, and the manoeuvres that deviate most from their loads."""
 
 import math
 from collections.abc import Mapping
@@ -25,15 +25,15 @@ _DECIDES: Final[Mapping[str, tuple[str, str, str]]] = {
 
 @dataclass(frozen=True, slots=True)
 class GateStretch:
-    """Windows of one reason that end one after the other.
+    """Consecutive windows with the same reason.
 
     Attributes:
-        start_s: where the first of them ends, in seconds since the start.
-        end_s: where the last ends.
-        reason: the gate's.
-        column: the number that decided, if one did.
-        value: its median.
-        limit: what it has to reach, with the sign of the comparison.
+        start_s: end of the first window, in seconds since the start.
+        end_s: end of the last window.
+        reason: reason of the gate.
+        column: statistic that decided, if any.
+        value: median of that statistic.
+        limit: limit of the statistic, with the sign of the comparison.
     """
 
     start_s: float
@@ -46,17 +46,17 @@ class GateStretch:
 
 @dataclass(frozen=True, slots=True)
 class ManoeuvreReport:
-    """A manoeuvre beside its load.
+    """Mass of a manoeuvre compared with that of its load.
 
     Attributes:
         start_s: seconds since the start.
-        end_s: likewise.
-        load_id: its load; None where it is in none.
-        mass_kg: by itself.
-        mass_std_kg: of that.
-        load_kg: mass of its load.
-        deviations: of the two, in standard deviations of this manoeuvre.
-        reason: the gate's, where it was not accepted.
+        end_s: end, in seconds since the start.
+        load_id: id of its load; None if it belongs to none.
+        mass_kg: mass of the manoeuvre alone.
+        mass_std_kg: standard deviation of that mass.
+        load_kg: mass of the load.
+        deviations: difference of the two masses, in standard deviations of the manoeuvre's.
+        reason: reason of the gate if it rejected the manoeuvre.
     """
 
     start_s: float
@@ -72,13 +72,13 @@ class ManoeuvreReport:
 def gate_stretches(
     gate: pl.DataFrame, settings: Settings, start_ns: int, end_ns: int
 ) -> tuple[GateStretch, ...]:
-    """The gate's reasons in order of time, each with the number that decided.
+    """Gate decisions in order of time, each with the statistic that decided.
 
     Args:
         gate: frame `gate`, with `t_ns`.
-        settings: the limits.
-        start_ns: first window end.
-        end_ns: last window end.
+        settings: settings with the limits.
+        start_ns: end of the first window.
+        end_ns: end of the last window.
     """
     if "reason_x" not in gate.columns:
         return ()
@@ -121,7 +121,7 @@ def _median_of_column(rows: pl.DataFrame, column: str) -> float | None:
 
 
 def reason_shares(gate: pl.DataFrame) -> dict[str, float]:
-    """Share of the windows by reason, the most frequent first."""
+    """Share of windows by reason, most frequent first."""
     if "reason_x" not in gate.columns or not gate.height:
         return {}
     counts = gate["reason_x"].cast(pl.String).value_counts(sort=True)
@@ -129,9 +129,9 @@ def reason_shares(gate: pl.DataFrame) -> dict[str, float]:
 
 
 def worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[ManoeuvreReport, ...]:
-    """The manoeuvres that say something else than their load, by standard deviations.
+    """Manoeuvres whose mass deviates most from their load's, in standard deviations.
 
-    Where none has a mass, the longest that the gate refused.
+    If no manoeuvre has a mass, the longest ones that the gate rejected.
     """
     known = [each for each in _reports_by_load(frames) if each.deviations is not None]
     if known:
@@ -142,7 +142,7 @@ def worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[ManoeuvreRepor
 
 
 def report_manoeuvre_at(frames: Mapping[str, pl.DataFrame], at_s: float) -> ManoeuvreReport | None:
-    """The manoeuvre that a moment lies in: one that has a mass, else one of the gate's."""
+    """Manoeuvre at a moment: one with a mass, otherwise one that the gate rejected."""
     for found in (_reports_by_load(frames), _reports_by_segment(frames)):
         here = [each for each in found if each.start_s <= at_s <= each.end_s]
         if here:

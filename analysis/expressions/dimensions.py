@@ -1,4 +1,4 @@
-"""The units of an expression: every sum of one dimension, and the whole in SI."""
+"""Units of expressions: checks that terms have the same dimension, and converts to SI."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -19,15 +19,15 @@ _DIMENSIONLESS = ("sign",)
 def convert_to_si(
     tree: Expression, units: Mapping[str, str], registry: Any
 ) -> tuple[Expression, Any]:
-    """Convert every name and constant of an expression to SI units; with its dimension.
+    """Convert all names and constants of an expression to SI units.
 
     Args:
         tree: the expression.
-        units: of each name, as pint reads it; "" for a pure number.
-        registry: pint's.
+        units: unit of each name, in pint's notation; "" for a pure number.
+        registry: pint's unit registry.
 
     Returns:
-        The expression, in which numbers have no unit; the dimensions, as pint has them.
+        The expression with unitless numbers, and its dimension as pint's object.
 
     Raises:
         ExpressionError: both sides, where they cannot be added or compared; an unknown unit.
@@ -83,7 +83,7 @@ _BASE = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A"}
 
 
 def format_dimension(dimension: Any) -> str:
-    """A dimension as a person reads it: by its SI unit, `in N·m`."""
+    """Dimension as text, by its SI unit: `in N·m`."""
     if not dimension:
         return "a pure number"
     powers: dict[str | None, float] = {
@@ -111,13 +111,14 @@ def si_gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:
         raise ExpressionError(f"{of}: no unit '{unit}'") from error
     if zero:
         raise ExpressionError(
-            f"{of}: '{unit}' does not begin at 0; it cannot be a factor of a product"
+            f"{of}: '{unit}' has an offset zero point, so it cannot be multiplied or divided; use "
+            "a unit such as K"
         )
     return float(base.magnitude), base.dimensionality
 
 
 def expression_text(tree: Expression) -> str:
-    """An expression as it would be written."""
+    """Text of an expression."""
     if isinstance(tree, Name):
         return tree.name
     if isinstance(tree, Number):

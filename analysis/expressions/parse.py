@@ -1,4 +1,4 @@
-"""The text of `derive` as a tree: `torque_N_m * 9.665 / 0.35 [m]`."""
+"""Parser of the text of `derive`, such as `torque_N_m * 9.665 / 0.35 [m]`."""
 
 import re
 from collections.abc import Iterator
@@ -29,12 +29,12 @@ COMPARISONS: Final = ("<", ">", "<=", ">=")
 
 
 class ExpressionError(ValueError):
-    """Fault of an expression, in a line."""
+    """Error in an expression, described in one line."""
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A constant; in `unit`, or a pure number where that is None."""
+    """Constant in `unit`; a pure number if that is None."""
 
     value: float
     unit: str | None = None
@@ -42,14 +42,14 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """A channel, or a key of `[machine]`."""
+    """Name of a channel or of a key of `[machine]`."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A function of arguments; `+ - * /` and comparisons are functions of two, `neg` of one."""
+    """Function and its arguments; `+ - * /` and comparisons have two, `neg` has one."""
 
     function: str
     arguments: tuple["Expression", ...]
@@ -59,7 +59,7 @@ Expression = Number | Name | Call
 
 
 def iter_channel_names(tree: Expression) -> Iterator[str]:
-    """Names in an expression, from left to right, as often as they stand there."""
+    """Yield the names in an expression from left to right, repeated ones included."""
     if isinstance(tree, Name):
         yield tree.name
     elif isinstance(tree, Call):
@@ -68,7 +68,7 @@ def iter_channel_names(tree: Expression) -> Iterator[str]:
 
 
 def iter_differentiated_channels(tree: Expression) -> Iterator[str]:
-    """List the channels whose derivative an expression takes."""
+    """Yield the channels whose derivative an expression takes."""
     if isinstance(tree, Call):
         if tree.function == SLOPE:
             yield from iter_channel_names(tree)
@@ -93,7 +93,7 @@ def parse_expression(text: str) -> Expression:
 
 
 class _Parser:
-    """A token at a time, and a method a level of precedence."""
+    """Recursive-descent parser, with one method per level of precedence."""
 
     def __init__(self, text: str) -> None:
         self._text, self._at = text, 0

@@ -1,4 +1,4 @@
-"""The values of an expression: a walk over its tree, with arrays."""
+"""Evaluation of expressions on arrays."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -30,16 +30,15 @@ _OF_MANY: Final[Mapping[str, Callable[..., Floats]]] = {"min": np.minimum, "max"
 
 
 def evaluate(tree: Expression, values: Mapping[str, Floats], size: int) -> tuple[Floats, int]:
-    """Values of an expression.
+    """Evaluate an expression.
 
     Args:
-        tree: in SI units.
-        values: of each name, (size,) in SI units; the derivative of a channel as `d/dt NAME`.
-        size: how many.
+        tree: expression in SI units.
+        values: (size,) values of each name in SI units; a channel's derivative as `d/dt NAME`.
+        size: number of values.
 
     Returns:
-        (size,) values, NaN where there is none, and how many divisions by nearly nothing there
-        were.
+        (size,) values, NaN if undefined, and the number of divisions by nearly zero.
     """
     near_zero = 0
 
@@ -86,7 +85,7 @@ def _apply_function(node: Call, parts: list[Floats]) -> Floats:
 
 
 def _divide(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:
-    """The quotient, NaN where the divisor is near zero, and how often that is."""
+    """Quotient, NaN if the divisor is near zero, and the number of such divisions."""
     known = np.abs(divisor[np.isfinite(divisor)])
     limit = NEAR_ZERO * float(np.percentile(known, _HIGH)) if known.size else 0.0
     near = np.isfinite(divisor) & ((np.abs(divisor) < limit) | (divisor == 0.0))
@@ -96,7 +95,7 @@ def _divide(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:
 
 
 def gain_and_channel(tree: Expression) -> tuple[float, str]:
-    """The gain and the name of a channel that is differentiated."""
+    """Gain and name of a differentiated channel."""
     if isinstance(tree, Name):
         return 1.0, tree.name
     assert isinstance(tree, Call)

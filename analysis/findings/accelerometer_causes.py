@@ -1,4 +1,4 @@
-"""The accelerometer: tilted, biased, turned, low-passed, without its gravity, loose on its mount.
+"""Causes in the accelerometer: tilt, bias, misalignment, low-pass, lost gravity, a loose mount.
 
 An IMU that rocks rings after each start, and the force does not. What moves slowly against the
 mount's own frequency only reads as an accelerometer of another scale: x grows by gravity times the
@@ -21,7 +21,7 @@ from analysis.findings.constant_forces import (
 from analysis.findings.delay_causes import find_filter_delay
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import refit_mended
+from analysis.findings.refit import refit_corrected
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force
@@ -66,7 +66,7 @@ def lacks_gravity(inputs: FindingInputs) -> bool:
 
 
 def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
-    """Gravity on the forward axis at standstill, and motion across the axis that drives."""
+    """Find an accelerometer that reads gravity along x at rest, or motion along y."""
     over = _upside_down_symptom(inputs)
     if over:
         return over
@@ -76,7 +76,7 @@ def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
-    """Gravity the other way along z: rolled over, or pitched over where x reads backwards."""
+    """Find a rolled or pitched-over accelerometer, by gravity of the wrong sign along z."""
     z, std = inputs.standstill_level(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not z < -_GRAVITY * pull or not inputs.measured_channels(_Z):
@@ -99,13 +99,13 @@ def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
             channel=_Z,
             setting=f"machine.imu.{angle}" if whole else keys,
             value=f"{stated + 180.0 if stated <= 0.0 else stated - 180.0:g}" if whole else scales,
-            change=None if backwards else lambda: refit_mended(inputs, lambda motion: motion),
+            change=None if backwards else lambda: refit_corrected(inputs, lambda motion: motion),
         )
     ]
 
 
 def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
-    """Bias of an accelerometer whose z axis carries all of gravity: its mean along x."""
+    """Find a mean along x at standstill while the z axis reads all of gravity."""
     return _zero_reading_symptom(inputs, ("bias",))
 
 
@@ -136,7 +136,7 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
             value=f"{inputs.machine.channels[ACC].offset - in_unit_of_channel(inputs, error):.5g}"
             if names
             else None,
-            change=lambda: refit_mended(
+            change=lambda: refit_corrected(
                 inputs,
                 lambda motion: change_accelerometer(motion, lambda x: x - error),
                 min(std / abs(error), 1.0),
@@ -147,7 +147,11 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
 
 
 def tilt_or_bias(inputs: FindingInputs, error: float) -> str:
-    """Whether the z axis tells a tilt from a bias: a tilt takes its share of gravity off it."""
+    """Tell a tilt from a bias by the z axis: a tilt reduces the gravity that z reads.
+
+    Returns:
+        "tilt", "bias", or "" if the log cannot tell them apart.
+    """
     z, _ = inputs.standstill_level(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not np.isfinite(z) or not has_pitch(inputs) or abs(error) >= pull:
@@ -206,7 +210,7 @@ def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
             channel=_Y,
             setting=setting,
             value=value,
-            change=lambda: refit_mended(
+            change=lambda: refit_corrected(
                 inputs,
                 lambda motion: change_accelerometer(motion, lambda x: x / np.cos(angle)),
                 min(2.0 * std / abs(angle), 1.0),
@@ -216,7 +220,7 @@ def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_low_passed_accelerometer(inputs: FindingInputs) -> list[Symptom]:
-    """An accelerometer that sees a part of the wheels' acceleration, in whatever moves."""
+    """Find an accelerometer that measures only a fraction of the wheels' acceleration."""
     late, found = find_filter_delay(inputs), fit_accelerometer_gain(inputs)
     if found is None:
         return late
@@ -237,7 +241,7 @@ def find_low_passed_accelerometer(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
-    """Ground that slopes under an acceleration that has no gravity in it."""
+    """Find ground that slopes under an acceleration from which gravity is removed."""
     kinematic = inputs.machine.settings.forces.acceleration == "kinematic"
     if (
         kinematic
@@ -277,13 +281,13 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
             channel=ACC,
             setting=", ".join(keys),
             value=", ".join(new),
-            change=lambda: refit_mended(inputs, with_gravity, min(std / abs(pitch), 1.0)),
+            change=lambda: refit_corrected(inputs, with_gravity, min(std / abs(pitch), 1.0)),
         )
     ]
 
 
 def in_unit_of_channel(inputs: FindingInputs, error: float) -> float:
-    """An acceleration in the channel's own unit."""
+    """Convert an acceleration from m/s² to the unit of its channel."""
     channel = inputs.machine.channels[ACC]
     if channel.unit is None:
         return error
@@ -291,7 +295,7 @@ def in_unit_of_channel(inputs: FindingInputs, error: float) -> float:
 
 
 def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
-    """A peak in what the force leaves of the accelerometer, in the first second of starts."""
+    """Find an IMU that rocks on its mount, by a resonance after starts that the force lacks."""
     share = fit_accelerometer_gain(inputs)
     # a frame that swings rings too, and reads the acceleration of the wheels all the same
     if share is None or share[0] - LIMITS.loose_gain_std * share[1] < LIMITS.loose_gain_1:
@@ -328,7 +332,12 @@ def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
 
 
 def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
-    """Frequencies, mean power after starts and at rest, (k,) each, and the number of starts."""
+    """Spectra of the accelerometer's residual after starts and at rest.
+
+    Returns:
+        Frequencies in Hz, mean power after starts and mean power at rest, (k,) each, and the number
+        of starts; None if there are too few.
+    """
     rate_hz = inputs.machine.settings.align.rate_hz
     size = rows_in_duration(LIMITS.start_window_s, rate_hz)
     if not inputs.measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
@@ -361,7 +370,7 @@ def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Float
 
 
 def find_held_starts(inputs: FindingInputs, force: Floats, size: int) -> list[int]:
-    """Where to look: behind the rise of a force after a standstill, that is then held."""
+    """End (grid sample) of each rise of the force after a standstill that is then held."""
     rate_hz = inputs.machine.settings.align.rate_hz
     if not np.isfinite(force).any():
         return []

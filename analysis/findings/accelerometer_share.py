@@ -19,7 +19,11 @@ _NOISE: Final = 0.2
 
 
 def fit_accelerometer_gain(inputs: FindingInputs) -> tuple[float, float] | None:
-    """Slope of the accelerometer on the change of the wheels' speed, and its deviation."""
+    """Regress the accelerometer on the wheels' acceleration.
+
+    Returns:
+        Slope and its standard deviation, dimensionless; None if the log has too little motion.
+    """
     if ACC not in inputs.aligned.columns or not inputs.measured_channels(ACC):
         return None
     rate_hz = inputs.machine.settings.align.rate_hz

@@ -1,4 +1,4 @@
-"""Motions as they would be: a channel moved in time, or with another scale or zero."""
+"""Altered copies of the motion: a channel moved in time, or with another scale or zero."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,8 +9,8 @@ from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
 
 
-def delay_channel(motion: MotionSamples, channel: str, late_s: float) -> MotionSamples:
-    """The motion with `force`, `speed` or `imu` moved back by how late it is."""
+def correct_channel_delay(motion: MotionSamples, channel: str, late_s: float) -> MotionSamples:
+    """Undo the delay of `force`, `speed` or `imu`: move the channel earlier by `late_s`."""
     if channel == "force":
         return motion.shift_force(late_s)
     if channel == "speed":
@@ -26,7 +26,7 @@ def delay_channel(motion: MotionSamples, channel: str, late_s: float) -> MotionS
 def change_accelerometer(
     motion: MotionSamples, change: Callable[[Floats], Floats]
 ) -> MotionSamples:
-    """The motion with its accelerometer changed."""
+    """Apply a function to every accelerometer signal of the motion."""
     measured, level = motion.specific_force, motion.without_gravity
     return replace(
         motion,

@@ -8,11 +8,11 @@ from analysis.findings.finding_inputs import FindingInputs
 
 @dataclass(frozen=True, slots=True)
 class MassChange:
-    """Change of the headline mass if a cause is mended.
+    """Change of the headline mass if a cause is corrected.
 
     Attributes:
-        kg: mass afterwards less the mass now.
-        u_kg: standard uncertainty of that.
+        kg: corrected mass minus present mass.
+        u_kg: standard uncertainty of the change.
     """
 
     kg: float
@@ -24,17 +24,18 @@ class Symptom:
     """A symptom of a cause in a log.
 
     Attributes:
-        strength: evidence over the limit that chance stays below; a finding from 1 on.
+        strength: measured effect divided by its detection threshold; a finding from 1 on.
         evidence: what was measured, in a sentence.
-        channel: where it is.
-        span_ns: from where to where, since the first aligned sample; None: the whole log.
-        setting: dotted key of the machine file that mends it.
-        value: proposed for it, as TOML.
-        change: of the mass; None where it is not known.
-        alternatives: causes that this log cannot tell it from.
-        explains: causes that are seen where this is as large as it is, besides those of its cause.
-        harmless: whether what is named was left out, and the answer is the same without it; None
-            where nobody has looked.
+        channel: channel that shows the symptom.
+        span_ns: begin and end since the first aligned sample; None means the whole log.
+        setting: dotted key of the machine file that corrects the cause.
+        value: proposed value of that key, as TOML.
+        change: computes the change of the mass; None if it is not known.
+        alternatives: causes that this log cannot distinguish from this one.
+        explains: causes that are only consequences of a symptom this strong, besides
+            `Cause.explains`.
+        harmless: whether the answer stays the same without the affected samples, which were left
+            out; None if that was not examined.
     """
 
     strength: float
@@ -55,14 +56,14 @@ class Cause:
 
     Attributes:
         key: its name in the frame `findings`.
-        says: what it is, in a sentence.
-        needs: what a log must hold for it to be seen at all, in a sentence.
-        find: looks for it, channel by channel; nothing where the log does not hold that.
-        withholds: whether it invalidates the mass.
-        as_judged: whether it withholds only where a check of the verdict does.
-        explains: causes that are seen where it is, and stand behind it.
-        outdone: what is stronger by this factor is not explained by it.
-        hides: whether little else shows before it is mended.
+        says: the cause, in a sentence.
+        needs: what a log must contain for the cause to be detectable, in a sentence.
+        find: finds its symptoms by channel; returns none if the log lacks what `needs` says.
+        withholds: whether a finding invalidates the mass.
+        as_judged: whether a finding invalidates the mass only if a check of the verdict does.
+        explains: causes that are reported as consequences of this one.
+        outdone: a symptom stronger than this one by this factor is not explained by it.
+        hides: whether this cause masks most others until it is corrected.
     """
 
     key: str
@@ -77,5 +78,5 @@ class Cause:
 
 
 def strongest_symptom(symptoms: Sequence[Symptom]) -> list[Symptom]:
-    """The strongest of several symptoms, as a list; empty of none."""
+    """Keep only the strongest symptom; the list is empty if there is none."""
     return [max(symptoms, key=lambda each: each.strength)] if symptoms else []

@@ -1,4 +1,4 @@
-"""The one table of causes: what each is, and what a log must hold for it to be seen."""
+"""The table of causes: a description of each, and what a log must contain to show it."""
 
 from typing import Final
 

@@ -33,14 +33,15 @@ _USUAL: Final = ("const", "direction")
 
 
 class ForceShareChange(NamedTuple):
-    """How the measured share of the force changes.
+    """Change of the measured fraction of the force with the acceleration.
 
     Attributes:
-        value: per m/s².
-        std: its standard deviation.
-        gain: by how much it raises twice the log likelihood of one load.
-        worse: twice the log likelihood that loads with such a share have more than one load has.
-        loads: how many there are otherwise.
+        value: change of the fraction, per m/s².
+        std: its standard deviation, per m/s².
+        gain: increase of twice the log likelihood over one load with a constant fraction.
+        worse: advantage in twice the log likelihood of several loads over one load, both with a
+            changing fraction.
+        loads: number of loads of the present answer.
     """
 
     value: float
@@ -51,7 +52,11 @@ class ForceShareChange(NamedTuple):
 
 
 def compare_share_with_loads(inputs: FindingInputs) -> ForceShareChange | None:
-    """One load with a share that changes, against the loads; None where there is one anyway."""
+    """Compare one load and a changing force fraction with several loads.
+
+    Returns:
+        None if the answer has one load, or the machine drives one way only.
+    """
     fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
     if (
         fit is None
@@ -84,12 +89,12 @@ def compare_share_with_loads(inputs: FindingInputs) -> ForceShareChange | None:
 
 
 class LoadGrowthRate(NamedTuple):
-    """A manoeuvre whose load grows.
+    """Growth of the load during one manoeuvre.
 
     Attributes:
-        first: its first grid sample.
-        kg_s: how fast.
-        deviations: from 0, over what chance stays below.
+        first: first grid sample of the manoeuvre.
+        kg_s: growth rate; negative if the load falls.
+        deviations: the rate's z-score divided by the detection threshold.
     """
 
     first: int
@@ -98,13 +103,13 @@ class LoadGrowthRate(NamedTuple):
 
 
 def find_changing_load(inputs: FindingInputs) -> list[Symptom]:
-    """Manoeuvres whose load grows or falls while they drive."""
+    """Find manoeuvres whose load grows or falls while the machine drives."""
     found = [*_excluded_growths(inputs), *_fitted_growths(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
 def _fitted_growths(inputs: FindingInputs) -> list[Symptom]:
-    """Growing loads that are part of the fit."""
+    """Find changing loads in manoeuvres that the fit uses."""
     found = _significant_growths(inputs)
     if not found:
         return []
@@ -121,7 +126,7 @@ def _fitted_growths(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _excluded_growths(inputs: FindingInputs) -> list[Symptom]:
-    """Growing loads that the answer excludes."""
+    """Report the changing loads that the answer excludes."""
     weighing = inputs.check_inputs.weighing
     if weighing is None or not weighing.growing:
         return []
@@ -139,7 +144,7 @@ def _excluded_growths(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
-    """The manoeuvres whose load grows, or falls, by more than chance."""
+    """Manoeuvres whose load changes by more than noise explains."""
     fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
     if fit is None or noise is None or motion is None:
         return []

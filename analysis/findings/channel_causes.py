@@ -1,4 +1,4 @@
-"""Readings of one channel: frozen, clipped, coarse, with spikes, or unlike the other side of it.
+"""Causes in one channel: frozen, clipped, coarse, with spikes, or unlike the other side.
 
 Sides that are unlike while the machine drives straight: one sensor, wheel or tyre is off.
 """
@@ -60,7 +60,7 @@ _CHANNELS: Final = {"torque": TORQUES, "speed": SPEEDS, "slip": SPEEDS}
 
 
 def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
-    """A channel that repeats itself while another one changes."""
+    """Find a channel that repeats one reading while another channel changes."""
     signals = inputs.check_inputs.signals
     if signals is None:
         return []
@@ -101,12 +101,12 @@ def _refit_text(found: ExcludedStretches | None) -> str:
 
 
 def _is_harmless(inputs: FindingInputs, found: ExcludedStretches | None) -> bool | None:
-    """Whether the answer is the same without it, or there is none; None where nobody has looked."""
+    """Whether the answer stays the same without the stretches; None if that is not known."""
     return None if found is None or inputs.fit is None else found.is_harmless
 
 
 def _noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
-    """Where a channel that otherwise never repeats a reading does so for long, and is driven."""
+    """Long repeats in motion of a channel that else never repeats; (begin, end) in Unix ns."""
     signals = inputs.check_inputs.signals
     if signals is None:
         return []
@@ -126,7 +126,7 @@ def _noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, in
 
 
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:
-    """Readings of a force that pile up at its extreme."""
+    """Find force readings that accumulate at an extreme value."""
     signals = inputs.check_inputs.signals
     if signals is None or not signals.clipped:
         return []
@@ -161,7 +161,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
-    """Moving readings that repeat the one before: the noise is below the resolution."""
+    """Find a channel whose resolution is coarser than its noise."""
     found: list[Symptom] = []
     for name in inputs.measured_equation_channels:
         repeats, lsb = reading_steps(inputs, name)
@@ -179,9 +179,9 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
 
 
 def reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
-    """The share of moving readings that repeat the one before, and what all steps are multiples of.
+    """Fraction of repeated readings in motion, and the channel's resolution in SI units.
 
-    0 where they are no multiples: then a channel holds its value, but resolves more.
+    The resolution is 0 if the steps have no common divisor.
     """
     key = f"steps {name}"
     if key not in inputs.kept:
@@ -198,7 +198,7 @@ def reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
 
 
 def _is_coarse(inputs: FindingInputs, name: str) -> bool:
-    """Whether what repeats is the resolution."""
+    """Whether readings repeat because of the channel's resolution."""
     repeats, lsb = reading_steps(inputs, name)
     return bool(lsb) and repeats > _REPEATS
 
@@ -208,10 +208,10 @@ class ChannelSpikes:
     """The spikes of a channel.
 
     Attributes:
-        unix_ns: (k,) their stamps.
-        size: their median distance from what is beside them.
-        ratio: the largest one's, in deviations.
-        near: (n,) grid samples beside them.
+        unix_ns: (k,) stamps of the spikes.
+        size: median distance of a spike from its neighbours, in the channel's SI unit.
+        ratio: largest distance from the neighbours, in standard deviations.
+        near: (n,) True for grid samples beside a spike.
     """
 
     unix_ns: Ints
@@ -221,7 +221,7 @@ class ChannelSpikes:
 
 
 def find_spikes(inputs: FindingInputs) -> list[Symptom]:
-    """Single readings far from both neighbours, which agree."""
+    """Find single readings far from both neighbours, which agree with each other."""
     return strongest_symptom(
         [
             Symptom(
@@ -238,7 +238,7 @@ def find_spikes(inputs: FindingInputs) -> list[Symptom]:
 
 
 def spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
-    """By channel; nothing of those without any."""
+    """Spikes by channel; channels without spikes are absent."""
     if "spikes" not in inputs.kept:
         inputs.kept["spikes"] = _detect_spikes(inputs)
     return inputs.kept["spikes"]  # type: ignore[return-value]
@@ -270,7 +270,7 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
 
 
 def are_mechanical_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) -> Bools:
-    """(k,) whether force and acceleration are off at once, and alike: that is a stop or a knock."""
+    """Whether force and acceleration jump together at each stamp, as at a knock; (k,)."""
     topic = inputs.machine.channels[name].topic
     felt = np.zeros(unix_ns.size, np.bool_)
     if name not in _FELT:
@@ -292,7 +292,7 @@ def are_mechanical_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: 
 
 
 def local_std(x: Floats) -> Floats:
-    """Standard deviation (n,) by the median of abs(x) in each block; at least of all blocks."""
+    """Robust standard deviation (n,) of each block; at least that of all samples."""
     size = x.size // _BLOCK * _BLOCK
     blocks = STD_OF_MAD * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
     # a start is sharper than what surrounds it
@@ -303,7 +303,7 @@ def local_std(x: Floats) -> Floats:
 
 
 def samples_near(inputs: FindingInputs, unix_ns: Ints) -> Bools:
-    """Grid samples beside these stamps, (n,)."""
+    """Grid samples beside the given stamps, (n,)."""
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
@@ -319,7 +319,7 @@ def is_near_spike(inputs: FindingInputs) -> Bools:
 
 
 def find_unlike_sides(inputs: FindingInputs) -> list[Symptom]:
-    """The largest difference between left and right."""
+    """Find the largest difference between the left and right side."""
     found = [_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
@@ -369,7 +369,7 @@ def _other_side(channel: str) -> str:
 
 
 def wrong_speed_channel(inputs: FindingInputs, seen: SideDifference) -> tuple[str, float] | None:
-    """The speed that the accelerometer contradicts, and what its scale is to be multiplied by."""
+    """Wheel speed that the accelerometer contradicts, and the factor for its scale."""
     wheels = None if inputs.fit is None else inputs.fit.kinematics
     if wheels is None or not wheels.is_consistent:
         return None
@@ -384,7 +384,7 @@ def wrong_speed_channel(inputs: FindingInputs, seen: SideDifference) -> tuple[st
 
 
 def change_if_smaller_is_wrong(inputs: FindingInputs, seen: SideDifference) -> MassChange | None:
-    """If the larger one is wrong, the mass is as much too large as it is else too small."""
+    """Mass change if the smaller side is wrong; as uncertain, since the larger may be."""
     if inputs.fit is None or seen.smaller_over_larger_1 <= -1.0:
         return None
     kg = abs(inputs.fit.mass_kg) * (2.0 / (1.0 + max(seen.smaller_over_larger_1, 0.0)) - 1.0)
@@ -392,7 +392,7 @@ def change_if_smaller_is_wrong(inputs: FindingInputs, seen: SideDifference) -> M
 
 
 def change_by_wheel_speed(inputs: FindingInputs) -> MassChange | None:
-    """The accelerometer weighs: what the wheels say hardly moves the mass."""
+    """Mass change of 0 ± half the answer's uncertainty; None without an accelerometer."""
     fit = inputs.fit
     return (
         None if fit is None or not fit.motion.by_accelerometer else MassChange(0.0, 0.5 * fit.u_kg)

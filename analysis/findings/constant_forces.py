@@ -1,4 +1,4 @@
-"""Constant forces: whether an offset, a tilt of the accelerometer or Coulomb friction makes them.
+"""Constant forces: attribute them to an offset, an accelerometer tilt or Coulomb friction.
 
 Standing tells what the force reads at rest, and the accelerometer beyond gravity by the pitch;
 driving tells their sum C = F₀ - m e + F_c. Brakes may hold a force at rest that driving has not,
@@ -28,11 +28,11 @@ class ConstantForces:
     """Constant forces at rest and in motion.
 
     Attributes:
-        rest_N: force at rest, and its deviation; NaN where it never stands.
-        error_m_s2: of the accelerometer at rest, likewise.
-        offset: whether the force at rest is there while it drives; None: the log cannot tell.
-        tilt: likewise of the accelerometer's error.
-        motion: without those of them that act.
+        rest_N: mean force at rest and its standard deviation; NaN if the machine never stands.
+        error_m_s2: mean error of the accelerometer at rest and its standard deviation, likewise.
+        offset: whether the force at rest also acts in motion; None if the log cannot tell.
+        tilt: whether the accelerometer's error also acts in motion; None likewise.
+        motion: the motion without the constant forces that act.
     """
 
     rest_N: tuple[float, float]
@@ -43,12 +43,12 @@ class ConstantForces:
 
 
 def has_pitch(inputs: FindingInputs) -> bool:
-    """Whether the log knows the slope."""
+    """Whether the log measures the pitch."""
     return _PITCH in inputs.aligned.columns
 
 
 def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
-    """Gravity along x by the pitch, (n,) in m/s²; 0 where there is none."""
+    """Gravity along x from the pitch, (n,) in m/s²; 0 without a pitch channel."""
     if not has_pitch(inputs):
         return np.zeros(inputs.aligned.height)
     if "gravity" not in inputs.kept:
@@ -58,7 +58,7 @@ def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
 
 
 def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
-    """Explain the constant force of driving by as few causes as do."""
+    """Explain the constant force in motion by the fewest causes that suffice."""
     if "constants" not in inputs.kept:
         inputs.kept["constants"] = _fit_explanation(inputs)
     found = inputs.kept["constants"]
@@ -125,7 +125,11 @@ def _subtract_constants(motion: MotionSamples, rest_N: float, error_m_s2: float)
 def is_in_best_explanation(
     cost: dict[tuple[bool, bool, bool], float], best: tuple[bool, bool, bool], place: int
 ) -> bool | None:
-    """Whether a cause is in the best explanation; None where one without it is nearly as good."""
+    """Whether the best explanation contains a cause.
+
+    Returns:
+        None if an explanation without the cause is nearly as good.
+    """
     others = [each for of, each in cost.items() if of[place] != best[place]]
     if others and min(others) - cost[best] < LIMITS.cause_cost / 2.0:
         return None

@@ -1,4 +1,4 @@
-"""Delays: which of force, wheels and accelerometer being late explains both equations.
+"""Delays: find which of force, wheels and accelerometer is late.
 
 The likelihood of the equation covers delays up to a fifth of a second. A longer one, as of a GNSS
 speed, makes everything else show (friction, a misaligned accelerometer, a frozen speed), and is
@@ -10,13 +10,13 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.altered_motion import delay_channel
+from analysis.findings.altered_motion import correct_channel_delay
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import gravity_by_pitch
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, search_likelihood
-from analysis.findings.refit import refit_mended
+from analysis.findings.refit import refit_corrected
 from analysis.model.schema import values
 from analysis.model.windows import flagged_windows
 from analysis.stages.motion.forces import longitudinal_force
@@ -37,13 +37,13 @@ _SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
 
 @dataclass(frozen=True)
 class LongDelay:
-    """A channel that is late by much.
+    """A channel with a delay of more than a fifth of a second.
 
     Attributes:
         channel: `force`, `speed` or `imu`.
-        late_s: by how much; negative: early.
-        correlation: with another channel once that is taken off, and as it is.
-        rival: the channel that would be off the other way, where there is no third; else empty.
+        late_s: the delay; negative if the channel is early.
+        correlation: correlation with another channel after and before removing the delay.
+        rival: channel that may be early instead, if no third channel decides; else empty.
     """
 
     channel: str
@@ -53,7 +53,7 @@ class LongDelay:
 
 
 def long_delay(inputs: FindingInputs) -> LongDelay | None:
-    """The channel that is late by much against the other two, which go together."""
+    """Find the channel that is far behind the two others, which agree."""
     if "long delay" not in inputs.kept:
         inputs.kept["long delay"] = _search_delay(inputs)
     return inputs.kept["long delay"]  # type: ignore[return-value]
@@ -98,14 +98,16 @@ def _is_long_delay(seen: tuple[float, float, float]) -> bool:
 
 
 def _residual_square(force: Floats, columns: Floats, rows: Bools) -> float:
-    """Sum of squares of the force that the equation of motion does not explain."""
+    """Sum of squared force residuals of the equation of motion, in N²."""
     A, f = columns[rows], force[rows]
     left = f - A @ np.linalg.lstsq(A, f, rcond=None)[0]
     return float(left @ left)
 
 
 def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> float:
-    """Partial correlation of force and acceleration, about 0, with friction taken out of both.
+    """Partial correlation of force and acceleration about 0, given the speed.
+
+    Friction in the force follows the speed, which is the integral of the acceleration.
 
     A force that rubs goes with the speed, which is the acceleration of later.
     """
@@ -119,7 +121,7 @@ def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> floa
 def _lag_of_force(
     force: Floats, acceleration: Floats, v: Floats, drives: Bools, step_s: float
 ) -> tuple[float, float, float]:
-    """Lag of a force that brakes do not act on; see `_find_lag`."""
+    """Lag of a force that the brakes do not act on; returns the same as `_find_lag`."""
     longest = round(LIMITS.longest_delay_s / step_s)
     inside = drives.copy()
     inside[:longest] = inside[-longest:] = False
@@ -132,7 +134,11 @@ def _lag_of_force(
 
 
 def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
-    """Step in s; by channel (n,) what goes with the acceleration, less its mean; the speed `v`."""
+    """Signals proportional to the acceleration, by channel, and their sampling step.
+
+    Returns:
+        Sampling step in s, and by channel the mean-free signal (n,).
+    """
     rate_hz = inputs.machine.settings.align.rate_hz
     size = rows_in_duration(LIMITS.delay_mean_s, rate_hz)
     count = min(inputs.aligned.height, round(LIMITS.delay_searched_s * rate_hz)) // size
@@ -161,7 +167,11 @@ def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floa
 
 
 def _find_lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, float]:
-    """How late one is against another in s, their correlation there, and as they are."""
+    """Find the lag of one signal behind another.
+
+    Returns:
+        The lag in s, the correlation at that lag, and the correlation without a lag.
+    """
     longest = round(LIMITS.longest_delay_s / step_s)
     size = int(2 ** np.ceil(np.log2(one.size + longest)))
     spectrum = np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size))
@@ -178,7 +188,7 @@ def _find_lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, 
 
 
 def find_delays(inputs: FindingInputs) -> list[Symptom]:
-    """The channels that are late, by the likelihood of f(t - d) = m a + b v with m, b refitted."""
+    """Find late channels by the likelihood of f(t - d) = m a + b v, with m and b refitted."""
     late = long_delay(inputs)
     if late is not None:
         return [_long_delay_symptom(inputs, late)]
@@ -187,7 +197,7 @@ def find_delays(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
-    """An accelerometer that is later than stamps are."""
+    """Find an accelerometer that a filter makes later than its stamps explain."""
     found = search_likelihood(inputs).get("delay:imu")
     if found is None or not is_rather_filter_delay(found):
         return []
@@ -195,12 +205,12 @@ def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
 
 
 def masks_other_causes(cause: str, strength: float | None) -> bool:
-    """Whether a finding is a delay that hides all else."""
+    """Whether a finding is a delay that masks all other causes."""
     return cause == "delay" and strength is not None and strength >= LIMITS.long_delay_rank
 
 
 def is_rather_filter_delay(pick: PickedCause) -> bool:
-    """Whether a delay is rather an accelerometer that a filter makes late."""
+    """Whether a delay is better explained by a filter of the accelerometer."""
     return pick.name == "delay:imu" and pick.value > LIMITS.filter_delay_s
 
 
@@ -231,9 +241,9 @@ def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
         # a low-pass is not mended by a delay
         change=None
         if smooth
-        else lambda: refit_mended(
+        else lambda: refit_corrected(
             inputs,
-            lambda motion: delay_channel(motion, channel, late_s),
+            lambda motion: correct_channel_delay(motion, channel, late_s),
             min(std_s / abs(late_s), 1.0),
         ),
         alternatives=(*others, *(("imu_low_passed",) if filtered else ())),

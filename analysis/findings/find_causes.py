@@ -1,4 +1,4 @@
-"""The stage `findings`: the causes that a log shows, the likeliest first, and those that they mask.
+"""The stage `findings`: the causes that a log shows, by likelihood, and the causes they mask.
 
 A force of the wrong sign, in another unit or late by a second leaves nothing that could be weighed,
 so that nothing else shows. What corrects it is a key of a channel: the log is examined once more
@@ -31,13 +31,13 @@ _PILE: Final = "external_force"
 
 
 def find_causes(inputs: FindingInputs) -> pl.DataFrame:
-    """Look for every cause of the table.
+    """Search the log for every cause of the table.
 
     Args:
         inputs: the log.
 
     Returns:
-        `findings`: a row a cause that shows, those that another one explains behind it.
+        `findings`: a row per detected cause; explained causes follow the one that explains them.
     """
     shown = [(cause, sign) for cause, sign in find_symptoms(inputs) if sign.strength >= 1.0]
     explained = Counter(
@@ -66,7 +66,7 @@ def _explains_other(one: tuple[Cause, Symptom], other: tuple[Cause, Symptom]) ->
 
 
 def find_symptoms(inputs: FindingInputs) -> list[tuple[Cause, Symptom]]:
-    """Symptoms of every cause, below the limit of chance as well."""
+    """Symptoms of every cause, including those below the detection threshold."""
     with np.errstate(divide="ignore", invalid="ignore"):
         found = [(cause, sign) for cause in CAUSES for sign in cause.find(inputs)]
     return [(cause, sign) for cause, sign in found if np.isfinite(sign.strength)]
@@ -105,7 +105,7 @@ def _severity(cause: Cause, sign: Symptom, change: MassChange | None, inputs: Fi
 
 
 def drop_findings_of_work(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataFrame:
-    """The findings without those that the cycles explain, ranked anew.
+    """Drop the findings that the work cycles explain, and rank the others again.
 
     Args:
         findings: the frame.
@@ -120,10 +120,13 @@ def drop_findings_of_work(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.Da
 
 
 def findings_of_first_hour(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
-    """The first hour in which a log has all of its topics, and what is before it.
+    """Cut the log to the first hour in which all its topics have data.
 
     Args:
-        raw: by topic: log_time_ns and more, in its order.
+        raw: frames by topic, with `log_time_ns`, in recorded order.
+
+    Returns:
+        Frames by topic, including the samples before that hour.
     """
     end_ns = max(int(frame["log_time_ns"][0]) for frame in raw.values()) + int(
         LIMITS.masked_searched_s * 1e9
@@ -138,17 +141,17 @@ def add_masked_findings(
     *,
     whole: bool,
 ) -> pl.DataFrame:
-    """Put behind a cause that hides others what the log shows without it.
+    """Add the findings that remain after a masking cause is corrected.
 
     Args:
-        found: `findings`.
-        machine: that the log was replayed with.
-        look: the findings of the log with another machine file; None where it cannot be replayed.
-        whole: whether that is the whole log, and not its beginning.
+        found: the frame `findings`.
+        machine: machine file of the replay.
+        look: computes the findings with another machine file; None if the log cannot be replayed.
+        whole: whether `look` replays the whole log rather than its beginning.
 
     Returns:
-        `findings`: the causes that hide others, then those that the log has once they are mended.
-        As it was where nothing is hidden, or mending a cause leaves it where it was.
+        `findings`: the masking causes, then those of the corrected log. Unchanged if no cause masks
+        others, or if correcting one does not remove it.
     """
     hiding: list[pl.DataFrame] = []
     seen = found
@@ -165,7 +168,7 @@ def add_masked_findings(
     names = " and ".join(each["cause"][0].replace("_", " ") for each in hiding)
     seen = seen.with_columns(evidence=pl.format("once {} is mended: {}", pl.lit(names), "evidence"))
     both = pl.concat(
-        [*hiding, seen] if whole else [*hiding, seen, merge_looks(found, hiding, seen)]
+        [*hiding, seen] if whole else [*hiding, seen, drop_repeated_findings(found, hiding, seen)]
     )
     return both.with_columns(rank=pl.int_range(1, both.height + 1, dtype=pl.Int64))
 
@@ -174,10 +177,10 @@ def _has_cause(found: pl.DataFrame, cause: str) -> bool:
     return cause in found["cause"]
 
 
-def merge_looks(
+def drop_repeated_findings(
     found: pl.DataFrame, hiding: list[pl.DataFrame], seen: pl.DataFrame
 ) -> pl.DataFrame:
-    """Add to the second look the findings of the first that it cannot have, being of a part."""
+    """Keep the findings of the whole log that the second search neither repeats nor explains."""
     explained = [
         key for each in CAUSES for key in each.explains if _is_hidden_by_any(hiding, each.key)
     ]
@@ -190,7 +193,7 @@ def _is_hidden_by_any(hiding: list[pl.DataFrame], cause: str) -> bool:
 
 
 def _mend_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
-    """The machine without a cause that hides others; None where no channel mends one."""
+    """Machine file with the masking causes corrected; None if no channel setting does that."""
     if first.is_empty() or first["setting"][0] is None:
         return None
     if first["cause"][0] not in _HIDES and not masks_other_causes(
@@ -201,7 +204,7 @@ def _mend_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
 
 
 def _scale_channels(machine: Machine, keys: str, values: str) -> Machine | None:
-    """The machine with channels read otherwise; None where more would change."""
+    """Machine file with other channel settings; None if more than these would change."""
     channels = dict(machine.channels)
     read = tomllib.loads(f"values = [{values}]")["values"]
     for key, value in zip(keys.split(", "), read, strict=True):

@@ -30,17 +30,17 @@ ACC: Final = "specific_force_x_m_s2"
 
 @dataclass(frozen=True)
 class FindingInputs:
-    """A log as the causes see it.
+    """Frames and results of one log that the causes are searched in.
 
     Attributes:
-        check_inputs: as the checks see it.
-        aligned: the grid, before the moving mean.
-        noise: of the columns.
-        raw: stamps by topic.
-        digs: where something pushes back.
-        judged: the verdict.
-        estimates: by method.
-        kept: what one cause found and another one needs.
+        check_inputs: inputs of the checks.
+        aligned: samples on the grid, before the moving mean.
+        noise: noise of the columns.
+        raw: frames with stamps, by topic.
+        digs: stretches in which an external force opposes the machine.
+        judged: the frame `verdict`.
+        estimates: estimates by method.
+        kept: results cached by one cause for another.
     """
 
     check_inputs: CheckInputs
@@ -54,12 +54,12 @@ class FindingInputs:
 
     @property
     def machine(self) -> Machine:
-        """Channels and settings."""
+        """Machine file with channels and settings."""
         return self.check_inputs.machine
 
     @property
     def fit(self) -> JointFit | None:
-        """The joint fit, by what this log says itself; None where there is none."""
+        """The joint fit of this log alone; None if nothing could be fitted."""
         weighing = self.check_inputs.weighing
         return None if weighing is None else weighing.own_fit
 
@@ -70,24 +70,24 @@ class FindingInputs:
 
     @cached_property
     def checks(self) -> dict[str, float]:
-        """The verdict's numbers by check; NaN where one does not apply."""
+        """Numbers of the verdict by check; NaN for checks that do not apply."""
         numbers = self.judged["value"].fill_null(np.nan).to_list()
         return dict(zip(self.judged["check"].to_list(), numbers, strict=True))
 
     @cached_property
     def column_noise(self) -> ColumnNoiseModel | None:
-        """Noise of acceleration, speed and force."""
+        """Noise of acceleration, speed and force; None if it is not known."""
         found = ColumnNoise.of_axis(X, self.noise, self.machine.settings.noise)
         return None if found is None else CachedNoise(found)
 
     @cached_property
     def standing_samples(self) -> Bools:
-        """Which grid samples stand, (n,)."""
+        """Grid samples at standstill, (n,)."""
         return self.check_inputs.is_phase("standstill")
 
     @cached_property
     def resting_samples(self) -> Bools:
-        """Standstill samples, (n,), without motion near: a machine swings after it has stopped."""
+        """Standstill samples, (n,), away from motion, since a machine swings after a stop."""
         near = ~self.standing_samples
         after, before = (
             round(s * self.machine.settings.align.rate_hz)
@@ -97,12 +97,12 @@ class FindingInputs:
 
     @property
     def series(self) -> Mapping[str, Series]:
-        """By channel: unix stamps in ns and readings in SI units, not filtered."""
+        """Unfiltered readings by channel: Unix stamps in ns and values in SI units."""
         signals = self.check_inputs.signals
         return {} if signals is None else signals.channels
 
     def measured_channels(self, *names: str) -> tuple[str, ...]:
-        """Which of these channels are read from the log."""
+        """Those of the given channels that are read from the log."""
         return tuple(name for name in names if name in self.series)
 
     @property
@@ -112,18 +112,18 @@ class FindingInputs:
 
     @property
     def force_channel(self) -> str | None:
-        """Channel that stands for the force: its own, or that of the left torque."""
+        """Name of the force channel, else of the first measured torque; None without either."""
         return next(
             iter(self.measured_channels("force_x_N", "torque_left_N_m", "torque_right_N_m")), None
         )
 
     @property
     def speed_channels(self) -> tuple[str, ...]:
-        """Channels that measure the speed."""
+        """Names of the channels that measure the speed."""
         return self.measured_channels(*SPEEDS, "position_x_m")
 
     def channel_of(self, topic: str) -> str | None:
-        """A channel of a topic, one that the equation needs if there is one."""
+        """Name of a channel of the topic, preferring one that the equation needs."""
         names = (*self.measured_equation_channels, *self.machine.channels)
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
 
@@ -145,7 +145,9 @@ class FindingInputs:
         return 1.0 / (float(body.wheel_radius_m or np.nan) * body.force_share)
 
     def scale_channels(self, names: tuple[str, ...], times: float) -> tuple[str, str]:
-        """Keys and values that multiply channels.
+        """Keys and values of the machine file that multiply channels by a factor.
+
+        A speed without a declared unit gets one; a scale alone could be a wheel radius.
 
         A speed that is read as it is gets its unit: a scale alone would pass for a wheel's radius.
         """
@@ -163,7 +165,7 @@ class FindingInputs:
         )
 
     def shift_channels(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
-        """Keys and values that move channels back by how late they are."""
+        """Keys and values of the machine file that correct a delay of channels."""
         channels = self.machine.channels
         return (
             ", ".join(f"channels.{name}.delay_s" for name in names),
@@ -171,13 +173,13 @@ class FindingInputs:
         )
 
     def standstill_level(self, column: str) -> tuple[float, float]:
-        """Mean and deviation of a column of the grid while the machine stands; NaN without."""
+        """Mean and standard deviation of a grid column at standstill; NaN if it never stands."""
         if column not in self.aligned.columns:
             return float("nan"), float("nan")
         return self.standstill_level_of(values(self.aligned, column))
 
     def standstill_level_of(self, x: Floats) -> tuple[float, float]:
-        """Standstill level of (n,) values, by nearly independent means over half a second."""
+        """Mean and standard deviation of (n,) values at standstill, by means over half a second."""
         x = x[self.resting_samples]
         x = x[np.isfinite(x)]
         size = max(round(LIMITS.stand_block_s * self.machine.settings.align.rate_hz), 1)
@@ -188,7 +190,7 @@ class FindingInputs:
         return float(np.median(blocks)), 1.2533 * float(blocks.std(ddof=1)) / float(np.sqrt(count))
 
     def sample_masses_kg(self, motion: MotionSamples) -> Floats:
-        """(n,) the mass that the joint fit has for the load of each sample, in kg."""
+        """Mass of the load of each sample by the joint fit, (n,) in kg."""
         fit = self.fit
         assert fit is not None
         if fit.states is None or fit.count == 1:
@@ -199,7 +201,7 @@ class FindingInputs:
 
 @compiled_ahead
 def indices_of_stamps(t: Ints, stamps: Ints) -> Ints:
-    """Where stamps, (n,), stand among ascending ones: `searchsorted` of stamps mostly in order."""
+    """Insertion indices (n,) of stamps into sorted `t`; fast for stamps mostly in order."""
     out = np.empty(stamps.size, np.int64)
     at = 0
     for k in range(stamps.size):

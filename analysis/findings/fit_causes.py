@@ -1,4 +1,4 @@
-"""Causes by terms of the joint fit besides mass and friction, each against chance."""
+"""Causes found by terms of the joint fit other than mass and friction."""
 
 import math
 from dataclasses import replace
@@ -12,7 +12,7 @@ from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, search_likelihood
-from analysis.findings.refit import refit_mended
+from analysis.findings.refit import refit_corrected
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.gating.digging import SURELY
@@ -22,7 +22,10 @@ from estimators.errors import counted
 
 
 def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
-    """The wheels' speed against the accelerometer's: a radius is in the force as well."""
+    """Find a wheel radius that makes wheels and accelerometer disagree.
+
+    The radius scales the force as well.
+    """
     pick = search_likelihood(inputs).get("wheel_radius")
     if pick is None:
         return []
@@ -51,7 +54,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             channel=next(iter(inputs.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
-            change=lambda: refit_mended(inputs, larger, min(std / abs(gain), 1.0)),
+            change=lambda: refit_corrected(inputs, larger, min(std / abs(gain), 1.0)),
             # an accelerometer that reads too much may rock on its mount
             alternatives=(
                 *rival_causes(pick),
@@ -62,7 +65,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
 
 
 def rival_causes(pick: PickedCause) -> tuple[str, ...]:
-    """Keys of the causes that this log does not tell from one."""
+    """Keys of the causes that this log cannot distinguish from a given one."""
     keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
     own = keys.get(pick.name, pick.name.partition(":")[0])
     named = (keys.get(name, name.partition(":")[0]) for name in pick.rivals)
@@ -70,7 +73,7 @@ def rival_causes(pick: PickedCause) -> tuple[str, ...]:
 
 
 def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
-    """A force while the machine stands, which driving has as well."""
+    """Find a force at standstill that is also present in motion."""
     seen = explain_constant_force(inputs)
     rest, std = seen.rest_N
     if not np.isfinite(rest):
@@ -95,7 +98,7 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
                 _zeroing_advice(inputs, name, x) for name, x in zip(names, at_rest, strict=True)
             )
             or None,
-            change=lambda: refit_mended(
+            change=lambda: refit_corrected(
                 inputs,
                 lambda motion: replace(motion, force=motion.force - rest),
                 min(std / abs(rest), 1.0),
@@ -115,7 +118,7 @@ def _zeroing_advice(inputs: FindingInputs, name: str, reads: float) -> str:
 
 
 def _constant_force_symptom(inputs: FindingInputs) -> list[Symptom]:
-    """A constant force of a log that never stands: nothing tells whose it is."""
+    """Report a constant force whose cause is open because the machine never stands."""
     fit = inputs.fit
     if fit is None:
         return []
@@ -132,7 +135,7 @@ def _constant_force_symptom(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
-    """A force against the motion that does not depend on it."""
+    """Find a constant force against the direction of motion."""
     fit, found = inputs.fit, search_likelihood(inputs)
     if fit is None or inputs.machine.settings.forces.coulomb:  # then it is not missing
         return []
@@ -164,13 +167,15 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _newtons_text(force_N: float, std_N: float, sign: str = "-") -> str:
-    """A force with its deviation: of a small machine, to a digit of that."""
+    """Force and standard deviation as text, rounded to a digit of the deviation if small."""
     places = max(0, -math.floor(math.log10(std_N))) if 0.0 < std_N < 1.0 else 0
     return f"{force_N:{sign}.{places}f} ± {std_N:.{places}f} N"
 
 
 def _fitted_term(inputs: FindingInputs, name: str) -> PickedCause | None:
-    """A term as the joint fit has it, beyond what standing explains of it.
+    """A term of the joint fit, beyond what standstill explains of it.
+
+    If all starts use one throttle, only the priors of the fit separate it from mass and friction.
 
     Where all starts have one throttle, their samples hardly tell it from mass and friction; the
     fit does, by its priors.
@@ -189,8 +194,8 @@ def _fitted_term(inputs: FindingInputs, name: str) -> PickedCause | None:
 def mass_change_without_friction(
     inputs: FindingInputs, force: float, std: float, others: tuple[str, ...]
 ) -> MassChange | None:
-    """What the mass would be without Coulomb friction, or whichever of the others it is."""
-    change = refit_mended(
+    """Mass change if Coulomb friction, or a rival term, is removed."""
+    change = refit_corrected(
         inputs,
         lambda motion: replace(motion, force=motion.force - force * motion.direction),
         min(std / force, 1.0),
@@ -207,7 +212,7 @@ def _mass_change_without_slip(inputs: FindingInputs) -> MassChange | None:
 
 
 def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
-    """Wheels that turn faster than the ground under force."""
+    """Find wheels that turn faster than the ground speed while they pull."""
     pick, fit = search_likelihood(inputs).get("slip"), inputs.fit
     if pick is None or fit is None or pick.value <= 0.0:
         return []
@@ -225,7 +230,7 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
-    """A force that is not linear in the acceleration: load transfer, or losses of the drive."""
+    """Find a force that is nonlinear in the acceleration, by load transfer or drive losses."""
     found = find_gain_drift_of_one_load(inputs)
     pick = search_likelihood(inputs).get("driveline")
     if pick is not None:
@@ -237,7 +242,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
                 ),
                 _share_change_text(pick.value, pick.std),
                 channel=inputs.force_channel,
-                change=lambda: refit_mended(
+                change=lambda: refit_corrected(
                     inputs,
                     lambda motion: replace(
                         motion, force=motion.force * (1.0 - pick.value * motion.acceleration)
@@ -251,7 +256,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
-    """A force whose gain changes over the log, or a load that changes steadily."""
+    """Find a force gain that changes over the log, or a load that changes steadily."""
     pick = search_likelihood(inputs).get("gain_drift")
     if pick is None or inputs.fit is None or inputs.fit.count > 1:
         return []
@@ -280,7 +285,7 @@ def _share_change_text(value: float, std: float) -> str:
 
 
 def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
-    """Find a gain drift where loads of the answer alternate with the driving direction."""
+    """Find a gain drift in logs whose loads alternate with the driving direction."""
     found = compare_share_with_loads(inputs)
     if found is None or found.worse > LIMITS.indistinguishable_gain:
         return []
@@ -298,7 +303,7 @@ def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
 
 
 def relative_mass_u(inputs: FindingInputs) -> float:
-    """The answer's standard uncertainty as a share of it; infinite where there is none."""
+    """Relative standard uncertainty of the answer; infinite without an answer."""
     weighing = inputs.check_inputs.weighing
     if weighing is None:
         return float("inf")
@@ -309,7 +314,7 @@ def relative_mass_u(inputs: FindingInputs) -> float:
 
 
 def find_too_little_excitation(inputs: FindingInputs) -> list[Symptom]:
-    """No accepted stretch, or an answer that is hardly one."""
+    """Find logs without an accepted stretch, or with a very uncertain answer."""
     if inputs.check_inputs.weighing is None:
         stretches = inputs.checks.get("accepted_stretches", 0.0)
         return [Symptom(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
@@ -322,7 +327,7 @@ def find_too_little_excitation(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
-    """Terms that the motion does not tell from the mass."""
+    """Find terms that the motion cannot separate from the mass."""
     fit = inputs.fit
     if fit is None:
         return []
@@ -339,7 +344,7 @@ def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
-    """Braking that counts as driving, and moves the mass."""
+    """Find braking that is fitted as driving and changes the mass."""
     weighing = inputs.check_inputs.weighing
     if weighing is None or not np.isfinite(weighing.braking_kg):
         return []
@@ -368,7 +373,7 @@ def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_external_force(inputs: FindingInputs) -> list[Symptom]:
-    """Starts against something that pushes back."""
+    """Find starts against an external force, such as a pile."""
     if not inputs.digs.height:
         return []
     body = inputs.machine.machine

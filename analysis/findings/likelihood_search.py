@@ -1,4 +1,4 @@
-"""Which causes raise the likelihood of the two equations, one after the other.
+"""Stepwise search for causes that raise the likelihood of the two equations.
 
 At each step every cause is tried with one parameter beside mass, friction and what was found
 before; that which raises the likelihood most is taken. Causes that would raise it nearly as much
@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.altered_motion import delay_channel
+from analysis.findings.altered_motion import correct_channel_delay
 from analysis.findings.channel_causes import is_near_spike
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
@@ -34,14 +34,14 @@ _BESIDE: Final = {"delay:speed": "delay:imu", "delay:imu": "delay:speed"}
 
 @dataclass(frozen=True)
 class PickedCause:
-    """A cause with its parameter.
+    """A candidate cause with its fitted parameter.
 
     Attributes:
-        name: of the column.
-        value: of its parameter.
-        std: its standard deviation.
-        gain: by how much it raises twice the log likelihood.
-        rivals: names of others that would raise it nearly as much.
+        name: name of its column.
+        value: fitted value of the parameter.
+        std: standard deviation of the value.
+        gain: increase of twice the log likelihood.
+        rivals: names of causes with nearly the same gain.
     """
 
     name: str
@@ -52,7 +52,7 @@ class PickedCause:
 
 
 def search_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause]:
-    """Rank causes by their gain of likelihood, picked ones first."""
+    """Rank the causes by their gain of likelihood; picked causes come first."""
     if "picks" not in inputs.kept:
         inputs.kept["picks"] = _pick_causes_in_turn(inputs)
     return inputs.kept["picks"]  # type: ignore[return-value]
@@ -106,7 +106,7 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
 
 
 def gain_tolerance(best: PickedCause, name: str) -> float:
-    """Gains that differ by less are not told apart."""
+    """Difference of gains below which two causes cannot be distinguished."""
     # under a throttle that is held, brakes of an unknown course are a constant force as well, or
     # one that is not linear in the acceleration
     pair = {best.name, name}
@@ -119,7 +119,7 @@ def gain_tolerance(best: PickedCause, name: str) -> float:
 
 
 def _best_candidate(tried: Mapping[str, PickedCause]) -> PickedCause:
-    """The cause that raises the likelihood most; of its class one that can be and matters."""
+    """Candidate with the largest gain; among equals, one that is physical and matters."""
     best = max(tried.values(), key=lambda pick: pick.gain)
     if is_physical(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
         return best
@@ -135,16 +135,16 @@ def _best_candidate(tried: Mapping[str, PickedCause]) -> PickedCause:
 
 
 def is_physical(pick: PickedCause) -> bool:
-    """Wheels do not turn slower than the ground that they push: that is another one's shape."""
+    """Whether a slip has a possible sign: driving wheels cannot turn slower than the ground."""
     return pick.name != "slip" or pick.value > 0.0
 
 
 def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause | None:
-    """A delay so long that no derivative makes up for it: the joint fit's, tried whole."""
+    """Test a delay too long for a derivative, with the lag of the joint fit."""
     fit = inputs.fit
     if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
         return None
-    late = delay_channel(motion, "force", fit.lag_s)
+    late = correct_channel_delay(motion, "force", fit.lag_s)
     before, after = (remaining_motion(inputs, of)[0] for of in (motion, late))
     if (
         before.square_left * before.variance
@@ -152,7 +152,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
     ):
         return None
     # the wheels tell whether it is the accelerometer that is early or late
-    turned = delay_channel(motion, "imu", -fit.lag_s)
+    turned = correct_channel_delay(motion, "imu", -fit.lag_s)
     without, with_it = (remaining_motion(inputs, of)[1] for of in (motion, turned))
     by_imu = (
         without is not None
@@ -168,7 +168,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
 def remove_delay_iteratively(
     inputs: FindingInputs, motion: MotionSamples, taken: list[str], pick: PickedCause
 ) -> tuple[MotionSamples, PickedCause]:
-    """Move the channel back by what was found, until nothing is left of its delay."""
+    """Correct the delay of a channel repeatedly until none is left."""
     channel, total, std = pick.name.partition(":")[2], 0.0, pick.std
     begun, step = motion, pick.value
     for _ in range(LIMITS.delay_rounds):
@@ -177,7 +177,7 @@ def remove_delay_iteratively(
                 total + step, -LIMITS.longest_likelihood_delay_s, LIMITS.longest_likelihood_delay_s
             )
         )
-        motion = delay_channel(begun, channel, total)
+        motion = correct_channel_delay(begun, channel, total)
         again = score_causes(inputs, motion, taken).get(pick.name)
         if again is None:
             break
@@ -193,21 +193,23 @@ def _attribute_delay(
     taken: list[str],
     settled: tuple[MotionSamples, PickedCause],
 ) -> tuple[MotionSamples, PickedCause, tuple[str, ...]]:
-    """Whether wheels are early or the accelerometer is late: alike to both, not to the force.
+    """Decide whether the wheels are early or the accelerometer is late.
+
+    Both look alike in the wheel equation; the force tells them apart.
 
     Args:
         inputs: the log.
-        begun: the motion before either was moved back.
-        taken: causes that were found before.
-        settled: the motion after the one that was found, and how late it is.
+        begun: motion before any correction.
+        taken: causes found before.
+        settled: corrected motion and the delay that was found.
 
     Returns:
-        The motion and the delay that leave less of the force, and the other one's name where it
-        leaves hardly more.
+        The motion and delay with the smaller force residual, and the name of the other delay if it
+        is nearly as good.
     """
     motion, own = settled
     turned = replace(own, name=_BESIDE[own.name], value=-own.value)
-    other = delay_channel(begun, turned.name.partition(":")[2], turned.value)
+    other = correct_channel_delay(begun, turned.name.partition(":")[2], turned.value)
     # tried whole: noise of the force makes its derivative too large, and a delay too small
     left, left_other = (remaining_motion(inputs, each, taken)[0] for each in (motion, other))
     apart = left.square_left * left.variance - left_other.square_left * left_other.variance
@@ -221,7 +223,7 @@ def _attribute_delay(
 def score_causes(
     inputs: FindingInputs, motion: MotionSamples, taken: list[str]
 ) -> dict[str, PickedCause]:
-    """Try every cause beside those that were picked."""
+    """Score every remaining cause beside those already picked."""
     parts = _build_systems(inputs, motion, taken)
     names = list(dict.fromkeys(name for part in parts for name in part.information))
     out: dict[str, PickedCause] = {}
@@ -239,7 +241,7 @@ def score_causes(
 def _build_systems(
     inputs: FindingInputs, motion: MotionSamples, taken: list[str]
 ) -> list[ProjectedEquation]:
-    """Both equations without what was taken; the wheels' where it can be listened to."""
+    """Both equations with the picked causes projected out; that of the wheels only if usable."""
     force, wheels = remaining_motion(inputs, motion, taken)
     # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
     together = wheels is not None and wheels.variance < LIMITS.wheel_noise_ratio
@@ -249,7 +251,7 @@ def _build_systems(
 def remaining_motion(
     inputs: FindingInputs, motion: MotionSamples, taken: Sequence[str] = ()
 ) -> tuple[ProjectedEquation, ProjectedEquation | None]:
-    """Force and wheels without what was taken."""
+    """Force and wheel equations with the picked causes projected out."""
     fit, noise = inputs.fit, inputs.column_noise
     assert fit is not None
     assert noise is not None

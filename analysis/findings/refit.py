@@ -1,4 +1,4 @@
-"""What mending a cause would do to the mass: the fit once more, of a motion that is mended.
+"""Change of the mass if a cause is corrected, by refitting a corrected motion.
 
 One refit costs a fraction of a replay. What a replay would do besides (other windows accepted,
 another mean) is in the uncertainty.
@@ -24,40 +24,44 @@ Mend = Callable[[MotionSamples], MotionSamples]
 
 
 def refit_without_rows(inputs: FindingInputs, rows: Bools) -> MassChange | None:
-    """Fit once more without samples, which leaves some starts as another answer would have them.
+    """Refit without some samples; u covers that a replay may accept other starts.
 
     Args:
         inputs: the log.
-        rows: (n,) grid samples that say nothing.
+        rows: (n,) True for grid samples to leave out.
     """
-    return refit_from_scratch(
+    return refit_with_answer_u(
         inputs, lambda motion: motion.exclude_samples(rows), LIMITS.cut_start_u
     )
 
 
-def refit_from_scratch(
+def refit_with_answer_u(
     inputs: FindingInputs, mend: Mend, relative_u: float = 0.0
 ) -> MassChange | None:
-    """Refit from scratch if the present answer predicts a replay badly.
+    """Refit the corrected motion, with the answer's uncertainty added to that of the change.
+
+    A replay may accept other starts than this refit has.
 
     Args:
         inputs: the log.
-        mend: makes the motion as it would be.
-        relative_u: as of `refit_mended`.
+        mend: returns the corrected motion.
+        relative_u: see `refit_corrected`.
     """
-    change = refit_mended(inputs, mend, relative_u)
+    change = refit_corrected(inputs, mend, relative_u)
     if change is None or inputs.fit is None:
         return None
     return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.fit.u_kg)))
 
 
-def refit_mended(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> MassChange | None:
-    """Fit once more from the joint fit on, and compare with the mass of the motion as it is.
+def refit_corrected(
+    inputs: FindingInputs, mend: Mend, relative_u: float = 0.0
+) -> MassChange | None:
+    """Refit the corrected motion from the joint fit on, and compare the masses.
 
     Args:
         inputs: the log.
-        mend: makes the motion as it would be.
-        relative_u: standard uncertainty of what is mended, as a share of it.
+        mend: returns the corrected motion.
+        relative_u: relative standard uncertainty of the correction.
     """
     fit = inputs.fit
     if fit is None:
@@ -76,7 +80,7 @@ def refit_mended(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> 
 
 
 def _unmended_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
-    """The mass of the motion as it is: the fit's own, or that of the same part of a long log."""
+    """Mass of the uncorrected motion, by the fit or by the same part of a long log."""
     if "refitted" not in inputs.kept:
         whole = np.unique(fit.motion.group[fit.motion.used]).size <= LIMITS.refit_max_stretches
         if whole and fit.states is not None:
@@ -98,7 +102,7 @@ def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     if motion.used.sum() < LIMITS.refit_min_samples or not motion.drives:
         return None
     motion = motion.near_fitted(LIMITS.refit_reach_s)
-    states = None if fit.states is None else fit.states.among(motion)
+    states = None if fit.states is None else fit.states.restrict_to(motion)
     if states is not None and states.count != inputs.kept.setdefault("states", states.count):
         return None
     earlier = inputs.kept.get("wheels")
@@ -113,7 +117,9 @@ def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
 
 
 def is_wheel_agreement_kept(before: MotionSamples, after: MotionSamples) -> bool:
-    """Whether wheels and accelerometer say of each other what they said.
+    """Whether wheels and accelerometer still agree as before.
+
+    A constant accelerometer error is ignored.
 
     Their comparison takes a constant of the accelerometer off.
     """
@@ -139,20 +145,20 @@ def _differ_by_constant(old: Floats, new: Floats) -> bool:
 def refit_warm_started(
     begun: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, *, known: bool
 ) -> JointFit:
-    """Fit from another one's parameters on; its lag by the first stretches where there are more.
+    """Refit from the parameters of an earlier fit; a long log's lag uses its first stretches.
 
     Args:
-        begun: what is known.
-        noise: of the columns.
-        priors: of the nuisances.
-        known: whether neither force nor speed changes, and with them no lag.
+        begun: the earlier fit.
+        noise: noise of the columns.
+        priors: priors of the nuisances.
+        known: whether force and speed are unchanged, so that the lag is known.
     """
     part = begun.motion.cut_to_first_stretches(LIMITS.refit_pilot_stretches)
     if part is begun.motion or not part.drives:
         return refit_with_changes(begun, noise, priors, rounds=LIMITS.refit_rounds - known)
     if known:
         return refit_with_changes(begun, noise, priors)
-    states = None if begun.states is None else begun.states.among(part)
+    states = None if begun.states is None else begun.states.restrict_to(part)
     pilot = refit_with_changes(replace(begun, motion=part, states=states), noise, priors)
     if abs(pilot.found.lag_s - begun.found.lag_s) > LIMITS.refit_lag_moves_s:
         pilot = refit_with_changes(pilot, noise, priors)
@@ -162,7 +168,7 @@ def refit_warm_started(
 
 
 def renumber_stretches(motion: MotionSamples) -> MotionSamples:
-    """The motion with its stretches numbered anew: what was left out may have cut some in two."""
+    """Number the stretches again, since samples left out may have split some."""
     parts = np.where(motion.used, np.cumsum(first_of_stretch(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
     short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)

@@ -1,4 +1,4 @@
-"""Causes by the residual of the force: coloured, of uneven size, or oscillating.
+"""Causes in the residual of the force: coloured noise, uneven noise or oscillation.
 
 The same sum of channels is looked at while the machine stands, where it holds the instruments'
 noise alone; its spectrum while it drives is compared with that.
@@ -17,7 +17,7 @@ from estimators.arrays import Bools, Floats
 
 
 class Spectra(NamedTuple):
-    """Power by frequency, (k,): while it drives, and while it stands."""
+    """Power by frequency, (k,), in motion and at standstill."""
 
     hz: Floats
     driving: Floats
@@ -58,7 +58,10 @@ def _compute_residual_spectra(inputs: FindingInputs) -> Spectra | None:
 
 
 def pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
-    """By the pooled estimate of moving means: shaking takes the mass of shorter ones away."""
+    """Mass in kg and viscous friction in N·s/m by the pooled fit of moving means.
+
+    Vibration biases the mass of shorter means.
+    """
     totals = inputs.check_inputs.totals
     if totals is not None:
         pooled = totals.filter(totals["method"] == "pooled")
@@ -71,7 +74,7 @@ def pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
 
 
 def stretch_powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
-    """Spectra of the stretches that are used, without their own polynomial."""
+    """Power spectra of the used stretches, each without its own polynomial trend."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], used, [False]]).astype(np.int8)))
     window = np.hanning(LIMITS.spectrum_samples)
     ramp = np.linspace(-1.0, 1.0, LIMITS.spectrum_samples)
@@ -90,7 +93,7 @@ def stretch_powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
 
 
 def typical_power(powers: list[Floats]) -> Floats:
-    """Their mean, without the largest: a stretch that holds a stop or a knock is no noise."""
+    """Mean of the spectra without the largest, which may hold a stop or a knock."""
     kept = max(round(LIMITS.averaged_spectra_fraction * len(powers)), 1)
     return np.sort(np.array(powers), axis=0)[:kept].mean(axis=0)
 
@@ -100,7 +103,7 @@ def _band_level(hz: Floats, power: Floats, low: float, high: float) -> float:
 
 
 def find_resonance(inputs: FindingInputs) -> list[Symptom]:
-    """A peak of the driving spectrum over the standing one."""
+    """Find a peak of the spectrum in motion over that at standstill."""
     found = residual_spectra(inputs)
     if found is None:
         return []
@@ -125,7 +128,7 @@ def find_resonance(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_heteroscedasticity(inputs: FindingInputs) -> list[Symptom]:
-    """More noise while it drives than while it stands."""
+    """Find more residual noise in motion than at standstill."""
     found = residual_spectra(inputs)
     if found is None:
         return []
@@ -143,7 +146,7 @@ def find_heteroscedasticity(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_coloured_residuals(inputs: FindingInputs) -> list[Symptom]:
-    """Slow noise of the channels at standstill, beyond white noise."""
+    """Find slow noise of the channels at standstill, beyond white noise."""
     found = residual_spectra(inputs)
     if found is None:
         return []

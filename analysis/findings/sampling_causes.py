@@ -1,4 +1,4 @@
-"""Stamps: gaps, uneven sampling, a clock that jumps and clocks that run apart."""
+"""Causes in the stamps: gaps, uneven sampling, a clock jump and clock drift."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from estimators.arrays import Bools, Floats, Ints
 
 
 def find_gaps(inputs: FindingInputs) -> list[Symptom]:
-    """Steps of a topic longer than `gap_periods` of its own period."""
+    """Find steps of a topic longer than `gap_periods` of its period."""
     found: list[Symptom] = []
     settings = inputs.machine.settings.align
     topics = channel_by_topic(inputs)
@@ -39,7 +39,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
-    """Which holes are pauses of the recorder: seconds in which no topic has a sample."""
+    """Which holes are pauses of the recorder, in which no topic has a sample."""
     alone = np.zeros(begin.size, np.bool_)
     for t in others:
         inside = np.searchsorted(t, end - LIMITS.recorder_pause_edge_ns) - np.searchsorted(
@@ -50,7 +50,7 @@ def _recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
 
 
 def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
-    """The scatter of a topic's steps, gaps aside, over its period."""
+    """Find topics whose time steps scatter, apart from gaps."""
     found: list[Symptom] = []
     for name, (t, _) in channel_by_topic(inputs).items():
         uneven = stamp_scatter(inputs.raw[inputs.machine.channels[name].topic or "table"])
@@ -82,7 +82,11 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
 
 
 def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
-    """The scatter of a topic's steps that matters, and what its readings say of the stamps."""
+    """Relevant scatter of a topic's time steps, and whether its readings confirm the stamps.
+
+    Returns:
+        The scatter relative to the period, and the conclusion in words.
+    """
     topic = inputs.machine.channels[name].topic
     weight, weighted = 0.0, 0.0
     for channel in inputs.measured_equation_channels:
@@ -104,11 +108,14 @@ def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
 
 
 def stamp_fidelity(t: Ints, x: Floats) -> tuple[float, float]:
-    """Whether readings were taken when their stamps say (1) or evenly (0), ± standard deviation.
+    """Estimate whether readings were taken at their stamps (1) or evenly spaced (0).
 
-    A reading that is taken when its stamp says lies beside the mean of its neighbours by the slope
-    times how far its stamp is off their middle. Slopes before and after it are instruments of one
-    another: the noise of one slope alone would pull the share to 0.
+    A reading taken at its stamp differs from the mean of its neighbours by the slope times the
+    stamp's distance from their middle. The slopes before and after serve as instruments of each
+    other, since the noise of one slope alone would bias the estimate towards 0.
+
+    Returns:
+        The estimate and its standard deviation.
     """
     n = LIMITS.slope_rows
     if x.size < 10 * n:
@@ -133,7 +140,7 @@ def stamp_fidelity(t: Ints, x: Floats) -> tuple[float, float]:
 
 
 def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
-    """A step in what log time lies behind header stamps, beyond its drift."""
+    """Find a step in the latency between header stamps and log times, beyond drift."""
     found: list[Symptom] = []
     for topic, (log, latency_s) in _latencies(inputs).items():
         level, std_s = usual_latencies(latency_s)
@@ -141,7 +148,7 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
             continue
         at, jump_s, left_s = _largest_step(level)
         # a clock that drifts has no one step
-        if left_s > line_residual_share(level):
+        if left_s > line_residual_std(level):
             continue
         strength = abs(jump_s) / max(LIMITS.clock_jump_std * std_s, LIMITS.clock_jump_s)
         place = at * log.size // LIMITS.latency_parts
@@ -159,7 +166,7 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
-    """Two topics' header stamps against their log times."""
+    """Find two topics whose header clocks drift apart, measured against log times."""
     signals = inputs.check_inputs.signals
     if signals is None or signals.drift is None:
         return []
@@ -184,14 +191,14 @@ def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> str:
-    """The channel to blame for two clocks that diverge: that of the force, if it is one of them."""
+    """Channel to blame for two diverging clocks: that of the force, if involved."""
     force = inputs.force_channel
     topic = None if force is None else inputs.machine.channels[force].topic
     return slower if slower == topic else faster
 
 
 def channel_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
-    """One channel of each topic that the equation needs."""
+    """Stamps and readings of one equation channel of each topic."""
     topics: dict[str | None, str] = {}
     for name in inputs.measured_equation_channels:
         topics.setdefault(inputs.machine.channels[name].topic, name)
@@ -199,7 +206,7 @@ def channel_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
 
 
 def _latencies(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
-    """By topic: log times in ns, and log time less header stamp in s, from its least on."""
+    """Log times in ns and latency of the header stamps above its minimum in s, by topic."""
     out: dict[str, tuple[Ints, Floats]] = {}
     for topic, frame in inputs.raw.items():
         if "header_stamp_ns" not in frame.columns or frame.height < 10 * LIMITS.latency_parts:
@@ -213,7 +220,7 @@ def _latencies(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
 
 
 def usual_latencies(latency_s: Floats) -> tuple[Floats | None, float]:
-    """(parts,) the usual latency of each part, and the deviation of one."""
+    """Typical latency of each part, (parts,) in s, and its standard deviation."""
     parts = np.array_split(latency_s, LIMITS.latency_parts)
     level = np.array([float(np.median(part)) for part in parts])
     changes = np.abs(np.diff(level))
@@ -221,7 +228,7 @@ def usual_latencies(latency_s: Floats) -> tuple[Floats | None, float]:
 
 
 def _largest_step(level: Floats) -> tuple[int, float, float]:
-    """Where the level steps most, by how much, and what a step leaves of its scatter."""
+    """Index and height in s of the largest step, and the standard deviation beside it in s."""
     count = np.arange(1, level.size)
     before = np.cumsum(level)[:-1] / count
     after = (level.sum() - np.cumsum(level)[:-1]) / (level.size - count)
@@ -231,7 +238,7 @@ def _largest_step(level: Floats) -> tuple[int, float, float]:
     return at, float(after[at - 1] - before[at - 1]), float(np.std(left))
 
 
-def line_residual_share(level: Floats) -> float:
-    """Fraction of scatter about a line that remains after fitting it."""
+def line_residual_std(level: Floats) -> float:
+    """Standard deviation in s that remains after fitting a line."""
     x = np.arange(level.size, dtype=np.float64)
     return float(np.std(level - np.polyval(np.polyfit(x, level, 1), x)))

@@ -1,4 +1,4 @@
-"""Settings that cost: braking that is left out though the force sees it, recursions that forget.
+"""Causes in the settings: braking left out although the force shows it, and forgetting.
 
 Where a machine is always about to brake, the gate leaves nothing. Whether the force sees the brakes
 is asked of the samples themselves, gate or no gate: then braking tells the mass that driving tells.
@@ -30,7 +30,7 @@ _KNOWN: Final = 0.02
 
 
 def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
-    """Braking that takes most windows, of a log that tells little, and that the force sees."""
+    """Find useful braking that the gate rejects, in a log with few other windows."""
     if (
         not inputs.machine.settings.gate.exclude_braking
         or relative_mass_u(inputs) < LIMITS.poor_answer_u
@@ -55,7 +55,7 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _braking_over_driving(evidence: CheckInputs) -> float:
-    """The mass by all braking over that by all driving, no window refused; NaN: no telling."""
+    """Mass from braking over mass from driving, without the gate; NaN if undetermined."""
     motion = evidence.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])
     driving = motion.known & evidence.is_phase("accelerating", "cruising")
@@ -71,7 +71,7 @@ def _fit_mass(A: np.ndarray, f: np.ndarray, of: Bools) -> tuple[float, float]:
 
 
 def find_wind_up(inputs: FindingInputs) -> list[Symptom]:
-    """Estimates that forget while the machine keeps its speed (wind-up)."""
+    """Find recursive estimates that forget at constant speed (wind-up)."""
     found = [
         sign for name in inputs.estimates if (sign := find_growing_std(inputs, name)) is not None
     ]
@@ -79,10 +79,10 @@ def find_wind_up(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
-    """The growth of the recursion's own deviation, which is there whatever else is wrong.
+    """Find growth of a recursion's own standard deviation.
 
     Without excitation the covariance grows by 1 / forgetting a sample (Åström and Wittenmark 1995,
-    Adaptive Control, 11.5); what grows by more has other reasons.
+    Adaptive Control, 11.5); faster growth has other reasons.
     """
     frame = inputs.estimates[name]
     trace = inputs.machine.settings.trace
@@ -120,10 +120,10 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
 
 
 def run_starts(x: Bools | Ints) -> Bools:
-    """(n,) where a run of true begins, or of a larger number than before."""
+    """(n,) True where a run of True values begins, or where a number increases."""
     return np.diff(x.astype(np.int64), prepend=0) > 0
 
 
 def apply_to_parts(function: Callable[[Floats], Floats], x: Floats, parts: Ints) -> Floats:
-    """(n,) what a function makes of each part, which begin there."""
+    """Apply a function to each part of (n,) values; `parts` holds their first indices."""
     return np.concatenate([function(part) for part in np.split(x, parts)])

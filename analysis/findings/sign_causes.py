@@ -1,4 +1,4 @@
-"""Channels that have lost their sign, their side, their unit or their scale."""
+"""Causes in a channel's sign, side, unit or scale."""
 
 from dataclasses import replace
 from typing import Final
@@ -9,7 +9,7 @@ from analysis.findings.accelerometer_share import fit_accelerometer_gain
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import refit_from_scratch, refit_mended
+from analysis.findings.refit import refit_corrected, refit_with_answer_u
 from analysis.model.schema import values
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
@@ -42,7 +42,7 @@ _FORCE_UNITS: Final = {
 
 
 def find_flipped_sign(inputs: FindingInputs) -> list[Symptom]:
-    """One of force, speed and accelerometer against the other two; one side against the other."""
+    """Find a channel or side whose sign contradicts the others."""
     found = [*_flipped_axis(inputs), *_flipped_side(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
@@ -80,7 +80,7 @@ def _flipped_axis(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: refit_from_scratch(
+            change=lambda: refit_with_answer_u(
                 inputs, lambda motion: multiply_channel(motion, names[0], -1.0), 0.05
             ),
         )
@@ -88,7 +88,7 @@ def _flipped_axis(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _flipped_side(inputs: FindingInputs) -> list[Symptom]:
-    """Left and right torque that oppose each other while the machine drives straight."""
+    """Find left and right torques that oppose each other in straight driving."""
     sides = inputs.measured_channels("torque_left_N_m", "torque_right_N_m")
     if len(sides) < 2:
         return []
@@ -120,7 +120,7 @@ def _flipped_side(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
-    """A force that is never below zero, though it drives back or something brakes it."""
+    """Find a force that is never negative although the machine reverses or brakes."""
     name = inputs.force_channel
     if name is None:
         return []
@@ -158,12 +158,12 @@ def find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
 
 
 def is_never_negative(inputs: FindingInputs, name: str) -> bool:
-    """Whether a channel has lost its sign: noise about zero would be below it as well."""
+    """Whether a channel has lost its sign; noise about zero would be negative at times."""
     return float((inputs.series[name][1] < 0.0).mean()) < LIMITS.unsigned_negative_fraction
 
 
 def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
-    """Wheels that turn the machine the other way than the gyroscope says."""
+    """Find wheel speeds whose turning direction contradicts the gyroscope."""
     gyro = "yaw_rate_rad_s"
     sides = inputs.measured_channels("speed_left_m_s", "speed_right_m_s")
     width = inputs.machine.machine.track_width_m
@@ -195,21 +195,21 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
             setting=keys,
             value=fields,
             # what drives straight does not know its sides
-            change=lambda: refit_mended(inputs, lambda motion: motion),
+            change=lambda: refit_corrected(inputs, lambda motion: motion),
             alternatives=("sign_flipped",),
         )
     ]
 
 
 def find_wrong_unit(inputs: FindingInputs) -> list[Symptom]:
-    """Ratios of speed, acceleration and force that are those of usual units."""
+    """Find ratios of speed, acceleration and force that match a common unit conversion."""
     # a mass in the wrong unit may be the acceleration's
     found = _unit_by_gravity(inputs) or _unit_by_speed(inputs) or _unit_by_empty_mass(inputs)
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
 def _unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
-    """The accelerometer's z axis at standstill against gravity, whatever the wheels do."""
+    """Compare the accelerometer's z axis at standstill with gravity."""
     names = inputs.measured_channels(*_ACC_AXES)
     reads, _ = inputs.standstill_level(_ACC_AXES[2])
     share = reads / inputs.machine.machine.gravity_m_s2
@@ -228,7 +228,7 @@ def _unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
             channel=ACC,
             setting=setting,
             value=value,
-            change=lambda: refit_from_scratch(
+            change=lambda: refit_with_answer_u(
                 inputs, lambda motion: multiply_channel(motion, ACC, 1.0 / near[0]), 0.05
             ),
         )
@@ -236,7 +236,7 @@ def _unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _reads_gravity(inputs: FindingInputs) -> bool:
-    """Whether the z axis reads gravity at rest, either way up: then its unit is m/s²."""
+    """Whether the z axis reads ±g at rest, so that its unit is m/s²."""
     reads, _ = inputs.standstill_level(_ACC_AXES[2])
     return bool(
         abs(abs(reads) / inputs.machine.machine.gravity_m_s2 - 1.0) < LIMITS.unit_ratio_tolerance
@@ -244,7 +244,7 @@ def _reads_gravity(inputs: FindingInputs) -> bool:
 
 
 def _speed_units(inputs: FindingInputs) -> dict[float, str]:
-    """Ratios of the accelerometer to wheels in another unit, and which."""
+    """Names of the units by the ratio of accelerometer to wheels that each would cause."""
     found = {1.0 / times: what for times, what in _SPEED_UNITS.items()}
     radius_m = inputs.machine.machine.wheel_radius_m
     if radius_m is None:
@@ -253,7 +253,7 @@ def _speed_units(inputs: FindingInputs) -> dict[float, str]:
 
 
 def _unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
-    """The accelerometer against the wheels, and against gravity."""
+    """Compare the accelerometer with the wheels and with gravity."""
     gain = inputs.checks.get("acceleration_gain", np.nan)
     seen = fit_accelerometer_gain(inputs)
     # what hardly moves has any gain
@@ -292,7 +292,7 @@ def _unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting if told else None,
             value=value if told else None,
-            change=lambda: refit_from_scratch(
+            change=lambda: refit_with_answer_u(
                 inputs, lambda motion: multiply_channel(motion, names[0], times), 0.05
             ),
         )
@@ -300,7 +300,7 @@ def _unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
-    """The mass against the empty machine's."""
+    """Compare the mass with that of the empty machine."""
     ratio = inputs.checks.get("empty_mass_ratio", np.nan)
     empty_kg = inputs.machine.machine.empty_mass_kg
     fit = inputs.fit
@@ -329,7 +329,7 @@ def _unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: refit_from_scratch(
+            change=lambda: refit_with_answer_u(
                 inputs, lambda motion: multiply_channel(motion, names[0], 1.0 / near), 0.05
             ),
         )
@@ -337,7 +337,7 @@ def _unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
 
 
 def multiply_channel(motion: MotionSamples, channel: str, times: float) -> MotionSamples:
-    """The motion with a channel multiplied."""
+    """The motion with one channel multiplied by a factor."""
     if channel == ACC:
 
         def of(x: Floats | None) -> Floats | None:
@@ -356,7 +356,7 @@ def multiply_channel(motion: MotionSamples, channel: str, times: float) -> Motio
 
 
 def find_wrong_scale(inputs: FindingInputs) -> list[Symptom]:
-    """The lightest load against the empty mass, in their standard uncertainty with the scale."""
+    """Find a lightest load that contradicts the empty mass, given the scale's uncertainty."""
     found = inputs.check_inputs.empty_mass
     if found is None or not found.is_informative:
         return []

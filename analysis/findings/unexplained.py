@@ -1,4 +1,4 @@
-"""Checks that fail, and no cause that accounts for them: unknown, and this is what disagrees."""
+"""Failed checks that no cause accounts for: the finding `unknown` names them."""
 
 from collections.abc import Collection, Mapping
 from typing import Any, Final
@@ -27,17 +27,17 @@ _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
-    """The failed checks of the mass that no cause accounts for."""
+    """Report failed checks of the mass that no cause accounts for."""
     kept = inputs.kept.get(SHOWN, ())
     found = unexplained_symptom(inputs.judged, kept if isinstance(kept, tuple) else ())
     return [] if found is None else [found]
 
 
 def unexplained_symptom(judged: pl.DataFrame, shown: Collection[str]) -> Symptom | None:
-    """Failed checks that no cause explains; None if each is explained.
+    """Symptom of failed checks that no cause explains; None if each is explained.
 
     Args:
-        judged: `verdict`.
+        judged: the frame `verdict`.
         shown: keys of the causes that the log shows.
     """
     failed = [row for row in judged.iter_rows(named=True) if _is_unexplained(row, set(shown))]

@@ -1,4 +1,4 @@
-"""The two equations that causes are tried on, as rows whose noise is white and of unit size.
+"""The two equations that causes are tested on, as rows with white noise of unit size.
 
 Force: f = m a + b v, by means of a few samples inside the stretches. Wheels: v = v₀ + ∫a + c t, by
 means inside each stretch, without its own line; the accelerometer's noise adds up over it.
@@ -19,17 +19,16 @@ from estimators.numerics.fit_loss import group_rows
 
 @dataclass(frozen=True)
 class EquationRows:
-    """Rows of an equation.
+    """Whitened rows of an equation, and columns of the causes.
 
     Attributes:
-        y: (n,) what is to be explained.
-        base: (n, p) what explains it without any fault.
-        columns: by cause, (n,) what one unit of it adds; causes without one are not seen here.
-        noise: (p, p) what noise of the base adds to its sums of products.
-        noise_with: by cause, (p,) what it adds to those with its column.
-        noise_of: by cause, what noise of its column, that y has with the other sign, adds to the
-            square of that column.
-        size_N: what a row of the force was divided by.
+        y: (n,) the quantity to be explained.
+        base: (n, p) regressors of a log without faults.
+        columns: (n,) effect of one unit of each cause, by its name; absent causes are not visible.
+        noise: (p, p) expected contribution of regressor noise to baseᵀ base.
+        noise_with: (p,) the same for baseᵀ column, by cause.
+        noise_of: the same for columnᵀ column, by cause, of noise that y has with the opposite sign.
+        size_N: divisor that makes a row of the force dimensionless.
     """
 
     y: Floats
@@ -49,13 +48,13 @@ def force_system(
     *,
     brakes: bool = False,
 ) -> EquationRows:
-    """Rows of the force.
+    """Build the whitened rows of the force equation.
 
     Args:
         motion: the samples.
-        noise: of the columns.
-        mass_kg: (n,) of the load of each sample, what differs of which is taken off.
-        friction: viscous, what slip costs.
+        noise: noise of the columns.
+        mass_kg: (n,) mass of the load of each sample; differences between loads are removed.
+        friction: viscous friction in N·s/m, for the effect of slip.
         brakes: whether braking counts as driving.
     """
     taken = whole_blocks(motion.group, LIMITS.force_mean_samples)
@@ -106,7 +105,7 @@ def force_system(
 
 
 def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> EquationRows | None:
-    """Rows of the wheels against the accelerometer; None without one."""
+    """Build the whitened rows of wheels against accelerometer; None without an accelerometer."""
     reads = motion.specific_force if motion.without_gravity is None else motion.without_gravity
     if reads is None:
         return None
@@ -148,9 +147,13 @@ def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> EquationRows
 
 @lru_cache(maxsize=256)
 def _whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
-    """(count - 2, count) that makes the noise of a stretch white and takes its line off.
+    """Matrix that whitens the noise of a stretch and removes its line.
 
     Beside it the accelerometer's share of that noise, added up over the rows.
+
+    Returns:
+        (count - 2, count) matrix, and the accelerometer's fraction of the noise, summed over the
+        rows.
     """
     k = np.arange(count, dtype=np.float64)
     adds_up = of_acc * np.minimum(k[:, None], k[None, :])
@@ -163,13 +166,13 @@ def _whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Float
 
 
 def whole_blocks(group: Ints, samples: int) -> Ints:
-    """The samples of whole blocks of so many of one stretch."""
+    """Samples in whole blocks of the given size within each stretch."""
     own = [part[: part.size // samples * samples] for part in group_rows(group)]
     return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
 
 
 def block_sums(x: Floats, samples: int) -> Floats:
-    """Sums of blocks of so many, (blocks,)."""
+    """Sums of blocks of so many samples, (blocks,)."""
     blocks = x.reshape(-1, samples)
     total = blocks[:, 0].copy()
     for k in range(1, samples):
@@ -178,7 +181,7 @@ def block_sums(x: Floats, samples: int) -> Floats:
 
 
 def _force_rate(force: Floats, rate_hz: float) -> Floats:
-    """The derivative of the force in N/s."""
+    """Time derivative of the force, (n,) in N/s."""
     half = LIMITS.force_rate_samples // 2
     steps = (
         np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
@@ -193,8 +196,8 @@ class ProjectedEquation:
     Attributes:
         information: the remaining XᵀX, by candidate cause.
         score: the remaining Xᵀy, by candidate cause.
-        square_left: the remaining sum of squares, over the variance of a row's noise.
-        variance: of a row's noise, for sums of many rows.
+        square_left: remaining sum of squares over the noise variance of a row.
+        variance: noise variance of a row, for sums of many rows.
     """
 
     information: dict[str, float]
@@ -204,7 +207,7 @@ class ProjectedEquation:
 
     @classmethod
     def project_out(cls, system: EquationRows, taken: Sequence[str]) -> "ProjectedEquation":
-        """Take off what the base and these causes explain, noise of their columns aside."""
+        """Remove what the base and the picked causes explain, corrected for column noise."""
         own = [name for name in taken if name in system.columns]
         others = [name for name in system.columns if name not in own]
         known = np.column_stack([system.base, *(system.columns[name] for name in own)])
@@ -258,7 +261,7 @@ class ProjectedEquation:
         )
 
     def information_about(self, name: str) -> float:
-        """The information that is left about a cause."""
+        """Remaining information about a candidate cause."""
         return self.information.get(name, 0.0)
 
     def remaining_score(self, name: str) -> float:
@@ -267,7 +270,7 @@ class ProjectedEquation:
 
 
 def variance_of(noise: Floats) -> float:
-    """Variance of a row, scaled for correlated sums; at least that of the channels' noise."""
+    """Noise variance of a row, scaled for correlated sums; at least that of the channels."""
     own = float(noise @ noise) / max(noise.size, 1)
     if not own > 0.0:
         return 1.0

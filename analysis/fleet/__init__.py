@@ -1,1 +1,1 @@
-"""A fleet's results over machines and days: tables, control charts, what needs a look."""
+"""Results of a fleet over machines and days: tables, control charts, recordings to look at."""

@@ -1,4 +1,4 @@
-"""Recordings that need a look, the most urgent first, each with its place."""
+"""Recordings that need attention, most urgent first, each with the moment to look at."""
 
 from typing import Final
 
@@ -20,7 +20,7 @@ _FAR: Final = 6.0
 def rank_concerns(
     results: pl.DataFrame, cycles: pl.LazyFrame, findings: pl.LazyFrame
 ) -> pl.DataFrame:
-    """Rank recordings by what is wrong with them.
+    """Rank recordings by their problems.
 
     Args:
         results: table `results`.
@@ -28,8 +28,8 @@ def rank_concerns(
         findings: table `findings`.
 
     Returns:
-        key, machine, day, source, weight, why, at_s: the recordings with a reason, the largest
-        weight first; reasons of one recording in one sentence, its place that of the weightiest.
+        Recordings with a problem, largest weight first: key, machine, day, source, weight, why (all
+        problems in one sentence) and at_s (moment of the weightiest).
     """
     without = (
         cycles.filter(pl.col("payload_kg").is_null())
@@ -59,7 +59,7 @@ def rank_concerns(
 
 
 def concerns_of_results(results: pl.DataFrame) -> list[pl.DataFrame]:
-    """A frame a reason: the recordings that have it."""
+    """Frames of recordings with a problem in `results`, one frame per kind of problem."""
     missing, cycles = pl.col("cycles_without_mass"), pl.col("cycles")
     lost = pl.col("lost_cycles")
     failed = pl.col("failed_checks")
@@ -100,7 +100,7 @@ def concerns_of_results(results: pl.DataFrame) -> list[pl.DataFrame]:
 
 
 def concerns_of_cycles(cycles: pl.LazyFrame) -> pl.DataFrame:
-    """Payloads far from those of the same machine, by median and median absolute deviation."""
+    """Payloads far from the machine's others, by median and median absolute deviation."""
     payload = pl.col("payload_kg")
     apart = (payload - payload.median().over("machine")).abs().alias("apart")
     spread = (pl.col("apart").median().over("machine") * STD_OF_MAD).clip(1e-9)
@@ -127,7 +127,7 @@ def concerns_of_cycles(cycles: pl.LazyFrame) -> pl.DataFrame:
 
 
 def concerns_of_findings(findings: pl.LazyFrame) -> pl.DataFrame:
-    """The first cause of each recording, unless it only tells."""
+    """Likeliest cause of each recording, unless it is only informative."""
     change = pl.col("mass_change_kg").round(0).cast(pl.Int64, strict=False).cast(pl.String)
     return (
         findings.filter((pl.col("rank") == 1) & (pl.col("severity") != "tell"))

@@ -1,4 +1,4 @@
-"""From one calibration of a machine to the next: how its zero and its scale have moved."""
+"""Changes of zero and scale between successive calibrations of a machine."""
 
 import datetime as dt
 from collections.abc import Sequence
@@ -15,18 +15,18 @@ K: Final = 2.0
 
 
 class FleetCalibration(BaseModel):
-    """A calibration of a machine, as far as a fleet compares it.
+    """Calibration of a machine, reduced to what a fleet compares.
 
     Attributes:
-        machine: its name.
-        id: of the evidence.
-        first: last day of the campaign, the first that it is of.
-        expires: its last day.
-        method: whose line it is.
+        machine: name of the machine.
+        id: id of the evidence.
+        first: last day of the campaign, from which the calibration is valid.
+        expires: last day of validity.
+        method: estimator that the line belongs to.
         c0_kg: constant of m̂ = c0 + c1 m.
-        c1_1: slope of it.
-        covariance: of the line at its centre: of the level, of both, of the slope.
-        centre_kg: where that is.
+        c1_1: slope of that line.
+        covariance: (level variance, covariance, slope variance) of the line at its centre.
+        centre_kg: mass at the centre of the line.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -42,22 +42,22 @@ class FleetCalibration(BaseModel):
     centre_kg: float
 
     def estimate_at_mass(self, mass_kg: float) -> tuple[float, float]:
-        """The estimate m̂ of a mass by the line, and its variance in kg²."""
+        """Estimate m̂ of a mass by the line, and its variance in kg²."""
         level, both, own = self.covariance
         off = mass_kg - self.centre_kg
         return self.c0_kg + self.c1_1 * mass_kg, level + 2.0 * both * off + own * off**2
 
 
 class LineChange(NamedTuple):
-    """Change from one calibration to the next.
+    """Change between two successive calibrations.
 
     Attributes:
         before: the earlier one.
         after: the later one.
-        zero_kg: change of m̂ in the middle of both.
-        zero_limit_kg: a change up to this may be the uncertainty of both lines.
-        scale_1: change of the slope, as a share.
-        scale_limit_1: likewise.
+        zero_kg: change of m̂ midway between the two centres.
+        zero_limit_kg: largest change that the uncertainty of both lines explains.
+        scale_1: relative change of the slope.
+        scale_limit_1: largest relative change that the uncertainty of both lines explains.
     """
 
     before: FleetCalibration
@@ -69,14 +69,14 @@ class LineChange(NamedTuple):
 
     @property
     def has_moved(self) -> bool:
-        """Whether either is beyond its limit."""
+        """Whether either change exceeds its limit."""
         return abs(self.zero_kg) > self.zero_limit_kg or abs(self.scale_1) > self.scale_limit_1
 
 
 def fit_fleet_calibration(
     machine: str, evidence: str, days: tuple[dt.date, dt.date], line: "Calibration"
 ) -> FleetCalibration:
-    """A machine's calibration by the id of its evidence, and its first and last day."""
+    """Calibration of a machine from the id, first and last day and line of its evidence."""
     return FleetCalibration(
         machine=machine,
         id=evidence,
@@ -91,7 +91,7 @@ def fit_fleet_calibration(
 
 
 def line_changes(calibrations: Sequence[FleetCalibration]) -> list[LineChange]:
-    """Changes between calibrations of one machine and method that follow each other."""
+    """Changes between successive calibrations of the same machine and method."""
     found: list[LineChange] = []
     last: dict[tuple[str, str], FleetCalibration] = {}
     for each in sorted(calibrations, key=lambda c: (c.machine, c.first, c.id)):

@@ -1,4 +1,4 @@
-"""Zero, scale and friction of a machine by day, and tonnes by week."""
+"""Zero, scale and friction per machine and day, and tonnes per week."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -9,7 +9,7 @@ UNDATED: Final = "undated"
 
 
 def make_daily_figures(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
-    """A row a machine and day, in time.
+    """Summarise each machine and day, in order of time.
 
     Args:
         results: table `results`.
@@ -46,10 +46,10 @@ def make_daily_figures(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFr
 
 
 def weekly_tonnes(results: pl.DataFrame) -> pl.DataFrame:
-    """Tonnes a machine and week.
+    """Tonnes per machine and week.
 
-    Random parts of recordings add up in squares; common parts as they are, since a machine's error
-    of scale is in all of them.
+    Random errors of recordings add in squares. Systematic ones add linearly, since all recordings
+    of a machine share its error of scale.
 
     Args:
         results: table `results`.
@@ -63,7 +63,7 @@ def weekly_tonnes(results: pl.DataFrame) -> pl.DataFrame:
 
 
 def sum_results(results: pl.DataFrame, by: list[str]) -> pl.DataFrame:
-    """Recordings, loads and tonnes by some columns; see `weekly`."""
+    """Recordings, loads and tonnes grouped by some columns; see `weekly`."""
     return (
         results.group_by(by)
         .agg(
@@ -84,10 +84,10 @@ def sum_results(results: pl.DataFrame, by: list[str]) -> pl.DataFrame:
 
 
 def sum_machines(machines: pl.DataFrame) -> Mapping[str, float]:
-    """The sum over machines: what is common to one's recordings is not common to two machines.
+    """Sum over machines; errors of different machines are independent.
 
     Args:
-        machines: `sums` by machine.
+        machines: sums per machine.
     """
     u_kg = float((machines["payload_u_kg"] ** 2).sum()) ** 0.5
     return {
@@ -100,6 +100,6 @@ def sum_machines(machines: pl.DataFrame) -> Mapping[str, float]:
 
 
 def tonnes_without_scale() -> pl.Expr:
-    """Recordings with tonnes whose scale nothing tells."""
+    """Expression for recordings with tonnes of unknown scale."""
     unknown = pl.col("scale_unknown").fill_null("") != ""
     return (unknown & (pl.col("cycles_counted") > 0)).sum().cast(pl.Int64)

@@ -1,7 +1,7 @@
-"""The tables of a fleet: what is kept of every recording, declared once.
+"""Tables of a fleet, and the columns that they keep of every recording.
 
-A row of every table begins with the result that it is of (`key`), the machine, the day and the unix
-time of the first sample; a name of a frame is the name of its table.
+Every row begins with the key of its result, the machine, the day and the unix time of the first
+sample. A table that keeps a frame has the frame's name.
 """
 
 from collections.abc import Mapping
@@ -112,24 +112,24 @@ TABLES: Final[Mapping[str, Frame]] = {
 
 
 def table_schema(name: str) -> pl.Schema:
-    """Columns of a table: those of its frame behind those that say which result a row is of."""
+    """Columns of a table: key, machine, day and start, then those of the frame."""
     columns = (*OF_RESULT, *TABLES[name].columns)
     return pl.Schema({column.name: stored_dtype(column) for column in columns})
 
 
 def stored_dtype(column: Column) -> pl.DataType:
-    """Words are kept as words, which every reader of Parquet has."""
+    """Column type in Parquet; enumerations are stored as text, which every reader supports."""
     dtype = column.dtype() if isinstance(column.dtype, type) else column.dtype
     return pl.String() if isinstance(dtype, pl.Enum) else dtype
 
 
 def rows_of_table(name: str, frame: pl.DataFrame, of: Mapping[str, object]) -> pl.DataFrame:
-    """Rows of a frame as rows of its table.
+    """Convert rows of a frame to rows of its table.
 
     Args:
-        name: of both.
-        frame: with some or all of its columns; the others are null.
-        of: key, machine, day and t0_unix_ns.
+        name: name of the frame and the table.
+        frame: frame with some or all of its columns; missing ones become null.
+        of: values of key, machine, day and t0_unix_ns.
     """
     schema = table_schema(name)
     given = frame.with_columns(**{each: pl.lit(value) for each, value in of.items()})
@@ -140,7 +140,7 @@ def rows_of_table(name: str, frame: pl.DataFrame, of: Mapping[str, object]) -> p
 
 
 def tables_of_run(run: Run, more: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
-    """All that is kept of a run, but for `results`.
+    """All tables of a run except `results`.
 
     Args:
         run: a replay.
@@ -155,7 +155,7 @@ def tables_of_run(run: Run, more: Mapping[str, pl.DataFrame]) -> dict[str, pl.Da
 
 
 def result_row(run: Run) -> dict[str, object]:
-    """Results of a run, by the columns of `results` that it determines."""
+    """Columns of `results` that the run itself determines."""
     about, frames = run.provenance, run.frames
     verdict = Verdict.of(frames["verdict"])
     shift = frames["shift"].row(0, named=True)

@@ -37,17 +37,17 @@ _STATES: Final = 100
 
 
 class ControlChart(NamedTuple):
-    """A chart of n values.
+    """Control chart of n values.
 
     Attributes:
-        innovation: (n,) U of each value, standard normal while nothing drifts; 0 of the first.
-        up: (n,) sum towards larger values.
-        down: (n,) sum towards smaller values.
-        limit: of either sum.
-        flagged: the first value beyond the limit; None where there is none.
-        since: the first value of the stretch that was flagged.
-        change: mean from there on less the mean before; NaN where nothing is flagged.
-        change_std: its standard deviation, likewise.
+        innovation: (n,) U of each value, standard normal while nothing drifts; 0 for the first.
+        up: (n,) CUSUM of increases.
+        down: (n,) CUSUM of decreases.
+        limit: limit of both sums.
+        flagged: index of the first value beyond the limit; None if there is none.
+        since: index of the first value of the flagged stretch.
+        change: mean from `since` on less the mean before; NaN if nothing is flagged.
+        change_std: standard deviation of `change`; NaN if nothing is flagged.
     """
 
     innovation: Floats
@@ -61,14 +61,14 @@ class ControlChart(NamedTuple):
 
 
 class ChartedQuantity(NamedTuple):
-    """A quantity that is charted.
+    """Quantity with a control chart.
 
     Attributes:
-        name: of it.
-        column: of the frame of days.
-        logarithm: whether changes are shares, as of friction.
-        unit: of a change.
-        means: what a change of it says.
+        name: name of the quantity.
+        column: its column in the frame of days.
+        logarithm: whether changes are relative, as of friction.
+        unit: unit of changes.
+        means: what a change means.
     """
 
     name: str
@@ -90,15 +90,15 @@ SIGNALS: Final = (
 
 
 class MachineChart(NamedTuple):
-    """A chart of one machine between two calibrations.
+    """Control chart of one machine between two calibrations.
 
     Attributes:
-        machine: its name.
-        signal: what is charted.
-        calibration: id of the evidence in use (empty: none).
-        days: of the values.
-        values: of the signal, as it is.
-        chart: of them.
+        machine: name of the machine.
+        signal: charted quantity.
+        calibration: id of the evidence in use ("" for none).
+        days: (n,) days of the values.
+        values: (n,) values, untransformed.
+        chart: control chart of the values.
     """
 
     machine: str
@@ -110,27 +110,27 @@ class MachineChart(NamedTuple):
 
     @property
     def change(self) -> float:
-        """From before the flagged stretch to it, in the signal's unit; NaN where nothing is."""
+        """Change at the flagged stretch, in the quantity's unit; NaN if nothing is flagged."""
         change = self.chart.change
         return float(np.expm1(change) * 100.0) if self.signal.logarithm else change
 
     @property
     def change_std(self) -> float:
-        """Standard deviation of that."""
+        """Standard deviation of `change`."""
         std = self.chart.change_std
         return std * (100.0 + self.change) if self.signal.logarithm else std
 
 
 def drift_limit() -> float:
-    """The limit of each chart, for at most half a false alarm a machine and year in all."""
+    """Limit of each chart that allows half a false alarm per machine and year in total."""
     return chart_limit(len(SIGNALS) * _DAYS / _ALARMS_A_YEAR)
 
 
 def machine_charts(days: pl.DataFrame) -> list[MachineChart]:
-    """A chart a machine, signal and calibration; the baseline is found anew after each.
+    """Control charts by machine, quantity and calibration; each starts a new baseline.
 
     Args:
-        days: of `daily`.
+        days: frame of `daily`.
     """
     limit = drift_limit()
     found: list[MachineChart] = []
@@ -163,11 +163,11 @@ def _chart_quantity(part: pl.DataFrame, signal: ChartedQuantity, limit: float) -
 
 
 def make_control_chart(values: Floats, limit: float) -> ControlChart:
-    """Chart values.
+    """Control chart of a series of values.
 
     Args:
-        values: (n,) in time, without NaN.
-        limit: of the sums, from `chart_limit`.
+        values: (n,) values in order of time, without NaN.
+        limit: limit of the sums, from `chart_limit`.
     """
     innovation = standardise_innovations(whiten_series(values))
     up, down = np.zeros(values.size), np.zeros(values.size)
@@ -186,7 +186,7 @@ def make_control_chart(values: Floats, limit: float) -> ControlChart:
 
 
 def whiten_series(values: Floats) -> Floats:
-    """(n,) of each value what the one before it does not foretell, where days are alike in a row.
+    """Part (n,) of each value that the value before does not predict.
 
     The correlation is that of differences over one and two values, E2 / E1 - 1 of a first-order
     process, which a drift does not raise as it would that of the values.
@@ -200,7 +200,7 @@ def whiten_series(values: Floats) -> Floats:
 
 
 def standardise_innovations(values: Floats) -> Floats:
-    """(n,) of each value against those before it, standard normal while nothing drifts."""
+    """Innovation (n,) of each value, standard normal while nothing drifts."""
     found = np.zeros(values.size)
     if values.size < _FIRST:
         return found
@@ -231,7 +231,7 @@ def _change_since(values: Floats, since: int | None) -> tuple[float, float]:
 
 @cache
 def chart_limit(run_length: float) -> float:
-    """Find the limit at which a false alarm comes once in so many values, on average.
+    """Limit at which false alarms are `run_length` values apart on average.
 
     Args:
         run_length: average run length of both sums together, without drift.
@@ -247,11 +247,11 @@ def chart_limit(run_length: float) -> float:
 
 
 def average_run_length(limit: float, shift: float = 0.0) -> float:
-    """Average run length of one sum from 0, of normal values.
+    """Average run length of one CUSUM from 0, for normal values.
 
     Args:
-        limit: of the sum.
-        shift: mean of the values, in their deviations.
+        limit: limit of the sum.
+        shift: mean of the values, in standard deviations.
     """
     width = 2.0 * limit / (2 * _STATES - 1)
     middle = np.arange(_STATES) * width

@@ -1,4 +1,4 @@
-"""Two sets of results of the same logs: would the tonnes be others, where, and by how much."""
+"""Comparison of two sets of results of the same logs: which tonnes differ, and by how much."""
 
 from typing import Final, NamedTuple
 
@@ -8,15 +8,15 @@ _LOG: Final = ("machine", "log_sha256")
 
 
 class FleetComparison(NamedTuple):
-    """A comparison of results A and B.
+    """Comparison of the results A and B.
 
     Attributes:
         logs: a row a log that both have, the largest change first: machine, day, source, key and
             key_b, payload_kg, payload_b_kg, change_kg, loads, loads_b, and whether A and B can
             weigh.
         machines: a row a machine: logs, payload_kg, payload_b_kg, change_kg, loads, loads_b.
-        only_a: logs that B does not have.
-        only_b: logs that A does not have.
+        only_a: logs that only A has.
+        only_b: logs that only B has.
     """
 
     logs: pl.DataFrame
@@ -26,7 +26,7 @@ class FleetComparison(NamedTuple):
 
     @property
     def total_change(self) -> dict[str, float]:
-        """Sums over all logs that both have."""
+        """Sums over all logs that A and B share."""
         return {
             "logs": self.logs.height,
             "changed": int((self.logs["change_kg"] != 0.0).sum()),

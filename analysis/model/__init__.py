@@ -1,1 +1,1 @@
-"""The words of everything else: machine, settings, schema, methods, run, verdict, answer."""
+"""Shared data types: machine, settings, schema, methods, run, verdict, answer."""

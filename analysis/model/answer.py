@@ -1,4 +1,4 @@
-"""The answer of a run: one object, which every command, recording and picture renders."""
+"""The answer of a run: one object that every command, recording and picture renders."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -26,10 +26,10 @@ class AnswerRow:
     """Estimates by method for the whole log; also the joint fit if the log has one load.
 
     Attributes:
-        quantities: by name and unit (`mass_kg`, `mass_std_kg`, …), then by method; None where it is
-            withheld or nothing was accepted.
-        estimates: by method, how many estimates it summarises.
-        withheld: whether the verdict forbids its mass.
+        quantities: values by name and unit (`mass_kg`, `mass_std_kg`, …), then by method; None if
+            withheld or not estimated.
+        estimates: number of summarised estimates, by method.
+        withheld: whether the verdict withholds its mass.
     """
 
     quantities: Mapping[str, Mapping[str, float | None]]
@@ -42,7 +42,7 @@ class AnswerRow:
         return tuple(self.estimates)
 
     def value(self, quantity: str, method: str) -> float | None:
-        """A number; None where there is none."""
+        """Value of a quantity; None if there is none."""
         return self.quantities.get(quantity, {}).get(method)
 
     def has_quantity(self, quantity: str) -> bool:
@@ -56,12 +56,12 @@ class AnswerRow:
         load: Mapping[str, Any] | None = None,
         motion: Mapping[str, Any] | None = None,
     ) -> "AnswerRow":
-        """Read the frame `masses`, and the answer as the method `joint` before them.
+        """Build the row from the frame `masses`, with the joint fit as first method.
 
         Args:
-            masses: by method.
-            load: the row of `loads` where there is one.
-            motion: of `planar`, the fit of all motion together: its inertia is the answer's.
+            masses: frame with a row per method.
+            load: row of `loads` for a single load.
+            motion: row of `planar` for all motion, whose inertia is the answer's.
         """
         rows = {row["method"]: row for row in masses.to_dicts()}
         if load is not None:
@@ -93,20 +93,20 @@ class Answer:
     """Answer of a run with its uncertainty.
 
     Attributes:
-        rows: of the whole log; none of a run without masses.
+        rows: rows of the whole log; empty without masses.
         loads: the answer by load: mass, payload and their uncertainties, or the reason for none.
-        nuisances: what the fit allows besides mass and friction: prior and posterior.
-        budget: where the uncertainty comes from, the largest first.
-        planar: the arc and joint fits, as the frame has them.
-        planar_budget: where the uncertainty of the joint one comes from, the largest first.
-        accepted_share: share of the samples that lie in an accepted window.
+        nuisances: prior and posterior of each nuisance.
+        budget: uncertainty sources, the largest first.
+        planar: arc and joint fits, as in the frame.
+        planar_budget: uncertainty sources of the joint planar fit, the largest first.
+        accepted_share: fraction of the samples in accepted windows.
         verdict: whether the log can weigh, check by check.
-        losses: what was recorded and is missing.
-        notes: what a reader should know, a sentence each.
-        fingerprint: of inputs, settings and results.
-        recording: where it was recorded, None where it was not.
-        shift: what its cycles add up to; empty where there are none.
-        findings: causes of an error that the log shows, the likeliest first.
+        losses: data that were recorded and are missing.
+        notes: notes for the reader, a sentence each.
+        fingerprint: digests of inputs, settings and results.
+        recording: path of the recording; None without one.
+        shift: totals of the cycles; empty without cycles.
+        findings: causes of an error found in the log, the most likely first.
     """
 
     rows: tuple[AnswerRow, ...]
@@ -125,7 +125,7 @@ class Answer:
     findings: Sequence[Mapping[str, Any]] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """The answer as plain JSON values; a log with one load has a mass of its own."""
+        """The answer as JSON-compatible values; a log with one load has a mass of its own."""
         one = self.rows[0].quantities if len(self.rows) == 1 else {}
         several = {"no_mass_for": f"{len(self.loads)} loads"} if len(self.loads) > 1 else {}
         return {
@@ -149,7 +149,7 @@ class Answer:
 
 
 def answer(run: Run, recording: str | None = None) -> Answer:
-    """Read the answer off a run's frames; what a run lacks is left out."""
+    """Build the answer from a run's frames; missing frames are left out."""
     frames, about = run.frames, run.provenance
     masses, judged, gated = (frames.get(name) for name in ("masses", "verdict", "gate"))
     share = 0.0

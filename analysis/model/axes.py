@@ -23,11 +23,11 @@ YAW_COLUMNS: Final = ("torque_z_N_m", "yaw_rate_rad_s", "yaw_acc_rad_s2")
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """One axis: its letter in the gate's columns, and what the frames call what it tells.
+    """An axis: its letter in the gate's columns, and the columns of its estimates.
 
     Attributes:
         letter: x or z.
-        parameters: columns of value and deviation, in the order of the regressor's columns.
+        parameters: columns of value and standard deviation, in the order of the regressor.
         residual_rms: column of the residuals' r.m.s.
     """
 
@@ -66,7 +66,7 @@ def axes_of_columns(columns: Iterable[str]) -> tuple[Axis, ...]:
 
 
 def regressor_columns(axis: Axis, settings: Settings) -> tuple[str, ...]:
-    """The columns of `excitation` that A and f of an axis are made of, that of f the last."""
+    """Columns of `excitation` for A and f of an axis, that of f last."""
     if axis is Z:
         return ("yaw_acc_rad_s2", "yaw_rate_rad_s", "torque_z_N_m")
     direction = ("direction_x_1",) if settings.forces.coulomb else ()
@@ -74,12 +74,12 @@ def regressor_columns(axis: Axis, settings: Settings) -> tuple[str, ...]:
 
 
 def regressor(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floats]:
-    """A (rows, p) and f (rows,) of an axis, NaN where a sample is missing."""
+    """A (rows, p) and f (rows,) of an axis; NaN if a sample is missing."""
     return straight_regressor(excitation, settings) if axis is X else spin_regressor(excitation)
 
 
 def straight_regressor(excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floats]:
-    """A (rows, 2 or 3) and f (rows,): the x row of (7) alone, NaN where a sample is missing.
+    """A (rows, 2 or 3) and f (rows,) of the x row of (7); NaN if a sample is missing.
 
     The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
     accelerometer's 9.81 m/s² in a_z.
@@ -92,13 +92,13 @@ def straight_regressor(excitation: pl.DataFrame, settings: Settings) -> tuple[Fl
 
 
 def spin_regressor(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
-    """A (rows, 2) and τ (rows,): the yaw row of (8) alone, NaN where a sample is missing."""
+    """A (rows, 2) and τ (rows,) of the yaw row of (8); NaN if a sample is missing."""
     A = planar_rows.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
     return np.ascontiguousarray(A), values(excitation, "torque_z_N_m")
 
 
 def theta_columns(axis: Axis, theta: Floats, std: Floats) -> dict[str, Floats]:
-    """Name the parameters (rows, p) and their deviations as the frames do."""
+    """Parameters (rows, p) and their standard deviations, by the frames' column names."""
     columns: dict[str, Floats] = {}
     for i, (name, name_std) in enumerate(axis.parameters[: theta.shape[1]]):
         columns[name] = theta[:, i]
@@ -107,7 +107,7 @@ def theta_columns(axis: Axis, theta: Floats, std: Floats) -> dict[str, Floats]:
 
 
 def trace_columns(axis: Axis, traced: Trace) -> dict[str, Floats]:
-    """What a trace says of each of its rows, as the frames name it."""
+    """Values of a trace, by the frames' column names."""
     return {
         **theta_columns(axis, traced.theta, traced.std),
         axis.residual_rms: traced.residual_rms,
@@ -116,7 +116,7 @@ def trace_columns(axis: Axis, traced: Trace) -> dict[str, Floats]:
 
 
 def estimated_parameters(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, Floats]:
-    """The parameters (rows, p) and deviations (rows, p) that `theta_columns` named."""
+    """Parameters and standard deviations, (rows, p) each, from columns of `theta_columns`."""
     present = [pair for pair in axis.parameters if pair[0] in estimates.columns]
     theta = np.column_stack([values(estimates, name) for name, _ in present])
     std = np.column_stack([values(estimates, name) for _, name in present])
@@ -124,7 +124,7 @@ def estimated_parameters(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, F
 
 
 def rows_of_axis(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
-    """Rows of an axis; all rows if x is the only axis."""
+    """Rows of an axis; all rows if x is the only one."""
     if "axis" not in estimates.columns:
         return estimates if axis is X else estimates.clear()
     return estimates.filter(pl.col("axis") == axis.letter)

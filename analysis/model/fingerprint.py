@@ -40,7 +40,7 @@ class Fingerprint(BaseModel):
     frames: dict[str, str] = {}
 
     def __str__(self) -> str:
-        """The three digests, each as short as a person compares them."""
+        """The three digests, abbreviated for comparison by eye."""
         parts = {"inputs": self.inputs, "settings": self.settings, "results": self.results}
         return "  ".join(f"{name} {digest[:_SHOWN]}" for name, digest in parts.items())
 
@@ -54,10 +54,10 @@ def fingerprint(
     """Take the fingerprint of a run.
 
     Args:
-        frames: by name, in the order of the run.
+        frames: frames by name, in the order of the run.
         inputs: the SHA-256 digest of each input file.
-        machine: the machine file as resolved, as plain JSON values.
-        settings: its settings, likewise.
+        machine: resolved machine file, as JSON-compatible values.
+        settings: its settings, as JSON-compatible values.
     """
     digests = {name: frame_digest(frame) for name, frame in frames.items()}
     return Fingerprint(
@@ -69,10 +69,10 @@ def fingerprint(
 
 
 def frame_digest(frame: pl.DataFrame) -> str:
-    """Digest a frame: its height, and of each column in order the name, dtype, values and nulls.
+    """Digest of a frame: its height, and name, dtype, values and nulls of each column in order.
 
-    Values count bit for bit: 0.0 is not -0.0, and NaNs of other bits are others. What lies in
-    memory below a null does not count.
+    Values count bit for bit: 0.0 differs from -0.0, and so do NaNs with different bits. Memory
+    below a null does not count.
     """
     if frame.height < _MANY_ROWS:
         columns = list(map(_column_digest, frame.get_columns()))
@@ -105,7 +105,7 @@ def _describe_dtype(dtype: pl.DataType) -> list[Any]:
 
 
 def _iter_value_arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
-    """Yield the bytes of a column's values as arrays, zero or empty where a value is null."""
+    """Yield the values of a column as arrays, zero or empty for nulls."""
     dtype = part.dtype
     if isinstance(dtype, pl.Enum):
         # polars stores a code in as few bytes as the categories need
@@ -124,12 +124,12 @@ def _iter_value_arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
 
 
 def _fill_null(part: pl.Series, value: float | str) -> pl.Series:
-    """Fill nulls where there are any: a query of polars takes longer than a small column."""
+    """Fill nulls, if any; a polars query takes longer than a small column."""
     return part.fill_null(value) if part.null_count() else part
 
 
 def _write_values_as_text(part: pl.Series) -> pl.Series:
-    """Write the values of a dtype that no recording holds (nested, binary, decimal) as text."""
+    """Convert a dtype that recordings do not hold (nested, binary, decimal) to text."""
     written = [None if value is None else repr(value) for value in part.to_list()]
     return pl.Series(part.name, written, dtype=pl.String)
 

@@ -1,4 +1,4 @@
-"""A `Loss`: what a log does not give. Readers of logs need this word of the model alone."""
+"""A `Loss`: data missing from a log; kept apart so that readers import nothing else."""
 
 from dataclasses import dataclass, fields
 
@@ -22,5 +22,5 @@ class Loss:
             object.__setattr__(self, each.name, one_line(getattr(self, each.name)))
 
     def __str__(self) -> str:
-        """The sentence, after where it happened."""
+        """Place and sentence."""
         return f"{' '.join(filter(None, (self.source, self.topic)))}: {self.what}"

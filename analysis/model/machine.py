@@ -240,7 +240,9 @@ class Channel(BaseModel):
         if self.derive is not None and (self.topic is not None or self.unit is not None):
             raise ValueError("a derived channel takes no 'topic' and no 'unit'")
         if self.derive is not None and self.delay_s:
-            raise ValueError("a derived channel takes no 'delay_s'; its sources have theirs")
+            raise ValueError(
+                "a derived channel takes no 'delay_s'; set delay_s of its source channels"
+            )
         return self
 
 
@@ -293,7 +295,7 @@ class Machine(BaseModel):
             if name not in known:
                 raise ValueError(f"channels.{name}: no such column; {nearest(name, known)}")
             if channel.angle_of and name != f"{channel.angle_of[0]}_rad":
-                raise ValueError(f"channels.{name}: '{channel.derive}' does not give {name}")
+                raise ValueError(f"channels.{name}: '{channel.derive}' does not compute {name}")
             for source in channel.sources:
                 if source not in self.channels:
                     raise ValueError(f"channels.{name}: '{source}' is not among the channels")
@@ -322,8 +324,8 @@ class Machine(BaseModel):
             if _SAME_WHEEL <= ratio <= 1.0 / _SAME_WHEEL and abs(ratio - 1.0) > _WHEELS_DIFFER:
                 raise ValueError(
                     f"channels.{name}.scale is {abs(channel.scale):g} m/rad and "
-                    f"machine.wheel_radius_m {radius_m:g}: two radii of one wheel; correct the one "
-                    'that is wrong, say scale = "wheel_radius_m", or unit = "m/s" of no radius'
+                    f"machine.wheel_radius_m is {radius_m:g}: two radii for one wheel; correct one "
+                    'of them, or set scale = "wheel_radius_m", or unit = "m/s" for a speed in m/s'
                 )
 
     def _check_required_channels(self) -> None:
@@ -331,7 +333,7 @@ class Machine(BaseModel):
         torques = {"torque_left_N_m", "torque_right_N_m"} <= set(self.channels)
         if "force_x_N" not in self.channels and not torques:
             raise ValueError(
-                "no force: give channels.force_x_N, or channels.torque_left_N_m and "
+                "no force channel: give channels.force_x_N, or channels.torque_left_N_m and "
                 "channels.torque_right_N_m"
             )
         if "force_x_N" not in self.channels and self.machine.wheel_radius_m is None:
@@ -341,15 +343,15 @@ class Machine(BaseModel):
             )
         if "speed_x_m_s" not in self.channels:
             raise ValueError(
-                "no speed: give channels.speed_x_m_s, if need be derived: "
+                "no speed channel: give channels.speed_x_m_s, or derive it, for example "
                 'derive = "d/dt position_x_m" or "mean(speed_left_m_s, speed_right_m_s)"'
             )
         chosen = self.settings.forces.acceleration
         wanted = {"specific_force": "specific_force_x_m_s2", "kinematic": "acc_x_m_s2"}[chosen]
         if wanted not in self.channels:
             raise ValueError(
-                f"settings.forces.acceleration is '{chosen}', which needs "
-                f"channels.{wanted}; give it, or choose the other of specific_force, kinematic"
+                f"settings.forces.acceleration is '{chosen}', which needs channels.{wanted}; give "
+                "that channel, or choose the other of specific_force, kinematic"
             )
 
     @property
@@ -375,7 +377,9 @@ class Machine(BaseModel):
         while waiting:
             ready = [n for n, c in waiting.items() if not any(s in waiting for s in c.sources)]
             if not ready:
-                raise ValueError(f"channels derived in a circle: {', '.join(waiting)}")
+                raise ValueError(
+                    f"these channels are derived from each other in a circle: {', '.join(waiting)}"
+                )
             for name in ready:
                 order.append(name)
                 del waiting[name]

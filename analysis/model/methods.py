@@ -1,4 +1,4 @@
-"""The one table of methods: a row an estimator, and what it is fed and summarised by.
+"""The table of methods: a row per estimator, with its inputs and summary.
 
 Every place that runs, steps, summarises, colours or tests estimators iterates over it. A new
 estimator is a file in `estimators` and a row here; an option of its own is a field of
@@ -37,7 +37,7 @@ class FeedKind(Enum):
 
 
 class LogSummary(Enum):
-    """How a method's estimates become one for the log."""
+    """How a method's estimates are summarised for a log."""
 
     MEAN = "the mean of its windows, weighted by 1/std²"
     LAST = "its last state, which holds all samples before it"
@@ -45,7 +45,7 @@ class LogSummary(Enum):
 
 
 class MethodOptions(BaseModel):
-    """The options of the estimators, as `[settings.trace]` has them."""
+    """Options of the estimators, as in `[settings.trace]`."""
 
     model_config = STRICT
 
@@ -63,13 +63,12 @@ class MethodOptions(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class AxisNoise:
-    """The noise of an axis.
+    """Noise of an axis.
 
     Attributes:
-        ratios: of the columns and of the force or torque, for total least squares.
-        mean: (p + 1, p + 1) covariance in a row of [A f], after the moving mean; None where it is
-            not known.
-        lasting: likewise what sums of many samples vary by, a sample.
+        ratios: noise ratios of the columns and the force or torque, for total least squares.
+        mean: (p + 1, p + 1) covariance in a row of [A f] after the moving mean; None if unknown.
+        lasting: (p + 1, p + 1) variance per sample of long sums; None if unknown.
     """
 
     ratios: "TlsOptions"
@@ -82,25 +81,25 @@ class EstimatorModule(Protocol):
 
     @property
     def trace(self) -> "Callable[..., Trace]":
-        """Estimates over a log, as it is fed by `Feed`."""
+        """Estimates over a log, with inputs according to `Feed`."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One estimator; its module is imported when it is first asked for, and compiled then.
+    """An estimator, whose module is imported and compiled on first use.
 
     Attributes:
-        name: in settings, frames and recordings; its module in `estimators`, which has `trace`,
-            and `fit` of a windowed method, `start` and `step` of a recursive one.
-        title: in a sentence.
-        feed: what `trace` is fed.
+        name: name in settings, frames and recordings; its module in `estimators` has `trace`, and
+            `fit` for a windowed method, or `start` and `step` for a recursive one.
+        title: description in a sentence.
+        feed: input of `trace`.
         summary: how a log is summarised.
-        on_board: module and function in `estimators` of its form on board: by `feed`, of the window
-            that ends now, of the samples since the window before, or of a manoeuvre's samples.
-        options: its options from the settings and the noise of the axis.
-        takes_noise_off: whether it knows of noise in the regressor. The others take the regressor
-            for exact, as (6) does, and that noise draws their estimates towards zero.
+        on_board: module and function in `estimators` for use on board; by `feed`, of the current
+            window, of the samples since the window before, or of a manoeuvre's samples.
+        options: makes its options from the settings and the noise of the axis.
+        takes_noise_off: whether it corrects for noise in the regressor. Others take the regressor
+            as exact, as (6) does, and are attenuated by that noise.
     """
 
     name: str
@@ -113,12 +112,12 @@ class Method:
 
     @property
     def estimator(self) -> EstimatorModule:
-        """Its module."""
+        """The imported module."""
         return cast("EstimatorModule", import_module(f"estimators.methods.{self.name}"))
 
     @property
     def step(self) -> Callable[..., Any]:
-        """Its form on board."""
+        """The function for use on board."""
         module, _, name = self.on_board.partition(".")
         return attrgetter(name)(import_module(f"estimators.methods.{module}"))
 

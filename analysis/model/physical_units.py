@@ -1,4 +1,4 @@
-"""Any unit a person writes, converted to the SI unit of the column it fills."""
+"""Conversion of units that users write to the SI unit of a column."""
 
 import re
 from collections.abc import Mapping
@@ -31,13 +31,13 @@ def _make_registry() -> Any:
 
 
 def unit_registry() -> Any:
-    """Pint's registry of units."""
+    """Unit registry of pint."""
     return _make_registry()
 
 
 @cache
 def gain_and_offset_to_si(unit: str, si: str) -> tuple[float, float]:
-    """Gain and offset that turn a number in `unit` into one in `si` (as the schema writes it).
+    """Gain and offset that convert a number from `unit` to `si`, a unit of the schema.
 
     Raises:
         MachineError: an unknown unit, or one of another dimension.
@@ -136,7 +136,7 @@ _SIGNS: Final = str.maketrans(
 
 
 def spelt_unit(text: str) -> str | None:
-    """The unit that a person wrote, as pint calls it; None where it is no unit that is known.
+    """Pint's name of a unit as users write it; None if unknown.
 
     Args:
         text: `Nm`, `km/h`, `[m/s²]`, `U/min`, `dps`.
@@ -166,7 +166,7 @@ _SUFFIX_WORDS: Final = 3
 
 
 def split_unit_from_name(name: str) -> tuple[str, str | None]:
-    """A name without the unit behind it, and the unit: `speed_kmh`, `left_Mz_Nm`, `motor_rpm`."""
+    """Split a unit from the end of a name: `speed_kmh`, `left_Mz_Nm`, `motor_rpm`."""
     words = re.split(r"[_\s.]+", name)
     for count in range(min(_SUFFIX_WORDS, len(words) - 1), 0, -1):
         is_word = words[-1].lower() in _WORDS_BEHIND

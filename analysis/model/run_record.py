@@ -1,4 +1,4 @@
-"""A `Run`: the frames of one replay and the provenance that says where they came from."""
+"""`Run`: the frames of one replay, and their provenance."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -24,7 +24,7 @@ class InputFile(BaseModel):
 
 
 class Provenance(BaseModel):
-    """Where the frames came from: enough to run the replay again and to doubt it."""
+    """Origin of the frames: everything needed to repeat and to verify the replay."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -65,7 +65,7 @@ class Run:
         )
 
     def with_fingerprint(self) -> Self:
-        """Copy the run with the fingerprint of its frames in its provenance."""
+        """Copy of the run with the fingerprint of its frames in the provenance."""
         about = self.provenance
         digests = [each.sha256 for each in about.inputs]
         taken = fingerprint(

@@ -96,12 +96,12 @@ class Frame:
 
     @property
     def time_column(self) -> str | None:
-        """The column that places rows in time: t_ns, start_t_ns, log_time_ns or none."""
+        """Name of the column that orders rows in time: t_ns, start_t_ns, log_time_ns or none."""
         names = {column.name for column in self.columns}
         return next((n for n in ("t_ns", "start_t_ns", "log_time_ns") if n in names), None)
 
     def column(self, name: str) -> Column | None:
-        """The declaration of `name`, or None."""
+        """Declaration of a column; None if not declared."""
         return next((column for column in self.columns if column.name == name), None)
 
 
@@ -717,21 +717,21 @@ FRAMES: Final[dict[str, Frame]] = {
 
 
 def frame_schema(name: str) -> Frame:
-    """The declaration of a frame by its name in a run (`estimates/ls` → estimates).
+    """Declaration of a frame by its name in a run (`estimates/ls` → estimates).
 
     Raises:
-        KeyError: for a name that the table does not know (`raw/...` has no fixed columns).
+        KeyError: the name is not in the table (`raw/...` has no fixed columns).
     """
     return FRAMES[name.partition("/")[0]]
 
 
 def conform(name: str, frame: pl.DataFrame) -> pl.DataFrame:
-    """Put `frame` into the declared order and dtypes; a column that is not declared is an error."""
+    """Put `frame` into the declared order and dtypes; undeclared columns raise an error."""
     return _declared_frame(name, {each: frame.get_column(each) for each in frame.columns})
 
 
 def build(name: str, columns: Mapping[str, NDArray[Any] | pl.Series]) -> pl.DataFrame:
-    """Make the frame `name` of arrays; NaN becomes null."""
+    """Make the frame `name` from arrays; NaN becomes null."""
     return _declared_frame(
         name, {each: _make_series(each, column) for each, column in columns.items()}
     )
@@ -763,7 +763,7 @@ def _make_series(name: str, column: NDArray[Any] | pl.Series) -> pl.Series:
 
 
 def values(frame: pl.DataFrame, column: str) -> NDArray[np.float64]:
-    """A column as floats, (rows,), NaN where it is null; all NaN where the frame lacks it."""
+    """Column as floats, (rows,); NaN for nulls, or if the frame lacks the column."""
     if column not in frame.columns:
         return np.full(frame.height, np.nan)
     series = frame.get_column(column)

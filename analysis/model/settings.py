@@ -175,7 +175,7 @@ class LoadSettings(BaseModel):
     def _check_empty_span(self) -> Self:
         first, last = self.empty_from_s, self.empty_to_s
         if (first is None) != (last is None):
-            raise ValueError("empty_from_s and empty_to_s go together")
+            raise ValueError("empty_from_s and empty_to_s must be given together")
         if first is not None and last is not None and not first < last:
             raise ValueError(f"empty_from_s is {first:g}, not before empty_to_s {last:g}")
         return self

@@ -1,4 +1,4 @@
-"""How what a person or a file states is validated."""
+"""Strict validation of values stated by a person or a file."""
 
 from typing import Final
 

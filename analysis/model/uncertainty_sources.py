@@ -1,4 +1,4 @@
-"""Where uncertainty comes from: a source, and the factors that no log tells."""
+"""Uncertainty sources, and the scale factors that no log determines."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ STD_OF_MAD: Final = 1.4826
 
 @dataclass(frozen=True, slots=True)
 class UncertaintySource:
-    """Where uncertainty comes from.
+    """Source of uncertainty.
 
     Attributes:
         name: of the source.
         kind: random (more starts average it out), common (to the log) or scale (no log tells it).
         u: standard uncertainty, in the unit of what it is of; None where it is not known.
-        meaning: what it is.
+        meaning: description of the source.
         shrinks: what would shrink it.
     """
 
@@ -32,34 +32,34 @@ class UncertaintySource:
 
 
 def largest_first(sources: Iterable[UncertaintySource]) -> list[UncertaintySource]:
-    """The sources by size, the unknown ones last."""
+    """Sort the sources by size, unknown ones last."""
     return sorted(sources, key=lambda source: np.inf if source.u is None else -source.u)
 
 
 def unknown_scale(sources: Iterable[UncertaintySource]) -> list[str]:
-    """The sources that the machine file should state and does not."""
+    """Names of scale sources whose uncertainty the machine file lacks."""
     return [source.name for source in sources if source.u is None]
 
 
 def combine(sources: Iterable[UncertaintySource], *kinds: str) -> float:
-    """The root sum of squares of the sources of some kinds, or of all."""
+    """Root sum of squares of the sources of some kinds, or of all."""
     return float(np.sqrt(sum(s.u**2 for s in sources if s.u and (not kinds or s.kind in kinds))))
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Something that the machine file states, whose error no log tells from the answer's.
+    """A scale factor stated in the machine file, whose error no log can determine.
 
     Attributes:
-        name: of the source.
-        applies: whether the machine has it.
-        u: its standard uncertainty, relative (of a factor of the force) or in metres (of a place);
-            None where the machine file does not say.
-        setting: the key that says it.
-        meaning: what it is.
-        by_load: whether the factor changes with the load: then the uncertainty is that of a load as
+        name: name of the source.
+        applies: whether it applies to the machine.
+        u: its standard uncertainty, relative for a force factor, in metres for a position; None if
+            not stated.
+        setting: key that states it.
+        meaning: description in a sentence.
+        by_load: whether the factor changes with the load; the uncertainty is then that of a load as
             heavy as the machine.
-        remedy: what would tell it, besides the key.
+        remedy: what would determine it, besides the key.
     """
 
     name: str
@@ -71,7 +71,7 @@ class Scale:
     remedy: str = "known loads"
 
     def to_source(self, u: float | None) -> UncertaintySource:
-        """The source in a budget, with what it does to the quantity."""
+        """Source in a budget, with its effect on the quantity."""
         shrinks = f"{self.remedy}; {self.setting} states what is known"
         return UncertaintySource(self.name, "scale", u, self.meaning, shrinks)
 
@@ -81,7 +81,7 @@ def _derives_force_from_torque(machine: Machine) -> bool:
 
 
 def has_torque_of_sides(machine: Machine) -> bool:
-    """Whether the yaw torque is made of the torques of two sides."""
+    """Whether the yaw torque is computed from the torques of two sides."""
     return "torque_z_N_m" not in machine.channels
 
 

@@ -23,15 +23,15 @@ class Check:
     """One number of a log against its limits.
 
     Attributes:
-        check: its name.
-        about: what it may withhold.
-        value: the number; None if the log has nothing to compute it from.
-        minimum: smallest number that passes, None where there is none.
-        maximum: largest number that passes, likewise.
-        passed: None where the check does not apply to this log.
-        meaning: what the number says, in a sentence.
-        consequence: of failing.
-        remedy: the setting, or the change, that would mend it; empty where there is none.
+        check: name of the check.
+        about: quantity that it may withhold.
+        value: the number; None if it cannot be computed.
+        minimum: smallest passing number; None without one.
+        maximum: largest passing number; None without one.
+        passed: whether it passed; None if it does not apply.
+        meaning: meaning of the number, in a sentence.
+        consequence: consequence of failing.
+        remedy: setting or change that would correct it; empty if there is none.
     """
 
     check: str
@@ -53,7 +53,7 @@ class Check:
 
     @property
     def is_near(self) -> bool:
-        """Whether it passed with its number near a limit; of limits below 0 none is."""
+        """Whether it passed near a limit; never for negative limits."""
         if not self.passed or self.value is None:
             return False
         above = self.maximum is not None and self.value > _NEAR_FRACTION * self.maximum > 0.0
@@ -61,7 +61,7 @@ class Check:
         return above or below
 
     def to_dict(self) -> dict[str, Any]:
-        """The check as plain JSON values: a row of the frame `verdict`."""
+        """The check as JSON-compatible values: a row of the frame `verdict`."""
         return asdict(self)
 
 
@@ -73,7 +73,7 @@ class Verdict:
 
     @classmethod
     def of(cls, judged: pl.DataFrame) -> Self:
-        """Read the frame `verdict`."""
+        """Build the verdict from the frame `verdict`."""
         return cls(tuple(Check(**row) for row in judged.iter_rows(named=True)))
 
     @property
@@ -88,13 +88,13 @@ class Verdict:
 
     @property
     def can_tell_inertia(self) -> bool:
-        """Whether there are spins, none of their checks failed, and the force has its sign."""
+        """Whether there are spins, none of their checks failed, and the force has a sign."""
         signless = any(check.check in _SIGNS for check in self.failed("mass"))
         return self.has_spins and not signless and not self.failed("inertia")
 
     @property
     def is_contradicted(self) -> bool:
-        """Whether samples speak against the log: a check failed by its number, not for want."""
+        """Whether a check failed by its number rather than for lack of data."""
         return any(
             check.passed is False
             and check.consequence == "withhold"
@@ -104,7 +104,7 @@ class Verdict:
         )
 
     def failed(self, about: EvidenceSubject) -> tuple[Check, ...]:
-        """The checks that withhold the mass, or the inertia."""
+        """Checks that withhold the mass or the inertia."""
         return tuple(
             each
             for each in self.checks
@@ -113,18 +113,18 @@ class Verdict:
 
     @property
     def remarks(self) -> tuple[Check, ...]:
-        """The checks that failed and withhold nothing."""
+        """Checks that failed without withholding anything."""
         return tuple(
             each for each in self.checks if each.passed is False and each.consequence != "withhold"
         )
 
     @property
     def near_checks(self) -> tuple[Check, ...]:
-        """The checks that passed near a limit."""
+        """Checks that passed near a limit."""
         return tuple(each for each in self.checks if each.is_near)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain JSON values."""
+        """The fields as JSON-compatible values."""
         return {
             "can_weigh": self.can_weigh,
             "tells_inertia": self.can_tell_inertia,

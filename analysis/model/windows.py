@@ -1,4 +1,4 @@
-"""Windows and runs of flagged rows: which windows hold one, which rows lie inside a window."""
+"""Windows and runs of flagged rows."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How far from an answer: what the manoeuvres so far tell of one mass, and how many more it takes.
+"""Progress towards a target uncertainty: evidence so far, and manoeuvres still needed.
 
 The mass of a load is the mean of its manoeuvres. Its uncertainty falls with their number as far as
 they scatter at random; what all of them share (gain, slope, wheel radius) is not in it.
@@ -23,15 +23,15 @@ UNTIL_U_1: Final = 0.02
 
 @dataclass(frozen=True, slots=True)
 class AnswerProgress:
-    """The manoeuvres of one load so far.
+    """Evidence from the manoeuvres of one load so far.
 
     Attributes:
-        until_u_kg: standard uncertainty that is aimed at; None where nothing says which.
-        forward: manoeuvres ahead.
-        reverse: manoeuvres backwards.
-        mean_kg: of their masses.
-        squares_kg2: summed squares of what they differ from it by.
-        own_kg2: mean square of their own deviations.
+        until_u_kg: target standard uncertainty; None without a target.
+        forward: number of forward manoeuvres.
+        reverse: number of reverse manoeuvres.
+        mean_kg: mean of their masses.
+        squares_kg2: sum of squared deviations from the mean.
+        own_kg2: mean square of their own standard uncertainties.
     """
 
     until_u_kg: float | None
@@ -43,18 +43,18 @@ class AnswerProgress:
 
     @property
     def manoeuvres(self) -> int:
-        """How many there are."""
+        """Number of manoeuvres."""
         return self.forward + self.reverse
 
     @property
     def manoeuvre_u_kg(self) -> float:
-        """The standard deviation of a manoeuvre: its own, corrected by how they scatter."""
+        """Standard deviation of a manoeuvre: its own, corrected by the observed scatter."""
         dof = _OWN_DOF + self.manoeuvres - 1
         return math.sqrt((_OWN_DOF * self.own_kg2 + self.squares_kg2) / dof)
 
     @property
     def u_kg(self) -> float | None:
-        """The random standard uncertainty of the mean; None without a manoeuvre."""
+        """Random standard uncertainty of the mean; None without a manoeuvre."""
         return self.manoeuvre_u_kg / math.sqrt(self.manoeuvres) if self.manoeuvres else None
 
     @property
@@ -68,26 +68,26 @@ class AnswerProgress:
 
     @property
     def starts_missing(self) -> int | None:
-        """How many more manoeuvres like these; None where none has told how they scatter."""
+        """Number of further such manoeuvres needed; None before the first."""
         if not self.manoeuvres or self.until_u_kg is None:
             return None
         return max(0, math.ceil((self.manoeuvre_u_kg / self.until_u_kg) ** 2) - self.manoeuvres)
 
     @property
     def reverse_missing(self) -> int | None:
-        """How many of them backwards, so that a slope and a constant force cancel."""
+        """Number of them in reverse, so that slope and constant force cancel."""
         missing = self.starts_missing
         if missing is None:
             return None
         return max(0, min(missing, (self.manoeuvres + missing) // 2 - self.reverse))
 
     def add(self, mass_kg: float, u_kg: float, speed_m_s: float) -> "AnswerProgress":
-        """Take a manoeuvre; one of another load begins anew.
+        """Add a manoeuvre; one with another load starts again.
 
         Args:
-            mass_kg: its mass.
+            mass_kg: mass of the manoeuvre.
             u_kg: its random standard uncertainty.
-            speed_m_s: of the machine in it; negative backwards.
+            speed_m_s: speed in the manoeuvre; negative in reverse.
         """
         before = self
         spread_kg = math.hypot(self.manoeuvre_u_kg, u_kg) if self.manoeuvres else math.inf
@@ -108,18 +108,18 @@ class AnswerProgress:
 
 
 def target_u_kg(body: Body, until_u_kg: float | None) -> float | None:
-    """The uncertainty to aim at: what somebody says, or a share of the empty mass."""
+    """Target uncertainty in kg: the given one, or a fraction of the empty mass; None without."""
     if until_u_kg is not None or body.empty_mass_kg is None:
         return until_u_kg
     return UNTIL_U_1 * body.empty_mass_kg
 
 
 def missing_text(missing: int | None, reverse: int | None) -> str:
-    """Missing excitation in words; empty if none is missing or it is unknown.
+    """Missing manoeuvres in words; empty if none is missing or the number is unknown.
 
     Args:
-        missing: manoeuvres.
-        reverse: those of them that should be driven backwards.
+        missing: number of missing manoeuvres.
+        reverse: number of them in reverse.
     """
     if missing is None or reverse is None:
         return "a start that the gate accepts"

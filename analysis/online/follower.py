@@ -1,4 +1,4 @@
-"""A log that is followed: samples in, decisions, estimates and reports out, in bounded memory."""
+"""Follow a log: samples in; decisions, estimates and reports out, in bounded memory."""
 
 import math
 from collections import deque
@@ -30,17 +30,17 @@ _DIRECTIONS: Final = 16
 
 
 class FollowedRow(NamedTuple):
-    """A row of the grid, and what it led to.
+    """A row of the grid, with its decisions, estimates and reports.
 
     Attributes:
-        t_ns: of the row.
-        phase: of motion, None where it is not known.
-        gate: of the window that ends here; None for what comes when the log has ended.
-        estimates: by method, each with the `t_ns` of the row at which it stands.
-        reports: made at this row.
-        excitation: the row of `excitation`; empty for what comes when the log has ended.
-        spin_gate: of the window on the yaw axis; None without one, and as `gate`.
-        spin_estimates: likewise of inertia and friction of turning.
+        t_ns: time of the row.
+        phase: phase of motion; None if unknown.
+        gate: decision on the window that ends here; None after the end of the log.
+        estimates: estimates by method, each with the `t_ns` of its row.
+        reports: reports made at this row.
+        excitation: row of `excitation`; empty after the end of the log.
+        spin_gate: decision on the window of the yaw axis; None without one.
+        spin_estimates: estimates of inertia and turning friction, by method.
     """
 
     t_ns: int
@@ -55,11 +55,11 @@ class FollowedRow(NamedTuple):
 
 @dataclass(slots=True)
 class _RowTimeline:
-    """The `t_ns` of rows by their number: a line, but for holes of which the grid leaves rows out.
+    """`t_ns` by row number: a line, with jumps at holes of the grid.
 
     Attributes:
-        step_ns: of the grid.
-        breaks: number of the row, and of its place on the grid, where that leaps.
+        step_ns: step of the grid.
+        breaks: row number and grid position at each jump.
     """
 
     step_ns: float
@@ -79,9 +79,9 @@ class _RowTimeline:
 
 
 class Follower:
-    """Follows one machine.
+    """Follows the log of one machine.
 
-    What it decides and estimates from `excitation` on is the causal replay's bit for bit; the
+    From `excitation` on, its decisions and estimates equal the causal replay's bit for bit; the
     standard uncertainties are its own (see `on_board`).
     """
 
@@ -93,15 +93,15 @@ class Follower:
         valid_s: float = VALID_S,
         until_u_kg: float | None = None,
     ) -> None:
-        """Begin before the first sample.
+        """Initialise before the first sample.
 
         Args:
-            machine: channels and settings (`load_machine`). Any filter is causal here.
-            noise: the frame `noise` of an earlier recording of the machine; None:
-                `[settings.noise]` where it names all of it, else no window is refused for noise.
-            valid_s: for so many seconds a mass counts as that of the machine now.
-            until_u_kg: the standard uncertainty of a load's mass that is aimed at; None: 2 % of
-                the empty mass, where the machine file has it.
+            machine: channels and settings (`load_machine`). All filters are causal here.
+            noise: frame `noise` of an earlier recording of the machine; None uses
+                `[settings.noise]` if complete, otherwise no window is rejected for noise.
+            valid_s: age in s up to which a mass counts as current.
+            until_u_kg: target standard uncertainty of a load's mass; None for 2 % of the empty
+                mass, if known.
         """
         self.log = GrowingLog(causal_machine(machine))
         self.last_gate: GateRow | None = None
@@ -124,37 +124,37 @@ class Follower:
 
     @property
     def topics(self) -> list[str]:
-        """The topics to be taken; a table has the one topic `table`."""
+        """Topics to feed; a table has the one topic `table`."""
         return self.log.topics
 
     @property
     def rows_stepped(self) -> int:
-        """Rows of the grid so far."""
+        """Number of grid rows so far."""
         return self._times.rows if self._times else 0
 
     def take(self, topic: str, samples: pl.DataFrame) -> None:
-        """Take the next samples of a topic.
+        """Feed the next samples of a topic.
 
         Args:
-            topic: its name, as the machine file has it.
-            samples: `log_time_ns` (Int64, when it was recorded), `header_stamp_ns` (Int64, when it
-                was measured, null where that is not known) and a column a field of the channels.
+            topic: name in the machine file.
+            samples: frame with `log_time_ns` (Int64, time of recording), `header_stamp_ns` (Int64,
+                time of measurement, null if unknown) and a column per field of the channels.
         """
         self.log.take(topic, samples)
 
     def advance(self, *, is_whole: bool = False) -> list[OnlineReport]:
-        """Step through the rows that the samples so far make known.
+        """Process all rows that the samples so far determine; returns the reports.
 
         Args:
-            is_whole: whether no sample will come any more.
+            is_whole: whether no further samples will come.
 
         Raises:
-            DataError: the log is whole, and its channels share no time.
+            DataError: the log is complete, and its channels do not overlap in time.
         """
         return [report for row in self.rows(is_whole=is_whole) for report in row.reports]
 
     def rows(self, *, is_whole: bool = False) -> list[FollowedRow]:
-        """Yield the rows that are complete, each with its decisions and estimates."""
+        """Complete rows, each with its decisions and estimates."""
         table = self.log.take_new_rows(is_whole=is_whole)
         found: list[FollowedRow] = []
         if table is not None:

@@ -1,4 +1,4 @@
-"""The gate on board: what it remembers of the rows so far, and what it says of the window now.
+"""The gate on board: its state, and its decision on the current window.
 
 Its decisions are those of `analysis.stages.gating.gate`, by the same rules, in bounded memory: a
 window holds a flagged row when the last one flagged is less than a window ago.
@@ -30,16 +30,16 @@ _CODES: Final = {None: UNKNOWN, **{name: code for code, name in enumerate(PHASES
 
 @dataclass(frozen=True, slots=True)
 class GateRow:
-    """A row of `gate` on one axis; a number that is missing is NaN.
+    """A row of `gate` on one axis; missing numbers are NaN.
 
     Attributes:
         corr_1: correlation of acceleration and force.
         mi_nat: the index (11).
-        predicted_std: of the mass in kg, or of the inertia in kg·m².
-        noise_share_1: share of noise in what the acceleration alone explains.
-        accepted: whether the window is.
-        reason: why not, or `accepted`.
-        ksg_nat: mutual information by nearest neighbours, where that decides.
+        predicted_std: predicted standard deviation of the mass in kg, or of the inertia in kg·m².
+        noise_share_1: fraction of noise in the part that only the acceleration explains.
+        accepted: whether the window is accepted.
+        reason: reason for a rejection, or `accepted`.
+        ksg_nat: nearest-neighbour mutual information, if it decides.
     """
 
     corr_1: float
@@ -51,7 +51,7 @@ class GateRow:
     ksg_nat: float = float("nan")
 
     def gate_columns(self, axis: Axis = X) -> dict[str, float]:
-        """The numbers by their columns in `gate`."""
+        """The numbers by their column names in `gate`."""
         letter = axis.letter
         return {
             f"corr_{letter}_1": self.corr_1,
@@ -68,15 +68,15 @@ class GateState:
 
     Attributes:
         axis: straight motion or spins.
-        row: number of the row now, -1 before the first.
-        first_whole: number of the first row that misses nothing, None before it.
-        last: number of the last row that was flagged, by reason in the order of precedence.
-        accelerations: of the machine over the span of the speed rate, for slip; of x alone.
-        yaw_rates: over that span and a row more, for spins that slow down; of z alone.
+        row: number of the current row, -1 before the first.
+        first_whole: first of the latest complete rows; None before it.
+        last: last flagged row, by reason in order of precedence.
+        accelerations: accelerations over the span of the speed rate, for slip; x axis only.
+        yaw_rates: yaw rates over that span and one more row, for spins that slow down; z axis only.
         known: whether the phase of this row is known.
-        kind: what the manoeuvre of this row stands alone for, "" for driving, None for no row.
+        kind: phase that forms a manoeuvre of its own, "" for driving, None without a row.
         segment_id: number of the last manoeuvre that began.
-        braking_lag: rows before braking that are not pooled; 1 where braking is welcome.
+        braking_lag: rows before braking that are not pooled; 1 if braking is accepted.
     """
 
     axis: Axis
@@ -92,12 +92,12 @@ class GateState:
 
     @property
     def last_braking(self) -> int:
-        """Number of the last row that braked, where braking is excluded."""
+        """Number of the last braking row, if braking is excluded."""
         return self.last["braking"]
 
 
 def start_gate(axis: Axis, settings: Settings) -> GateState:
-    """Before the first row."""
+    """State before the first row."""
     nothing = np.zeros(1, np.bool_)
     reasons = flag_rows(axis, np.zeros(1, np.uint8), np.zeros(1), nothing, nothing, settings.gate)
     return GateState(
@@ -126,11 +126,11 @@ def step_gate(
     """Judge the window that ends at this row.
 
     Args:
-        before: the state after the row before.
-        window: the window, this row in it.
+        before: state after the previous row.
+        window: window including this row.
         row: a row of `excitation`.
-        settings: window, threshold, what is refused.
-        noise: (p + 1, p + 1) of a row of [A f], None where it is not known.
+        settings: settings with window, thresholds and rejections.
+        noise: (p + 1, p + 1) noise covariance of a row of [A f]; None if unknown.
     """
     now = append_row(before, window, row, settings)
     samples = settings.gate.window_samples
@@ -172,7 +172,7 @@ def step_gate(
 def append_row(
     before: GateState, window: WindowState, row: Mapping[str, Any], settings: Settings
 ) -> GateState:
-    """The state with this row in it."""
+    """State including this row."""
     k, name = before.row + 1, row["phase"]
     sample = window.z[:, -1]
     axis, phase = before.axis, np.array([_CODES[name]], np.uint8)
@@ -221,5 +221,5 @@ def _machine_acceleration(row: Mapping[str, Any]) -> float:
 
 
 def cell_value(value: float | None) -> float:
-    """A cell as a float, NaN where it is missing."""
+    """Cell as a float; NaN if missing."""
     return np.nan if value is None else float(value)

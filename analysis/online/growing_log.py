@@ -1,4 +1,4 @@
-"""Rows of `excitation` of a log that grows, each once, as the causal replay of all of it has them.
+"""Rows of `excitation` of a growing log, each once, equal to those of the causal replay.
 
 The stages are the replay's own, over the newest seconds: what is causal looks back no further.
 What the replay takes from a whole log (which stamps place a topic, the grid's rate, how late a row
@@ -38,15 +38,15 @@ _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 
 @dataclass(frozen=True, slots=True)
 class LogBasis:
-    """Facts fixed by the first seconds of a log.
+    """Properties fixed by the first seconds of a log.
 
     Attributes:
-        machine: with the grid's rate, the window and the moving mean.
-        stamps: by topic, what is taken off the log time that places it, in ns; None: header stamps
-            place it.
-        labels: which stamp that is, for people.
-        origin: of the grid.
-        notes: what was chosen.
+        machine: machine with grid rate, window and moving mean.
+        stamps: offset subtracted from the log times of each topic in ns; None if header stamps are
+            used.
+        labels: kind of stamp of each topic, for readers.
+        origin: origin of the grid.
+        notes: notes on chosen settings.
     """
 
     machine: Machine
@@ -62,7 +62,7 @@ class LogBasis:
 
 
 def causal_machine(machine: Machine) -> Machine:
-    """The machine as it is followed: filtered causally, without channels that no estimate needs."""
+    """The machine for following: with causal filters, without optional channels."""
     needed = {source for channel in machine.channels.values() for source in channel.sources}
     channels = {
         name: channel
@@ -75,12 +75,12 @@ def causal_machine(machine: Machine) -> Machine:
 
 @dataclass(slots=True)
 class GrowingLog:
-    """The newest samples of a log, and how far its rows were given.
+    """Newest samples of a log, and the state of its rows.
 
     Attributes:
-        machine: channels and settings, as `causal_machine` gives it.
-        basis: None until the first seconds are there.
-        late_samples: samples that came after the rows they belong to.
+        machine: machine from `causal_machine`.
+        basis: basis; None until the first seconds are available.
+        late_samples: number of samples that came after their rows were given.
     """
 
     machine: Machine
@@ -93,28 +93,28 @@ class GrowingLog:
 
     @property
     def topics(self) -> list[str]:
-        """The topics that the channels are read from."""
+        """Topics of the channels."""
         read = (channel for channel in self.machine.channels.values() if channel.fields)
         return list(dict.fromkeys(channel.topic or "table" for channel in read))
 
     @property
     def samples_kept(self) -> int:
-        """Samples of all topics that are kept for rows to come."""
+        """Number of samples of all topics kept for later rows."""
         return sum(frame.height for frame in self._raw.values())
 
     def take(self, topic: str, samples: pl.DataFrame) -> None:
-        """Take samples of a topic: log_time_ns, header_stamp_ns (or null) and its fields."""
+        """Add samples of a topic: log_time_ns, header_stamp_ns (or null) and its fields."""
         if samples.height:
             self._new.setdefault(topic, []).append(samples)
 
     def take_new_rows(self, *, is_whole: bool = False) -> pl.DataFrame | None:
-        """The rows of `excitation` that can be known by now and were not given yet.
+        """New rows of `excitation` that are determined by now.
 
         Args:
-            is_whole: whether nothing will come any more.
+            is_whole: whether no further samples will come.
 
         Returns:
-            None where there is none.
+            The rows; None without new ones.
         """
         if not (self._new or is_whole):
             return None
@@ -130,7 +130,7 @@ class GrowingLog:
             return None
 
     def _merge(self) -> None:
-        """Put the new samples behind those that are kept."""
+        """Append the new samples to those kept."""
         for topic, parts in self._new.items():
             frame = concatenate_samples(parts)
             if self.basis is not None:
@@ -160,11 +160,11 @@ class GrowingLog:
         return placed
 
     def _find_basis(self, *, is_whole: bool) -> bool:
-        """Take stamps, rates and the grid's origin from the first seconds, once they are there."""
+        """Determine stamps, rates and the grid's origin once the first seconds are available."""
         if not self._raw.keys() >= set(self.topics):
             if is_whole:
                 missing = ", ".join(t for t in self.topics if t not in self._raw)
-                raise DataError(f"nothing came of the topics {missing}")
+                raise DataError(f"no message arrived on the topics {missing}")
             return False
         head = take_first_seconds(self._raw)
         if head is None:
@@ -207,7 +207,7 @@ class GrowingLog:
         return rows
 
     def _drop_old_samples(self) -> None:
-        """Drop the samples that no later row looks back to."""
+        """Drop samples that no later row needs."""
         assert self.basis is not None
         settings = self.basis.machine.settings
         kept_s = _KEPT_S
@@ -221,7 +221,7 @@ class GrowingLog:
 
 
 def concatenate_samples(frames: list[pl.DataFrame]) -> pl.DataFrame:
-    """Frames one below the other; a column may be of integers in one and of floats in another."""
+    """Concatenate frames whose columns may differ between integers and floats."""
     if len(frames) == 1:
         return frames[0]
     if any(frame.dtypes != frames[0].dtypes for frame in frames):
@@ -231,14 +231,14 @@ def concatenate_samples(frames: list[pl.DataFrame]) -> pl.DataFrame:
 
 
 def sort_by_time(frame: pl.DataFrame, key: str) -> pl.DataFrame:
-    """Sort by a time; recorders mostly write in its order."""
+    """Sort by a time column, which is mostly sorted already."""
     return frame if frame[key].is_sorted() else frame.sort(key, maintain_order=True)
 
 
 def take_first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame] | None:
-    """The first seconds of every topic, up to one time; None where one has fewer.
+    """First seconds of every topic, up to a common time; None if one has fewer.
 
-    However much a look finds on disk, a log has one head: who follows it again begins alike.
+    The cut does not depend on how much was available, so that following again begins equally.
     """
     reached: list[int] = []
     for frame in topics.values():
@@ -251,9 +251,9 @@ def take_first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataF
 
 
 def log_time_offset_ns(frame: pl.DataFrame, label: str) -> int | None:
-    """Offset subtracted from log times; None if header stamps place a topic.
+    """Offset subtracted from log times; None if header stamps are used.
 
-    Header stamps that scatter are told by their label: log time, although they are there.
+    Header stamps that scatter are identified by their label: log time is used although they exist.
     """
     if label == "header":
         return None

@@ -1,4 +1,4 @@
-"""On board: the gate and the estimators a row of `excitation` at a time, as the replay has them.
+"""On board: gate and estimators, one row of `excitation` at a time, as in replay.
 
 State in, state out: a step takes bounded time and memory, and from `excitation` on every decision
 of the gate and every θ equals the replay's bit for bit. The deviations are their own (see
@@ -26,7 +26,7 @@ from estimators.methods import incremental
 
 
 class TimedEstimate(NamedTuple):
-    """An estimate and the number of the row at which it stands."""
+    """An estimate, and the number of its row."""
 
     row: int
     estimate: Estimate
@@ -34,7 +34,7 @@ class TimedEstimate(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PendingSample:
-    """A sample inside an accepted window that a braking which follows may still claim."""
+    """A sample in an accepted window that later braking may still exclude."""
 
     row: int
     segment_id: int
@@ -42,7 +42,7 @@ class PendingSample:
 
 
 class SettlingWindow(NamedTuple):
-    """The number of an accepted row, and the window that ends there."""
+    """Number of an accepted row, and the window that ends there."""
 
     row: int
     window: incremental.WindowState
@@ -50,22 +50,22 @@ class SettlingWindow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class AxisState:
-    """All that is kept of an axis between two rows.
+    """State of an axis between two rows.
 
     Attributes:
-        settings: window, gate, methods.
+        settings: settings with window, gate and methods.
         axis: straight motion or spins.
-        noise: of the columns.
+        noise: noise of the columns.
         window: the last `window_samples` rows and their sums.
-        gate: what the gate remembers of the rows.
-        pasts: of the recursive methods, by name.
-        settling: accepted windows that they will be fed unless braking follows.
-        fed_row: the last row that they were fed, -1 before the first.
-        accepted_row: the last row whose window was accepted, -1 before the first.
+        gate: state of the gate.
+        pasts: states of the recursive methods, by name.
+        settling: accepted windows to feed them unless braking follows.
+        fed_row: last row fed to them, -1 before the first.
+        accepted_row: last row with an accepted window, -1 before the first.
         segments: manoeuvre of the last `window_samples` rows, the oldest first, -1 for none.
         standstill: whether those rows stand.
-        pending: samples that will be pooled unless braking follows.
-        pool: the samples pooled into the manoeuvre `pooled_id` so far, the last being `pooled_row`.
+        pending: samples to pool unless braking follows.
+        pool: samples pooled so far into the manoeuvre `pooled_id`, the last of row `pooled_row`.
     """
 
     settings: Settings
@@ -87,12 +87,12 @@ class AxisState:
 
 @dataclass(frozen=True, slots=True)
 class OnlineState:
-    """All that is kept between two rows.
+    """State between two rows.
 
     Attributes:
-        settings: window, gate, methods.
-        noise: as `start` takes it.
-        axes: none before the first row, which tells which there are.
+        settings: settings with window, gate and methods.
+        noise: as in `start`.
+        axes: state of each axis; empty before the first row, which determines the axes.
     """
 
     settings: Settings
@@ -104,9 +104,9 @@ class AxisStep(NamedTuple):
     """Result of one row on an axis.
 
     Attributes:
-        gate: statistics of the window that ends here, and the gate's decision.
-        estimates: by method; the windowed ones at every accepted row, the recursive ones when
-            that row has settled, `pooled` when a manoeuvre is over.
+        gate: statistics and decision of the gate on the window that ends here.
+        estimates: estimates by method: windowed ones at every accepted row, recursive ones when
+            that row has settled, `pooled` at the end of a manoeuvre.
     """
 
     gate: GateRow
@@ -117,9 +117,9 @@ class OnlineStep(NamedTuple):
     """Result of one row.
 
     Attributes:
-        state: to step on from.
-        straight: mass and friction, from straight motion.
-        spin: inertia and friction of turning, from spins; None without a yaw torque, rate and
+        state: state for the next step.
+        straight: results of straight motion: mass and friction.
+        spin: results of spins: inertia and turning friction; None without yaw torque, rate and
             acceleration.
     """
 
@@ -129,7 +129,7 @@ class OnlineStep(NamedTuple):
 
     @property
     def gate(self) -> GateRow:
-        """That of straight motion."""
+        """Gate of straight motion."""
         return self.straight.gate
 
     @property
@@ -139,24 +139,24 @@ class OnlineStep(NamedTuple):
 
 
 def start(settings: Settings, noise: pl.DataFrame | None = None) -> OnlineState:
-    """Before the first row.
+    """State before the first row.
 
     Args:
-        settings: window, gate, methods.
-        noise: what a replay of the same machine found, or half a minute of standstill; without it
-            that of the settings counts where they name all of it, and else no window is refused
-            for noise, `pooled` takes the regressor for exact and TLS the usual ratios.
+        settings: settings with window, gate and methods.
+        noise: frame `noise` of a replay of the same machine, or of half a minute of standstill;
+            without it the settings' noise is used if complete, otherwise no window is rejected for
+            noise, `pooled` takes the regressor as exact and TLS the default ratios.
     """
     return OnlineState(settings, noise)
 
 
 def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
-    """Take one row of `excitation`, as `DataFrame.iter_rows(named=True)` gives it.
+    """Process one row of `excitation`, as from `DataFrame.iter_rows(named=True)`.
 
     Args:
-        state: after the row before; it is left as it was.
-        row: the regressors, the force, the phase and what the settings ask for; None is missing.
-            With a yaw torque, rate and acceleration spins are estimated as well.
+        state: state after the previous row; it is not changed.
+        row: regressors, force, phase and what the settings require; None is missing. With yaw
+            torque, rate and acceleration spins are estimated as well.
     """
     axes = state.axes or _start_axes(state, row)
     stepped = [_step_axis(each, row) for each in axes]
@@ -166,7 +166,7 @@ def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
 
 
 def finish(state: OnlineState) -> Iterator[tuple[Axis, Mapping[str, TimedEstimate]]]:
-    """The estimates that were still to come: what has not braked by the last row does not."""
+    """Outstanding estimates at the end of a log, whose last samples no braking can exclude."""
     for axis_state in state.axes:
         for found in _finish_axis(axis_state):
             yield axis_state.axis, found
@@ -231,7 +231,7 @@ def _finish_axis(state: AxisState) -> Iterator[Mapping[str, TimedEstimate]]:
 
 
 def estimate_windowed(state: AxisState, row: int) -> tuple[AxisState, dict[str, TimedEstimate]]:
-    """Every windowed method on the window that ends at `row`, which was accepted."""
+    """Estimates of every windowed method for the accepted window that ends at `row`."""
     settings, window = state.settings, state.window
     estimates = {
         method.name: TimedEstimate(row, method.step(window, settings.smooth.samples, options))
@@ -246,7 +246,7 @@ def estimate_windowed(state: AxisState, row: int) -> tuple[AxisState, dict[str, 
 
 
 def methods_fed_by(state: AxisState, feed: FeedKind) -> Iterator[tuple[Method, Any]]:
-    """The methods of the settings that are fed so, with their options."""
+    """Methods of the settings with this kind of feed, and their options."""
     for name in state.settings.trace.methods:
         method = METHODS[name]
         if method.feed is feed:
@@ -254,7 +254,7 @@ def methods_fed_by(state: AxisState, feed: FeedKind) -> Iterator[tuple[Method, A
 
 
 def feed_recursive(state: AxisState) -> tuple[AxisState, dict[str, TimedEstimate]]:
-    """Feed the recursive methods the oldest window that settles, unless it brakes by now."""
+    """Feed the recursive methods the oldest settling window, unless braking has followed."""
     settings, (row, window) = state.settings, state.settling[0]
     state = replace(state, settling=state.settling[1:])
     if state.gate.last_braking >= row:
@@ -271,7 +271,7 @@ def feed_recursive(state: AxisState) -> tuple[AxisState, dict[str, TimedEstimate
 
 
 def queue_for_pooling(state: AxisState, row: int, newest: int) -> AxisState:
-    """The newest samples of an accepted window will be pooled, unless they stand."""
+    """Queue the newest samples of an accepted window for pooling, unless they stand."""
     pending = [
         PendingSample(row + 1 - back, state.segments[-back], state.window.z[:, -back].copy())
         for back in range(newest, 0, -1)
@@ -281,7 +281,7 @@ def queue_for_pooling(state: AxisState, row: int, newest: int) -> AxisState:
 
 
 def pool_settled(state: AxisState, row: int) -> tuple[AxisState, Mapping[str, TimedEstimate]]:
-    """Pool the samples that no braking can claim any more; an estimate if a manoeuvre is over."""
+    """Pool samples that braking can no longer exclude; an estimate at a manoeuvre's end."""
     waiting = list(state.pending)
     while waiting and row - waiting[0].row >= state.gate.braking_lag - 1:
         if _begins_next_manoeuvre(state, waiting[0]):
@@ -299,10 +299,10 @@ def _begins_next_manoeuvre(state: AxisState, pending: PendingSample) -> bool:
 
 
 def is_manoeuvre_over(state: AxisState, row: int) -> bool:
-    """Whether no window to come can hold a sample of the manoeuvre that was not accepted yet.
+    """Whether no later window can add a sample of the manoeuvre.
 
-    A window of spins may reach into the standstill behind a spin. Straight motion ends in what no
-    window may hold, so that it is over at once.
+    A window of spins may reach into the standstill after a spin. Straight motion ends in samples
+    that no window may contain, so it is over at once.
     """
     if state.pooled_id == -1:
         return True
@@ -318,7 +318,7 @@ def is_manoeuvre_over(state: AxisState, row: int) -> bool:
 
 
 def pool_sample(state: AxisState, pending: PendingSample) -> AxisState:
-    """Pool a sample, unless braking has claimed it."""
+    """Pool a sample, unless braking has excluded it."""
     if state.gate.last_braking >= pending.row:
         return state
     return replace(

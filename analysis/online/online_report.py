@@ -1,4 +1,4 @@
-"""Reports while driving: the last mass, its uncertainty, its age and whether it is valid.
+"""Reports while driving: the last mass with its uncertainty, age and validity.
 
 A number is given only with its validity: what is not valid or merely old is null.
 """
@@ -31,10 +31,10 @@ _JSON_TYPES: Final = {float: "number", int: "integer", str: "string", NoneType: 
 
 @dataclass(frozen=True, slots=True)
 class PooledEstimate:
-    """The pooled estimate of the last manoeuvre that gave one.
+    """Pooled estimate of the last manoeuvre that gave one.
 
     Attributes:
-        t_ns: of its last sample.
+        t_ns: time of its last sample.
         estimate: mass in kg and friction in N·s/m, or inertia in kg·m² and friction of turning in
             N·m·s, with their random standard uncertainties.
     """
@@ -48,30 +48,30 @@ class OnlineReport:
     """A report: at the end of a manoeuvre or a spin, once a second of the log, and at its end.
 
     Attributes:
-        event: what it is made for.
+        event: event that the report is made for.
         unix_ns: when, in the log's time.
         t_s: the same from the first row.
-        phase: of motion; None where it is not known.
+        phase: phase of motion; None if unknown.
         gate: the reason of the window that ends here.
-        index_nat: its index (11); None where it has none.
+        index_nat: index (11) of the window; None if it has none.
         validity: of mass and friction.
         mass_kg: of the last manoeuvre; None unless valid or old.
         mass_u_kg: random standard uncertainty: what all manoeuvres share is not in it.
-        friction_x_N_s_m: viscous friction; None likewise.
+        friction_x_N_s_m: viscous friction; None if unknown.
         friction_u_N_s_m: random standard uncertainty.
         age_s: since the last sample that the mass is made of; None without one.
         manoeuvres: how many have given a mass so far.
         load_mass_kg: mean of the manoeuvres with the load of now; None before the first.
-        load_u_kg: its random standard uncertainty; None likewise.
+        load_u_kg: random standard uncertainty of the load; None if unknown.
         load_manoeuvres: how many they are.
-        until_u_kg: the uncertainty that is aimed at; None where nothing says which.
-        percent: of the information that takes; None likewise.
+        until_u_kg: target uncertainty; None if none is stated.
+        percent: percentage of the information needed for that; None without a target.
         starts_missing: manoeuvres like these until then; None before the first.
         reverse_missing: those of them that should be driven backwards.
         spin_validity: of inertia and friction of turning; `none_yet` also without a yaw axis.
         inertia_z_kg_m2: about the point that the last spin turned about; None unless valid or old.
         inertia_u_kg_m2: random standard uncertainty.
-        friction_z_N_m_s: viscous friction of turning; None likewise.
+        friction_z_N_m_s: viscous friction of turning; None if unknown.
         friction_z_u_N_m_s: random standard uncertainty.
         spin_age_s: since the last sample that they are made of; None without one.
         spins: how many have given an inertia so far.
@@ -111,7 +111,7 @@ class OnlineReport:
 
 
 def report_schema() -> dict[str, Any]:
-    """The JSON schema of a report."""
+    """JSON schema of a report."""
     return {
         "title": "payscope.OnlineReport",
         "type": "object",
@@ -121,7 +121,7 @@ def report_schema() -> dict[str, Any]:
 
 
 def _describe_json_type(annotation: Any) -> dict[str, Any]:
-    """The JSON type of a field: a word among some, or a number or text that may be null."""
+    """JSON type of a field: one of some words, or a number or text that may be null."""
     choices = get_args(annotation)
     if get_origin(annotation) is Literal:
         return {"type": "string", "enum": list(choices)}
@@ -130,13 +130,13 @@ def _describe_json_type(annotation: Any) -> dict[str, Any]:
 
 
 def judge_mass(last: PooledEstimate | None, t_ns: int, body: Body, valid_s: float) -> Validity:
-    """Judge the last mass at a time `t_ns` of the grid.
+    """Validity of the last mass at a grid time `t_ns`.
 
     Args:
-        last: None before the first.
-        t_ns: now.
-        body: with its empty mass, where that is known.
-        valid_s: an older mass is old.
+        last: last estimate; None before the first.
+        t_ns: present time.
+        body: machine body with its empty mass, if known.
+        valid_s: age from which a mass is old.
     """
     empty = body.empty_mass_kg
     limits = (0.0, math.inf)
@@ -146,7 +146,7 @@ def judge_mass(last: PooledEstimate | None, t_ns: int, body: Body, valid_s: floa
 
 
 def judge_spin(last: PooledEstimate | None, t_ns: int, valid_s: float) -> Validity:
-    """Judge the last inertia likewise; no limits are known but that it is positive."""
+    """Validity of the last inertia at a grid time; it only has to be positive and recent."""
     return _judge_age(last, t_ns, valid_s, (0.0, math.inf))
 
 

@@ -1,4 +1,4 @@
-"""A made-up start before the first row, so that no row waits for a loop to be compiled or loaded.
+"""A synthetic start before the first row, which loads or compiles every loop.
 
 Loading what is compiled already takes a second in all, and compiling it up to a minute: as late
 as that came the first window that the gate accepts.
@@ -22,11 +22,11 @@ _ACC_M_S2: Final = 1.0
 
 
 def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
-    """Step gate and methods through a start.
+    """Run gate and methods through a synthetic start.
 
     Args:
-        settings: as they will be followed.
-        noise: likewise.
+        settings: settings of the follower.
+        noise: noise of the follower.
     """
     with compile_at_once():
         state = start(settings, noise)
@@ -37,7 +37,7 @@ def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
 
 
 def rehearsal_rows(settings: Settings) -> Iterator[Mapping[str, Any]]:
-    """Rows of `excitation`: standing for half a window, then faster and faster."""
+    """Rows of `excitation`: standstill for half a window, then acceleration."""
     window = settings.gate.window_samples
     speed = 0.0
     for row in range(window + _ROWS_BEHIND):

@@ -1,6 +1,6 @@
-"""The numbers of the paper's tables, figures and claims, found anew by simulation.
+"""Numbers of the paper's tables, figures and claims, reproduced by simulation.
 
-`paper` holds what the paper prints; `sources` names what is simulated and replayed, once for all
-that is made of it. `table1`, `campaign_tables`, `excitation_figures`, `campaign_figures` and
-`claims` make the numbers. `recordings.paper` makes tables, pictures and sentences of them.
+`printed_numbers` holds the numbers of the paper; `simulated_sources` lists the simulations and
+replays that the items share. `table1`, `campaign_tables`, `excitation_figures`, `campaign_figures`
+and `claims` compute the numbers; `recordings.paper` makes tables, pictures and sentences from them.
 """

@@ -20,7 +20,7 @@ _AFTER_S: Final = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Figure5:
-    """A start and stop, and the highest index (11) in nat by phase, where it has any."""
+    """One start and stop, and the highest index (11) in nat by phase, if it has any."""
 
     frame: pl.DataFrame
     highest_nat: Mapping[str, float]
@@ -52,11 +52,11 @@ def make_figure_5(campaign: ReplayedCampaign) -> Figure5:
 
 
 def masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFrame:
-    """A row a method and load of one campaign, for Figures 6 to 8.
+    """Masses and their errors by method and load of one campaign, for Figures 6 to 8.
 
     Returns:
-        The frame `calibration` with, r.m.s. over the load's trials in kg, `rms_kg` (every load in
-        the fit) and `rms_left_out_kg`.
+        Frame `calibration` with the r.m.s. errors over the load's trials in kg: `rms_kg` (all loads
+        in the fit) and `rms_left_out_kg` (without the own load).
     """
     estimates = campaign.estimate_by_method_and_trial()
     errors = calibrated_errors_of_runs(estimates).group_by("method", "load_kg").agg(
@@ -80,9 +80,9 @@ class Figure6:
     """Raw masses by load.
 
     Attributes:
-        frame: a row a method and load.
-        bias_kg: the largest difference of a mean to the truth.
-        implied_kg: what Table 2 implies for LS without load and with the largest.
+        frame: one row per method and load.
+        bias_kg: largest difference between a mean and the truth.
+        implied_kg: masses by LS that Table 2 implies without load and with the largest load.
     """
 
     frame: pl.DataFrame
@@ -117,7 +117,7 @@ def make_figure_6(extracts: Extracts) -> Figure6:
 
 @dataclass(frozen=True, eq=False)
 class Figure7:
-    """Calibrated masses by load, and by method the scatter of one trial in kg."""
+    """Calibrated masses by load, and scatter of one trial in kg by method."""
 
     frame: pl.DataFrame
     scatter_kg: Mapping[str, float]
@@ -137,9 +137,9 @@ def make_figure_7(extracts: Extracts) -> Figure7:
 
 @dataclass(frozen=True, eq=False)
 class Figure8:
-    """Errors by load, and their ratio: load left out of the fit over load in the fit.
+    """Errors by load, and their ratio: own load left out of the fit over own load in the fit.
 
-    `ends_1` is its mean over smallest and largest load, `middle_1` over those between.
+    `ends_1` is the mean ratio of the smallest and largest load, `middle_1` that of the other loads.
     """
 
     frame: pl.DataFrame

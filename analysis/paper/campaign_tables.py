@@ -1,4 +1,4 @@
-"""Tables 2 to 4 over simulated campaigns, beside the printed ones."""
+"""Tables 2 to 4 from simulated campaigns, with the printed values."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ _COMPARED: Final = ("ls", "rls", "tls", "pooled")
 
 
 class Line(NamedTuple):
-    """The calibration (19): slope with its 95 % interval, and offset."""
+    """Calibration line (19): slope with its 95 % interval, and offset."""
 
     alpha_1: float
     alpha_1_low: float
@@ -35,15 +35,15 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Table2:
-    """Table 2 and what its lines of LS say.
+    """Table 2, and its calibration lines of LS.
 
     Attributes:
-        frame: a row a `chain` ("ideal" or "front_axle") and `method`.
-        chain: of "front_axle".
+        frame: one row per `chain` ("ideal" or "front_axle") and `method`.
+        chain: torque chain "front_axle".
         printed: slope and offset (kg) of LS in the paper.
-        ideal: the line of LS with an ideal torque chain.
-        chained: likewise with the assumed one.
-        offset_share_1: the printed offset over the mean reference mass.
+        ideal: line of LS with an ideal torque chain.
+        chained: line of LS with the assumed torque chain.
+        offset_share_1: printed offset over the mean reference mass.
     """
 
     frame: pl.DataFrame
@@ -54,8 +54,8 @@ class Table2:
     offset_share_1: float
 
 
-def fitted_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
-    """Fit (19) to a campaign: a row a method, `chain`, `alpha_1` and `beta_kg`."""
+def fit_calibration_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
+    """Fit (19) to a campaign; one row per method with `chain`, `alpha_1` and `beta_kg`."""
     return (
         calibrate_methods(campaign.estimate_by_method_and_trial())
         .group_by("method", maintain_order=True)
@@ -63,8 +63,10 @@ def fitted_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
     )
 
 
-IDEAL_LINES: Final = Extract(CAMPAIGNS, partial(fitted_lines, chain="ideal"))
-CHAINED_LINES: Final = Extract(CHAINED_CAMPAIGNS, partial(fitted_lines, chain="front_axle"))
+IDEAL_LINES: Final = Extract(CAMPAIGNS, partial(fit_calibration_lines, chain="ideal"))
+CHAINED_LINES: Final = Extract(
+    CHAINED_CAMPAIGNS, partial(fit_calibration_lines, chain="front_axle")
+)
 
 
 def make_table_2(extracts: Extracts) -> Table2:
@@ -96,9 +98,9 @@ def make_table_2(extracts: Extracts) -> Table2:
 
 
 class Extremes(NamedTuple):
-    """Smallest and largest error of a method over a setting, the trial's own load left out.
+    """Smallest and largest error of a method over a setting, with the own load left out.
 
-    `alike` are the values whose error is within the interval of the best, of `values` in all.
+    `alike` are those of `values` whose error is within the interval of the smallest.
     """
 
     method: str
@@ -112,14 +114,14 @@ class Extremes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SweptTable:
-    """Table 3 or 4: errors over the values of one setting.
+    """Table 3 or 4: errors as a function of one setting.
 
     Attributes:
-        frame: a row a value and method.
-        best_printed: by method, the values of the smallest printed error, ties included.
-        extremes: of ours, a method each.
-        nearest_bound_1: by method (`pooled`, `rls`), the smallest error over the bound.
-        best_kg: the smallest of all errors with the trial's own load left out.
+        frame: one row per value and method.
+        best_printed: by method, the values with the smallest printed error, ties included.
+        extremes: extremes of our errors by method.
+        nearest_bound_1: by method (`pooled`, `rls`), the smallest ratio of error to bound.
+        best_kg: smallest of all errors with the own load left out.
     """
 
     frame: pl.DataFrame
@@ -132,7 +134,7 @@ class SweptTable:
 def errors_over(
     campaign: ReplayedCampaign, setting: str, values: Collection[float]
 ) -> pl.DataFrame:
-    """Repeat gate and estimators with each value of a setting: a row a value and method."""
+    """Errors with gate and estimators rerun for each value of a setting, one row per value."""
     frames: list[pl.DataFrame] = []
     for value in values:
         again = replay_with_gate(

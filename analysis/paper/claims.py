@@ -1,7 +1,7 @@
-"""Claims of the abstract and of the conclusion, each beside what simulated campaigns say of it.
+"""Claims of the abstract and the conclusion, compared with simulated campaigns.
 
-Every number is given as a share of the machine's mass, as the paper does, and of the payload range,
-which is what a scale is judged by.
+Every error is given relative to the machine's mass, as in the paper, and to the payload range, by
+which a scale is judged.
 """
 
 from collections.abc import Mapping
@@ -43,12 +43,12 @@ _FLOAT_BYTES: Final = 8
 
 
 def accept_windows(campaign: ReplayedCampaign, how: Fed, settings: Settings) -> ReplayedCampaign:
-    """Accept other windows of a campaign.
+    """Campaign with other accepted windows and new estimates.
 
     Args:
-        campaign: replayed.
-        how: which windows the estimators are fed.
-        settings: the gate, which estimators, and how they forget.
+        campaign: replayed campaign.
+        how: rule that selects the windows for the estimators.
+        settings: settings of gate, estimators and forgetting.
     """
     if how == "ungated":
         settings = settings.with_changes({"gate.exclude_braking": False})
@@ -60,12 +60,12 @@ def accept_windows(campaign: ReplayedCampaign, how: Fed, settings: Settings) -> 
 
 
 def cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
-    """Errors of RLS at the end of the cruise of a single trial, one of each of `CRUISE_FED`."""
+    """Errors of RLS at the end of the cruise of a single trial, for each of `CRUISE_FED`."""
     return tuple(_cruise_error_kg(campaign, how, directional) for how, directional in CRUISE_FED)
 
 
 def _cruise_error_kg(campaign: ReplayedCampaign, how: Fed, directional: bool) -> float:
-    """The error of RLS at the end of the cruise; NaN without estimate."""
+    """Error of RLS at the end of the cruise; NaN without an estimate."""
     methods = {"trace.methods": ("rls",), "trace.directional_forgetting": directional}
     again = accept_windows(campaign, how, campaign.settings.with_changes(methods))
     cruised_ns = int(campaign.trials["braking_ns"][0]) - again.replayed.provenance.t0_unix_ns
@@ -76,12 +76,12 @@ def _cruise_error_kg(campaign: ReplayedCampaign, how: Fed, directional: bool) ->
 
 
 def campaign_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
-    """Errors of one campaign that the claims are about.
+    """Errors of one campaign that the claims concern.
 
     Returns:
-        A row a method and what it was fed (RLS also without the criterion): `method`, `fed`, in kg
-        `rms_kg` and `rms_left_out_kg` of the trials' masses after (19), and `mean_abs_kg`, the mean
-        size of their error with every load in the fit.
+        One row per method and selection of windows (RLS also without the criterion): `method`,
+        `fed`, in kg `rms_kg` and `rms_left_out_kg` of the trials' masses after (19), and
+        `mean_abs_kg`, the mean absolute error with every load in the fit.
     """
     rls = campaign.settings.with_changes({"trace.methods": ("rls",)})
     without: tuple[Fed, ...] = ("no braking", "ungated")
@@ -107,18 +107,18 @@ TEN_SECONDS: Final = AT_LENGTH[WINDOW_S]
 
 
 def ls_buffer_bytes(window_samples: int) -> int:
-    """Bytes of the rows of [A f] that OLS keeps: the oldest is subtracted when a row comes."""
+    """Size in bytes of the rows of [A f] that OLS stores in order to subtract the oldest."""
     return window_samples * (_PARAMETERS + 1) * _FLOAT_BYTES
 
 
 def rls_state_bytes() -> int:
-    """Bytes of what RLS keeps: θ, P, the sum of squares and its weight (`rls.RlsState`)."""
+    """Size in bytes of the state of RLS: θ, P, sum of squares and its weight (`rls.RlsState`)."""
     return (_PARAMETERS + _PARAMETERS**2 + 2) * _FLOAT_BYTES
 
 
 @dataclass(frozen=True, eq=False)
 class Claims:
-    """The claims and what was found of each.
+    """Claims, and the result for each.
 
     Attributes:
         frame: a row a finding: `claim` (buffer, rms, simulation, experiment, reduction), `of` (what
@@ -129,16 +129,18 @@ class Claims:
         rms_limit_kg: the claimed limit of the RMS error.
         rms_held: whether it holds for every method.
         rms_kg: smallest and largest RMS error.
-        constant_percent: error of a constant that ignores the data, of the machine's mass.
-        window_spread_1: 95 % of single windows of 10 s are within this share of the mass.
-        windows_claimed: how many windows a mean as precise as claimed takes.
-        bias_kg: mean error of LS in 10 s.
-        biased: whether it is more than chance.
-        experiment_mass_percent: smallest and largest mean size of a trial's error.
-        experiment_range_percent: likewise of the payload range.
-        reduced: whether each error is as much smaller as claimed.
-        saved_by: what makes RLS better in a campaign of short starts.
-        buffer: OLS against RLS in the windows that both are gated by.
+        constant_percent: error of a constant that ignores the data, in percent of the machine's
+            mass.
+        window_spread_1: share of the mass within which 95 % of single windows of 10 s lie.
+        windows_claimed: number of windows whose mean has the claimed precision.
+        bias_kg: mean error of LS with windows of 10 s.
+        biased: whether that error is significant.
+        experiment_mass_percent: smallest and largest mean absolute error of a trial, in percent of
+            the machine's mass.
+        experiment_range_percent: the same errors in percent of the payload range.
+        reduced: whether each error is reduced as much as claimed.
+        saved_by: measure that improves RLS in a campaign of short starts.
+        buffer: OLS and RLS compared on the windows that gate both.
     """
 
     frame: pl.DataFrame
@@ -159,13 +161,13 @@ class Claims:
 
 @dataclass(frozen=True)
 class Buffers:
-    """Errors of OLS and RLS by the buffer that OLS needs.
+    """Errors of OLS and RLS as a function of the buffer that OLS needs.
 
     Attributes:
         windows: window lengths in samples.
-        as_good: of them, those at which the interval of RLS reaches down to the error of OLS.
+        as_good: window lengths at which the interval of RLS includes the error of OLS.
         ls_kg: smallest and largest error of OLS.
-        rls_kg: likewise of RLS.
+        rls_kg: smallest and largest error of RLS.
     """
 
     windows: tuple[int, ...]
@@ -230,7 +232,7 @@ def compare_claims(extracts: Extracts) -> Claims:
 
 
 def _make_buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
-    """Errors of OLS and RLS by window length, and what each keeps of the samples."""
+    """Errors of OLS and RLS by window length, and the memory of each."""
     means = mean_intervals(
         campaigns.filter(pl.col("method").is_in(["ls", "rls"])),
         [WINDOW, "method"],
@@ -258,7 +260,7 @@ def _compare_buffers(frame: pl.DataFrame) -> Buffers:
 
 
 def claim_row(claim: str, of: str, row: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """A finding whose number and interval stand in `row` under `name`."""
+    """Row of a finding whose number and interval are in `row` under `name`."""
     return {
         "claim": claim,
         "of": of,
@@ -282,7 +284,7 @@ def _make_window_row(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
-    """Findings from errors (cruises, 4), a column each of `CRUISE_FED`."""
+    """Rows of findings from errors (cruises, 4), one column for each of `CRUISE_FED`."""
     rng = np.random.default_rng(0)
     found = [rms_interval(errors, rng) for errors in errors_kg.T]
     ungated_kg = found[0][0]

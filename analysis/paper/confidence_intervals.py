@@ -1,4 +1,4 @@
-"""95 % intervals: of means over independent repetitions, and of root mean squares by bootstrap."""
+"""95 % intervals of means over independent repetitions, and of root mean squares by bootstrap."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -19,13 +19,14 @@ def mean_intervals(
     """Means over independent repetitions with Student's interval.
 
     Args:
-        repetitions: a row a repetition and group.
-        by: what makes a group.
-        values: the columns to average; null where a repetition has none.
+        repetitions: one row per repetition and group.
+        by: columns that define a group.
+        values: columns to average; null if a repetition has no value.
 
     Returns:
-        A row a group in its order of appearance: `by`, `trials` (rows), and of each value its
-        mean under the same name with `{value}_low` and `{value}_high`, null below two of them.
+        One row per group in order of appearance: `by`, `trials` (number of rows), and for each
+        value its mean under the same name with `{value}_low` and `{value}_high`, null below two
+        values.
     """
     from scipy.stats import t
 
@@ -54,11 +55,11 @@ def rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[float, float
     The errors need not share one variance: windows that start at different phases do not.
 
     Args:
-        errors: (n,), NaN where a repetition gave none.
-        rng: draws the resamples.
+        errors: (n,), NaN if a repetition gave none.
+        rng: generator of the resamples.
 
     Returns:
-        R.m.s., low, high; NaN where there is no error.
+        R.m.s., low, high; NaN without errors.
     """
     squares = errors[np.isfinite(errors)] ** 2
     n = squares.size
@@ -71,5 +72,5 @@ def rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[float, float
 
 
 def lowest_errors(errors: Mapping[float, float]) -> list[float]:
-    """Where the error is smallest, ties included."""
+    """Keys of the smallest error, ties included."""
     return [at for at, error in errors.items() if error == min(errors.values())]

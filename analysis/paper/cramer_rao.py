@@ -28,12 +28,12 @@ def mass_bounds_kg(noise_N: float, aa: Floats, av: Floats, vv: Floats) -> Floats
 
     Args:
         noise_N: σ of a sample (`equation_noise`).
-        aa: (...,) sum of the squared noise-free accelerations of the samples that enter.
+        aa: (...,) sum of the squared noise-free accelerations of the samples used.
         av: (...,) sum of acceleration times speed.
         vv: (...,) sum of the squared speeds.
 
     Returns:
-        (...,); infinite where the samples do not tell mass from friction.
+        (...,); infinite if the samples cannot separate mass from friction.
     """
     determinant = aa * vv - av**2
     # to working precision

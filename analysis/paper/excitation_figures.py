@@ -1,4 +1,4 @@
-"""Figures 2 to 4: the excitation, and the estimates under it."""
+"""Figures 2 to 4: the excitation, and the estimates obtained with it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ _STANDING_S: Final = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Figure2:
-    """The motion, the machine's time constant, and what is left of a step after T."""
+    """Motion, time constant of the machine, and remainder of a step response after T."""
 
     frame: pl.DataFrame
     constant_s: float
@@ -61,12 +61,12 @@ class Figure3:
     """Estimates over time in a linear motion.
 
     Attributes:
-        frame: a row an instant and method, with the truth.
-        true_mass_kg: the mass.
+        frame: one row per instant and method, with the truth.
+        true_mass_kg: true mass.
         rms_kg: by method, over the whole figure.
-        converging: of LS and RLS.
-        memory_samples: how many samples the weights of RLS are worth.
-        window_samples: of the others.
+        converging: early and late errors of LS and RLS.
+        memory_samples: effective number of samples in the memory of RLS.
+        window_samples: window of the other methods.
     """
 
     frame: pl.DataFrame
@@ -118,11 +118,11 @@ class Figure4:
     """Estimates over time in a rotation.
 
     Attributes:
-        frame: a row an instant and method, with the truth.
+        frame: one row per instant and method, with the truth.
         true_inertia_z_kg_m2: the yaw inertia.
-        true_friction_z_N_m_s: the friction of turning.
+        true_friction_z_N_m_s: true friction of turning.
         rms_kg_m2: by method, over the whole figure.
-        bias_kg_m2: by method, likewise.
+        bias_kg_m2: mean error by method, over the whole figure.
     """
 
     frame: pl.DataFrame
@@ -168,7 +168,7 @@ def make_figure_4(campaign: ReplayedCampaign) -> Figure4:
 def estimates_from_complete_windows(
     campaign: ReplayedCampaign, settings: Settings
 ) -> ReplayedCampaign:
-    """Estimates from every complete window that the figure shows: the end of the drive is not."""
+    """Estimates from every complete window in the figure, without the end of the drive."""
     gated = gate(campaign.replayed.frames["excitation"], settings)
     incomplete = pl.col("reason_x").cast(pl.String).is_in(("warming_up", "gap"))
     shown = ~incomplete & (pl.col("t_ns") <= round(_SHOWN_S * 1e9))
@@ -218,7 +218,7 @@ def _rms_error_by_method(series: pl.DataFrame, value: str, true: str) -> dict[st
 
 
 def rms_error_after_convergence(series: pl.DataFrame) -> dict[str, Rms]:
-    """R.m.s. error of LS and RLS at first, and later."""
+    """R.m.s. error of LS and RLS in the first `EARLY_S`, and later."""
     squares = series.with_columns(
         square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,
         early=pl.col("t_s") < pl.col("t_s").min() + EARLY_S,

@@ -1,6 +1,6 @@
-"""The paper's excitation: a triangular force or torque, over and over, from standing.
+"""Excitation of the paper: a periodic triangular force or torque from standstill.
 
-Once the start is forgotten the motion repeats; windows of it are measured many at once.
+After the start has decayed the motion is periodic, and many of its windows are measured at once.
 """
 
 from dataclasses import dataclass
@@ -26,13 +26,14 @@ _PERIODS: Final = 5
 
 @dataclass(frozen=True, eq=False)
 class MeasuredWindows:
-    """Many windows as the estimators are given them.
+    """Windows of measured samples, as the estimators receive them.
 
     Attributes:
         A: (count, samples, 2) acceleration and speed.
         f: (count, samples) force.
-        bound_kg: (count,) the Cramér–Rao bound of as many samples before the mean.
-        strict_bound_kg: (count,) with the samples before the window that its first means hold.
+        bound_kg: (count,) Cramér–Rao bound of as many samples before the moving mean.
+        strict_bound_kg: (count,) bound that includes the samples before the window in its first
+            means.
     """
 
     A: Floats
@@ -48,8 +49,8 @@ class SteadyDrive:
     Attributes:
         mass_kg: the true mass.
         friction_N_s_m: the true friction.
-        motion: (phases, 3) acceleration in m/s², speed in m/s and force in N, `PHASES` rows a
-            sample of the sensors.
+        motion: (phases, 3) acceleration in m/s², speed in m/s and force in N, with `PHASES` rows
+            per sample of the sensors.
     """
 
     mass_kg: float
@@ -64,7 +65,7 @@ class SteadyDrive:
         count: int,
         rng: np.random.Generator,
     ) -> MeasuredWindows:
-        """Measure windows that start at random phases: fresh noise, then the moving mean."""
+        """Measure windows at random phases, with new noise and then the moving mean."""
         before = smooth_samples - 1
         start = rng.integers(self.motion.shape[0], size=(count, 1))
         steps = PHASES * np.arange(-before, samples)
@@ -93,7 +94,7 @@ class SteadyDrive:
 def scenario_with_waveforms(
     scenario: Scenario, *, force: ForceWave | None, torque: TorqueWave | None
 ) -> Scenario:
-    """The scenario with one run without load, under these waveforms for five periods."""
+    """Scenario with one run without load, five periods of these waveforms."""
     period_s = (force or torque or ForceWave()).period_s
     drive = Excite(duration_s=_PERIODS * period_s, force=force, torque=torque)
     campaign = scenario.campaign.model_copy(

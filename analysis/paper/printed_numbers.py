@@ -1,4 +1,4 @@
-"""Numbers that the paper prints in its tables and claims, each typed once."""
+"""Numbers printed in the paper's tables and claims, each written once."""
 
 from collections.abc import Sequence
 from statistics import pstdev
@@ -64,5 +64,5 @@ REDUCTION: Final = 0.80
 
 
 def values_by_method(row: Sequence[float] | None) -> dict[str, float]:
-    """A row of a table by method; empty for a row that the table does not have."""
+    """Values of a table's row by method; empty for a row that the table lacks."""
     return {} if row is None else dict(zip(METHODS, row, strict=True))

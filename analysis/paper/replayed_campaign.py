@@ -1,8 +1,8 @@
-"""A simulated campaign, replayed and compared with its truth: the errors of its calibrated masses.
+"""Simulated campaign, replayed and compared with its truth: errors of calibrated masses.
 
 A trial is one run of a campaign (`campaign.runs`). Tables 3 and 4 leave open whether an error is
-that of a single trial or of a load's mean, and whether a load is in the fit of (19) that corrects
-it; all four are given.
+that of a single trial or of a load's mean, and whether the own load is in the fit of (19); all four
+are given.
 """
 
 from dataclasses import dataclass, replace
@@ -29,10 +29,10 @@ class ReplayedCampaign:
     """A simulated campaign and the replay of its logs.
 
     Attributes:
-        scenario: of the simulation.
-        replayed: the replay of its logs in one time line.
-        trials: the truth of every trial (`SimulatedLog.trials`).
-        noise_free: the true motion (`SimulatedLog.noise_free`), all logs in one.
+        scenario: simulated scenario.
+        replayed: replay of its logs on one time line.
+        trials: truth of every trial (`SimulatedLog.trials`).
+        noise_free: true motion (`SimulatedLog.noise_free`) of all logs.
     """
 
     scenario: Scenario
@@ -42,16 +42,16 @@ class ReplayedCampaign:
 
     @property
     def settings(self) -> Settings:
-        """The settings of the replay."""
+        """Settings of the replay."""
         return self.replayed.provenance.settings
 
     def estimate_by_method_and_trial(self) -> pl.DataFrame:
-        """One mass a method and trial."""
+        """One mass per method and trial."""
         return average_readings_by_run(self.replayed, self.trials)
 
 
 def replay_with_gate(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
-    """Repeat gate and estimators with other settings; nothing before the gate changes."""
+    """Rerun gate and estimators with other settings; earlier stages are unchanged."""
     excitation = campaign.replayed.frames["excitation"]
     return reestimate(campaign, gate(excitation, settings), settings)
 
@@ -59,7 +59,7 @@ def replay_with_gate(campaign: ReplayedCampaign, settings: Settings) -> Replayed
 def reestimate(
     campaign: ReplayedCampaign, gated: pl.DataFrame, settings: Settings
 ) -> ReplayedCampaign:
-    """Repeat the estimates of a campaign from the windows that `gated` accepts."""
+    """Rerun the estimates of a campaign on the windows that `gated` accepts."""
     frames = campaign.replayed.frames
     estimates = trace(frames["excitation"], gated, settings)
     about = campaign.replayed.provenance
@@ -78,8 +78,8 @@ def calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
     """Errors of the calibrated masses.
 
     Returns:
-        A row a method: `method`, `runs` (that gave a mass), and in kg, r.m.s., `run_kg` and
-        `run_left_out_kg` over single trials, `mean_kg` and `mean_left_out_kg` over load means.
+        One row per method: `method`, `runs` (number with a mass), and r.m.s. errors in kg: `run_kg`
+        and `run_left_out_kg` of single trials, `mean_kg` and `mean_left_out_kg` of load means.
     """
     estimates = campaign.estimate_by_method_and_trial()
     single = calibrated_errors_of_runs(estimates).group_by("method", maintain_order=True).agg(
@@ -94,10 +94,10 @@ def calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
 
 
 def trial_bound_kg(campaign: ReplayedCampaign) -> float:
-    """Cramér–Rao bound of a trial's mass, r.m.s. over the trials that have an accepted window.
+    """Cramér–Rao bound of a trial's mass, r.m.s. over the trials with an accepted window.
 
-    From all samples in accepted windows of the trial, but those that truly brake, where (7) does
-    not hold.
+    It uses all samples in accepted windows of the trial except true braking, where (7) does not
+    hold.
     """
     frames, scenario = campaign.replayed.frames, campaign.scenario
     window = campaign.settings.gate.window_samples

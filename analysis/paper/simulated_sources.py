@@ -1,8 +1,8 @@
-"""Simulations that tables and figures are made of: each is replayed once for all of them.
+"""Simulations that tables and figures share; each is replayed once for all items.
 
-An item of the reproduction needs extracts; an extract is made of one source; a source is simulated
-as often as the study says, one repetition at a time, so that memory does not grow with their
-number.
+An item of the reproduction needs extracts; an extract is made from one source; a source is
+simulated as often as the study says, one repetition at a time, so that memory does not grow with
+their number.
 """
 
 from collections.abc import Callable, Iterable
@@ -43,14 +43,14 @@ Chain: TypeAlias = Callable[[SimulatedLog], SimulatedLog]
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """How everything is simulated, and how often.
+    """Settings of the simulations, and their number.
 
     Attributes:
-        scenario: the campaign, with the seed of the first repetition; each has the next.
+        scenario: campaign with the seed of the first repetition; each further one has the next.
         machine: body and settings of the replay.
         windows: Monte Carlo windows of each length in Table 1.
-        campaigns: simulated campaigns.
-        replay: simulates a campaign and replays it.
+        campaigns: number of simulated campaigns.
+        replay: function that simulates a campaign and replays it.
     """
 
     scenario: Scenario
@@ -60,13 +60,13 @@ class Study:
     replay: Callable[[Scenario, Machine, Chain], ReplayedCampaign]
 
     def scenario_of_repetition(self, number: int) -> Scenario:
-        """The scenario of a repetition."""
+        """Scenario of a repetition."""
         return self.scenario.with_seed(self.scenario.sensors.seed + number)
 
 
 @dataclass(frozen=True, eq=False)
 class Source(Generic[S]):
-    """One simulation: its name, its repetitions, and how repetition `number` is made."""
+    """Simulation: its name, its number of repetitions, and the function that makes one."""
 
     name: str
     make: Callable[[Study, int], S]
@@ -75,28 +75,28 @@ class Source(Generic[S]):
 
 @dataclass(frozen=True, eq=False)
 class Extract(Generic[S, T]):
-    """Data kept of each repetition of a source."""
+    """Data kept from each repetition of a source."""
 
     source: Source[S]
     make: Callable[[S], T]
 
 
 class Extracts:
-    """The extracts made so far: of each, one a repetition of its source."""
+    """Results of the extracts so far, one per repetition of their sources."""
 
     def __init__(self) -> None:
         self._made: dict[Extract[Any, Any], list[Any]] = {}
 
     def add(self, extract: Extract[Any, T], made: T) -> None:
-        """Keep the extract of another repetition."""
+        """Add the result of an extract from another repetition."""
         self._made.setdefault(extract, []).append(made)
 
     def results_of_extract(self, extract: Extract[Any, T]) -> list[T]:
-        """What the extract made of every repetition."""
+        """Results of an extract from all repetitions."""
         return self._made[extract]
 
     def single_result(self, extract: Extract[Any, T]) -> T:
-        """The result of an extract whose source has no repetitions."""
+        """Result of an extract whose source has a single repetition."""
         (made,) = self._made[extract]
         return made
 
@@ -109,19 +109,19 @@ class Repetition(NamedTuple):
 
 
 def machine_with_paper_noise(machine: Machine) -> Machine:
-    """The machine, its noise not from the log but as the paper has it."""
+    """Machine with the paper's noise instead of the log's."""
     return machine.model_copy(update={"settings": machine.settings.with_changes(PAPER_NOISE)})
 
 
 def plan_repetitions(
     needs: Iterable[Extract[Any, Any]], study: Study, extracts: Extracts
 ) -> list[Repetition]:
-    """Plan the work: every repetition of every source that is needed.
+    """Plan every repetition of every needed source.
 
     Args:
-        needs: the extracts to make; those named twice are made once.
-        study: how, and how often.
-        extracts: where they are kept.
+        needs: extracts to make; duplicates are made once.
+        study: settings and number of simulations.
+        extracts: destination of the results.
     """
     wanted: dict[Source[Any], list[Extract[Any, Any]]] = {}
     for extract in dict.fromkeys(needs):
@@ -150,7 +150,7 @@ def _take_repetition(
 
 
 class SteadyStudy(NamedTuple):
-    """The steady oscillation, the sensors that see it, and how many windows of it to take."""
+    """Steady oscillation, its sensors, and the number of windows to measure."""
 
     drive: SteadyDrive
     sensors: SimulatedSensors
@@ -209,7 +209,7 @@ def _replay_cruise(study: Study, number: int) -> ReplayedCampaign:
 
 
 def one_start_scenario(scenario: Scenario) -> Scenario:
-    """One start and stop without load."""
+    """Scenario with one start and stop without load."""
     campaign = scenario.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 1})
     return scenario.model_copy(update={"campaign": campaign})
 

@@ -40,24 +40,24 @@ LONG_S: Final = printed_numbers.RESPONSE_S
 
 @dataclass(frozen=True, eq=False)
 class Table1:
-    """Table 1 and how it compares.
+    """Table 1, and how it compares with the printed one.
 
     Attributes:
-        frame: from `window_errors`, every length.
-        beside: how many numbers the paper prints.
-        below_bound: of these, how many lie below the Cramér–Rao bound.
-        rare: of these, how many are larger than `RARE` times ours.
-        best_printed_s: by method, the length of the smallest printed error.
-        best_s: likewise of ours.
+        frame: frame of `window_errors` for every length.
+        beside: number of printed values.
+        below_bound: number of them below the Cramér–Rao bound.
+        rare: number of them larger than `RARE` times ours.
+        best_printed_s: length with the smallest printed error, by method.
+        best_s: length with the smallest error of ours, by method.
         long_over_bound_1: smallest and largest error of LS and TLS over the bound, from `LONG_S`.
         long_rms_1: r.m.s. over these lengths of the method further from the bound, with its 95 %
             interval.
-        long_reached: whether both reach the bound; None where so few windows cannot tell.
+        long_reached: whether both reach the bound; None if there are too few windows to decide.
         forgetting_1: λ of RLS.
-        half_s: time in which it forgets half.
-        longest: the row of RLS at the longest window.
-        raw: the row of TLS on raw units at the noise of `errors_in_raw_units`.
-        scaled: likewise of TLS on columns scaled by their noise.
+        half_s: half-life of the memory of RLS.
+        longest: row of RLS at the longest window.
+        raw: row of TLS in raw units at the noise of `errors_in_raw_units`.
+        scaled: row of TLS on columns scaled by their noise, at the same noise.
     """
 
     frame: pl.DataFrame
@@ -144,12 +144,12 @@ def errors_by_window_length(
     """Root mean square errors of the mass over many windows.
 
     Args:
-        drive: the motion.
-        sensors: rate, noise of single samples, seed.
-        windows: how many of each length.
-        smooth_samples: of the trailing moving mean.
-        windows_s: lengths.
-        methods: of `METHODS`.
+        drive: steady oscillation.
+        sensors: sampling rate, noise of single samples, and seed.
+        windows: number of windows of each length.
+        smooth_samples: length of the trailing moving mean.
+        windows_s: window lengths.
+        methods: methods of `METHODS`.
 
     Returns:
         A row a length and method: `window_s`, `method`, `paper_kg` (null where it has none),
@@ -207,7 +207,7 @@ def _errors_kg(
     methods: Sequence[str],
     rng: np.random.Generator,
 ) -> tuple[float, float, dict[str, Floats]]:
-    """R.m.s. of both bounds, and by method the errors (windows,), block by block."""
+    """R.m.s. of both bounds, and errors (windows,) by method, computed in blocks."""
     samples = round(window_s * sensors.rate_hz)
     block = max(_BLOCK // samples, 1)
     bounds: list[Floats] = []
@@ -223,7 +223,7 @@ def _errors_kg(
 
 
 def _masses_kg(method: str, seen: MeasuredWindows, sensors: SimulatedSensors) -> Floats:
-    """The mass of every window, (windows,), NaN where it has none."""
+    """Mass (windows,) of every window, NaN if it has none."""
     _, samples, parameters = seen.A.shape
     if method == "rls":
         start = round(_RLS_START_S * sensors.rate_hz)

@@ -20,9 +20,10 @@ class TorqueChain:
 
     Attributes:
         empty_share_1: share of the empty machine's weight on the front axle.
-        load_lever_1: how far ahead of the rear axle the load sits, in wheelbases.
-        gain_1: of the signal conditioning.
-        offset_N: of it, as the force that (17) makes of both torques.
+        load_lever_1: distance of the load from the rear axle, in wheelbases.
+        gain_1: gain of the signal conditioning.
+        offset_N: offset of the signal conditioning, as the force that (17) computes from both
+            torques.
     """
 
     empty_share_1: float = 0.39
@@ -37,7 +38,7 @@ class TorqueChain:
 
 
 def record_through_chain(simulated: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
-    """Give a log the torques, and their noise, that this chain would record."""
+    """Log with the torques, and their noise, that this chain would record."""
     machine = simulated.scenario.machine
     share = chain.front_share(machine.mass_kg, simulated.load_kg)
     factor = chain.gain_1 * share / machine.force_share

@@ -26,7 +26,7 @@ from analysis.planar.planar_budget import (
 )
 from analysis.planar.planar_motion import make_drive
 from analysis.planar.planar_regressor import Regressor
-from analysis.planar.planar_samples import Plane, collect_plane, plane_noise
+from analysis.planar.planar_samples import PlanarSamples, collect_planar_samples, planar_noise
 from analysis.planar.planar_terms import TERMS, terms_of_drive
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
@@ -56,7 +56,7 @@ _STAGES: Final = ((X, _FORCE, (0, 4)), (Z, _TORQUE, (1, 5)))
 class PlanarLog:
     """Inputs of every fit of a log."""
 
-    plane: Plane
+    plane: PlanarSamples
     excitation: pl.DataFrame
     machine: Machine
 
@@ -82,15 +82,17 @@ def fit_planar(
         excitation: motion, forces and phases.
         gated: which windows are accepted, for what straight motion and spins tell.
         verdict: what it forbids is not used and not told.
-        machine: what is known of it; what is refused, limits, priors.
-        noise: of the columns, where it is known.
+        machine: machine file with the known body, exclusions, limits and priors.
+        noise: noise of the columns, if known.
 
     Returns:
         `planar`, without rows where the machine does not turn. What the motion does not determine
         is null, and `combinations` says what it determines instead. And `planar_budget`, what the
         uncertainty of all motion together is made of.
     """
-    log = PlanarLog(collect_plane(excitation, machine.settings, noise), excitation, machine)
+    log = PlanarLog(
+        collect_planar_samples(excitation, machine.settings, noise), excitation, machine
+    )
     joint = fit_all_motion(log, verdict)
     start = joint[1].estimate.coefficients[: len(PARAMETERS)] if joint else np.zeros(6)
     start = start if np.isfinite(start).all() else np.zeros(6)
@@ -167,21 +169,21 @@ def prior_from_axis(
 
 
 def is_of_axis_alone(name: str, axis: Axis) -> bool:
-    """Whether a parameter or a term is of one axis alone."""
+    """Whether a parameter or term occurs in the equation of one axis only."""
     return name in PARAMETERS or any(
         term.name == name and term.axes == axis.letter for term in TERMS
     )
 
 
 def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], NamedEstimate] | None:
-    """One fit over all motion, where there is turning enough and a yaw torque; else None."""
+    """Fit over all motion; None without enough turning or without yaw torque."""
     plane, settings = log.plane, log.machine.settings
     used = plane.usable & plane.moving
     if not plane.has_torque or (used & plane.turning).sum() < settings.gate.window_samples:
         return None
     of = np.where(used, 0, -1)
     start = base_parameters.fit(
-        plane.motion, plane.f, PARAMETERS, of, noise=plane_noise(plane, used)
+        plane.motion, plane.f, PARAMETERS, of, noise=planar_noise(plane, used)
     ).coefficients
     fitted = fit_in_rounds(log, of, start, Prior.around_zero({}, 2), _BOTH)
     row = _make_fit_row("joint", log, used, fitted, ())
@@ -198,7 +200,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Na
 
 
 def is_fit_plausible(
-    plane: Plane, estimate: BaseEstimate, row: Mapping[str, Any], settings: Settings
+    plane: PlanarSamples, estimate: BaseEstimate, row: Mapping[str, Any], settings: Settings
 ) -> bool:
     """Whether the joint fit passes, on its own ungated samples, what straight motion must pass."""
     limits = settings.verdict
@@ -232,10 +234,10 @@ def fit_in_rounds(
     """Fit the samples of segment_id >= 0 with the terms of these rows.
 
     Args:
-        log: all of it.
+        log: rows of the whole log.
         segment_id: (n,) stretch of each sample.
         start: (6,) mass, inertia, moments and frictions to begin with.
-        known: what stages before have told, terms included.
+        known: results of earlier stages, including terms.
         rows: of force, of yaw torque, or both.
         columns: which of the six.
     """
@@ -265,11 +267,9 @@ def fit_with_coefficients(
     terms = terms_of_drive(drive, "xz"[rows])
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known.names}
-    noise = plane_noise(log.plane, segment_id >= 0)[rows][:, of_columns]
+    noise = planar_noise(log.plane, segment_id >= 0)[rows][:, of_columns]
     prior = prior_for_rows(known, rows, names).joined_with(Prior.around_zero(width, noise.shape[0]))
-    regressor = Regressor.from_drive(
-        drive.cut_to_slice(part), of_columns, [term for term, _ in terms], rows
-    )
+    regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)
     fitted = base_parameters.fit(
         regressor,
         log.plane.f[part, rows],
@@ -361,7 +361,7 @@ _QUANTITIES: Final = {
 def uncertainty_rows(
     row: Mapping[str, Any], fitted: NamedEstimate, machine: Machine
 ) -> list[dict[str, Any]]:
-    """Where the uncertainty of each quantity that all motion tells comes from."""
+    """Rows on the sources of uncertainty of each quantity that all motion determines."""
     parts: list[dict[str, Any]] = []
     for quantity, unit in _QUANTITIES.items():
         if row.get(quantity) is None or not np.isfinite(row[quantity]):

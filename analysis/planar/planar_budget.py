@@ -27,20 +27,20 @@ _CANCELS: Final = 1e-9
 
 
 def quantity_gradient(estimate: BaseEstimate, name: str) -> Floats:
-    """(p,) what a parameter changes by with each: 1 with itself."""
+    """Gradient (p,) of a parameter or quantity by the parameters."""
     return np.array([float(each == name) for each in estimate.parameters])
 
 
 def list_uncertainty_sources(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> list[UncertaintySource]:
-    """Every source of uncertainty of a quantity, the largest first, the unknown ones last.
+    """Uncertainty sources of a quantity, the largest first, unknown ones last.
 
     Args:
         estimate: the fit.
-        gradient: (p,) of the quantity by the parameters.
-        terms: names of its priors; a prior that is no term is told with the noise.
-        machine: what is known of the machine.
+        gradient: (p,) derivatives of the quantity by the parameters.
+        terms: names of its prior terms; other priors count as noise.
+        machine: machine file with its uncertainties.
     """
     at = np.flatnonzero(gradient)
     variance = float(gradient[at] @ estimate.covariance[np.ix_(at, at)] @ gradient[at])
@@ -66,7 +66,7 @@ def list_uncertainty_sources(
 def machine_parts(
     estimate: BaseEstimate, gradient: Floats, fitted: dict[str, float], machine: Machine
 ) -> Iterator[UncertaintySource]:
-    """What the machine file states, or should."""
+    """Uncertainty sources that the machine file states or should state."""
     at = np.flatnonzero(gradient)
     shares = estimate.by_axis[:, at] @ gradient[at]
     whole = float(shares.sum())
@@ -97,7 +97,7 @@ def machine_parts(
 def standard_uncertainty(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> float:
-    """Standard uncertainty of a quantity, all sources; NaN if the motion does not determine it."""
+    """Combined standard uncertainty of a quantity; NaN if the motion does not determine it."""
     at = np.flatnonzero(gradient)
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")

@@ -1,4 +1,4 @@
-"""A log's motion in the plane beside what is known of the machine: what the terms are made of."""
+"""Planar motion of a log with the known parameters of the machine, for the terms of a fit."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import values
-from analysis.planar.planar_samples import Plane
+from analysis.planar.planar_samples import PlanarSamples
 from estimators.arrays import Bools, Floats
 from estimators.planar.planar_rows import PARAMETERS
 
@@ -20,9 +20,9 @@ _AT = {name: number for number, name in enumerate(PARAMETERS)}
 
 
 class TurningSamples(NamedTuple):
-    """A slice of samples, (m,) each, and the drive that they are of.
+    """Samples (m,) of a slice of planar motion.
 
-    Force and torque without a word are those of the model: the noise of measured ones would
+    Force and torque are those of the model, unless named otherwise: noise of measured ones would
     explain itself.
     """
 
@@ -48,21 +48,21 @@ class TurningSamples(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What the terms of a fit need: a plane, directions, and a machine that is nearly known.
+    """Planar samples, directions of motion and a nearly known machine, for the terms of a fit.
 
     Attributes:
         plane: motion and forces.
-        machine: what the file says of it.
-        coefficients: (6,) of the plane's regressor; what is not determined is 0.
-        of_samples: (9, n) the fields of `TurningSamples` from its force to its heading.
-        largest_force: that the log drives with, N.
-        largest_torque: likewise, N·m.
-        largest_speed: likewise, m/s.
-        largest_yaw_rate: likewise, rad/s.
-        largest_acc_y: likewise, m/s².
+        machine: machine file.
+        coefficients: (6,) coefficients of the planar regressor; 0 if not determined.
+        of_samples: (9, n) fields of `TurningSamples` from force to heading.
+        largest_force: large quantile of the force, in N.
+        largest_torque: large quantile of the yaw torque, in N·m.
+        largest_speed: large quantile of the speed, in m/s.
+        largest_yaw_rate: large quantile of the yaw rate, in rad/s.
+        largest_acc_y: large quantile of the lateral acceleration, in m/s².
     """
 
-    plane: Plane
+    plane: PlanarSamples
     machine: Machine
     coefficients: Floats
     of_samples: Floats
@@ -74,28 +74,28 @@ class Drive:
 
     @property
     def gravity_m_s2(self) -> float:
-        """Where the machine works."""
+        """Gravity at the place of work."""
         return self.machine.machine.gravity_m_s2
 
     @property
     def mass_kg(self) -> float:
-        """Mass by the previous fit, or by the machine file if that determined none."""
+        """Mass by the previous fit, else by the machine file."""
         told = self._coefficient_of_term("mass_kg")
         return told if told > 0.0 else self.machine.machine.empty_mass_kg or 0.0
 
     @property
     def inertia_z_kg_m2(self) -> float:
-        """Inertia by the previous fit, 0 if it determined none."""
+        """Yaw inertia by the previous fit; 0 if undetermined."""
         return self._coefficient_of_term("inertia_z_kg_m2")
 
     @property
     def moment_x_kg_m(self) -> float:
-        """First moment ahead."""
+        """First moment in x (forward)."""
         return self._coefficient_of_term("first_moment_x_kg_m")
 
     @property
     def moment_y_kg_m(self) -> float:
-        """First moment to the left."""
+        """First moment in y (left)."""
         return self._coefficient_of_term("first_moment_y_kg_m")
 
     @property
@@ -105,7 +105,7 @@ class Drive:
 
     @property
     def half_track_m(self) -> float:
-        """The lever of each side's force, 1 where the file has no track width."""
+        """Lever arm of each side's force; 1 m without a track width."""
         return (self.machine.machine.track_width_m or 2.0) / 2.0
 
     @property
@@ -116,14 +116,12 @@ class Drive:
     def _coefficient_of_term(self, name: str) -> float:
         return float(self.coefficients[_AT[name]])
 
-    def cut_to_slice(self, part: slice) -> "Drive":
+    def cut(self, part: slice) -> "Drive":
         """Cut the drive to a slice of samples."""
-        return replace(
-            self, plane=self.plane.cut_to_slice(part), of_samples=self.of_samples[:, part]
-        )
+        return replace(self, plane=self.plane.cut(part), of_samples=self.of_samples[:, part])
 
     def turning_samples(self, part: slice) -> TurningSamples:
-        """The samples of a slice."""
+        """Samples of a slice."""
         moved = self.plane.motion
         return TurningSamples(
             moved.specific_force_x[part],
@@ -139,15 +137,15 @@ class Drive:
 
 
 def make_drive(
-    plane: Plane, excitation: pl.DataFrame, machine: Machine, coefficients: Floats
+    plane: PlanarSamples, excitation: pl.DataFrame, machine: Machine, coefficients: Floats
 ) -> Drive:
-    """Work out what the terms need.
+    """Compute the inputs of the terms.
 
     Args:
         plane: motion and forces, of all samples of `excitation`.
-        excitation: direction of motion.
-        machine: its file.
-        coefficients: (6,) of the fit before, 0 for what it did not determine.
+        excitation: frame with the direction of motion.
+        machine: machine file.
+        coefficients: (6,) coefficients of the previous fit; 0 if not determined.
     """
     motion, rate_hz = plane.motion, machine.settings.align.rate_hz
     used = plane.usable & plane.moving
@@ -192,6 +190,6 @@ def make_drive(
 
 
 def robust_maximum(x: Floats, used: Bools) -> float:
-    """Maximum of the samples without outliers; a small number if there are none or all are 0."""
+    """Maximum without outliers; a small positive number if there is none."""
     found = float(np.quantile(np.abs(x[used]), _REACHES)) if used.any() else 0.0
     return max(found, 1e-6)

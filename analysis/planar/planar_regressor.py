@@ -1,4 +1,4 @@
-"""The planar regressor with the terms behind its columns, made by the block."""
+"""The planar regressor with additional term columns, built in blocks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from estimators.planar.planar_rows import PARAMETERS
 
 @dataclass(frozen=True, slots=True)
 class Regressor:
-    """Some rows and columns of the planar regressor, with terms behind them.
+    """Selected rows and columns of the planar regressor, followed by term columns.
 
     Attributes:
-        drive: of which samples.
-        columns: which of the six.
-        terms: behind them.
-        axes: of force, of yaw torque, or both.
-        mixtures: (2, 6, terms) what each term has of the six columns, by row.
+        drive: the samples.
+        columns: selected columns among the six.
+        terms: terms of the additional columns.
+        axes: selected rows: force, yaw torque, or both.
+        mixtures: (2, 6, terms) part of each term in the six columns, by row.
     """
 
     drive: Drive
@@ -33,7 +33,7 @@ class Regressor:
     def from_drive(
         cls, drive: Drive, columns: Ints, terms: Sequence[Term], axes: slice
     ) -> "Regressor":
-        """Work out the mixtures once."""
+        """Build the regressor, computing the mixtures once."""
         mixtures = np.zeros((2, len(PARAMETERS), len(terms)))
         for number, term in enumerate(terms):
             for axis, parts in enumerate(term.mixture(drive)):
@@ -48,7 +48,7 @@ class Regressor:
         return self.drive.plane.motion.speed.size, rows, self.columns.size + len(self.terms)
 
     def __getitem__(self, part: slice) -> Floats:
-        """The regressor of a slice of samples, (m, rows, columns)."""
+        """Regressor of a slice of samples, (m, rows, columns)."""
         plain = self.drive.plane.motion[part]
         motion = self.drive.turning_samples(part)
         more = np.einsum("nkc,kct->nkt", plain, self.mixtures)
@@ -60,7 +60,7 @@ class Regressor:
 
     @property
     def loading(self) -> Floats:
-        """(rows, p, p) what each column has of the noise of each, see `base_parameters.fit`."""
+        """(rows, p, p) loading of each column on the noise of each, see `base_parameters.fit`."""
         size = self.shape[-1]
         found = np.zeros((2, size, size))
         found[:, range(size), range(size)] = 1.0

@@ -1,4 +1,4 @@
-"""The regressor of all motion in the plane, and which samples of a log may go into it."""
+"""Samples of planar motion, and which of them may be fitted."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,21 +18,22 @@ from estimators.planar import planar_rows
 
 
 @dataclass(frozen=True, slots=True)
-class Plane:
-    """A log's motion in the plane.
+class PlanarSamples:
+    """Planar motion of a log, sample by sample.
 
     Attributes:
         t_ns: (n,) time of each sample.
-        motion: (n,) samples that make the regressor, NaN where one is missing.
-        f: (n, 2) force and yaw torque.
-        known: (n,) nothing is missing.
-        usable: (n,) nothing is missing, and nothing brakes (unless braking counts as driving).
-        moving: (n,) the machine does not stand.
-        turning: (n,) it spins, drives an arc or turns.
-        pace: (n,) 1 where it speeds up, -1 where it slows down, 0 where neither.
-        has_torque: whether there is a yaw torque with a yaw acceleration; without, the second row
-            says nothing.
-        noise: of each column after the moving mean, by its name.
+        motion: (n,) samples of the regressor; NaN if missing.
+        f: (n, 2) force in N and yaw torque in N·m.
+        known: (n,) whether nothing is missing.
+        usable: (n,) whether nothing is missing and the machine does not brake (unless braking
+            counts as driving).
+        moving: (n,) whether the machine moves.
+        turning: (n,) whether it spins, drives an arc or turns.
+        pace: (n,) 1 speeding up, -1 slowing down, 0 neither.
+        has_torque: whether yaw torque and yaw acceleration are measured; otherwise the second row
+            is unused.
+        noise: noise of each column after the moving mean, by name.
     """
 
     t_ns: NDArray[np.int64]
@@ -46,9 +47,9 @@ class Plane:
     has_torque: bool
     noise: Mapping[str, float]
 
-    def cut_to_slice(self, part: slice) -> "Plane":
-        """A slice of the log, which shares its memory."""
-        return Plane(
+    def cut(self, part: slice) -> "PlanarSamples":
+        """Slice of the samples, sharing their memory."""
+        return PlanarSamples(
             t_ns=self.t_ns[part],
             motion=self.motion.cut(part),
             f=self.f[part],
@@ -62,10 +63,10 @@ class Plane:
         )
 
 
-def collect_plane(
+def collect_planar_samples(
     excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None = None
-) -> Plane:
-    """Collect what the planar fits need."""
+) -> PlanarSamples:
+    """Collect the samples for the planar fits."""
     n, has_torque = excitation.height, Z in available_axes(excitation)
     phase = excitation["phase"]
     speed = values(excitation, "speed_x_m_s")
@@ -95,7 +96,7 @@ def collect_plane(
         speeds_up = ((along > 0) | (about > 0)) & ~slows
         usable = known & ~braking_within_sight(slows, settings)
         usable &= ~stop_endings(slows, speeds_up, stands)
-    return Plane(
+    return PlanarSamples(
         t_ns=excitation["t_ns"].to_numpy(),
         motion=motion,
         f=f,
@@ -110,9 +111,9 @@ def collect_plane(
 
 
 def stop_endings(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
-    """The samples between braking and the stand that it leads to, (n,).
+    """Samples between braking and the following stand, (n,).
 
-    Brakes that no sensor sees hold on, too gently for the phase to call it braking.
+    Unmeasured brakes still act there, too gently to be classified as braking.
     """
     event = np.select([slows, speeds_up, stands], [1, 2, 3], 0)
     rows = np.arange(event.size)
@@ -121,8 +122,8 @@ def stop_endings(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
     return (event == 0) & (event[before] == 1) & (event[after] == 3)
 
 
-def plane_noise(plane: Plane, used: Bools) -> Floats:
-    """The noise in each column of each row, (2, 6), after the moving mean; `used` (n,) rows."""
+def planar_noise(plane: PlanarSamples, used: Bools) -> Floats:
+    """Noise of each column of each row after the moving mean, (2, 6); `used` (n,) rows."""
     motion, noise = plane.motion, plane.noise
     speed_rms, yaw_rate_rms = (
         float(np.sqrt(np.mean(x**2, where=used))) for x in (motion.speed, motion.yaw_rate)

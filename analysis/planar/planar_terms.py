@@ -1,4 +1,4 @@
-"""The one table of what force and yaw torque hold besides mass, inertia, moments and friction.
+"""The table of terms of force and yaw torque besides mass, inertia, moments and friction.
 
 As in straight motion (`analysis.weighing.nuisances`), each term has its columns, a prior whose
 width scales with the machine, and a sentence. Some are newtons (offset, Coulomb friction); what the
@@ -29,18 +29,18 @@ _GAIN: Final = SCALES[0]
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A term of the fit.
+    """A term of the planar fit.
 
     Attributes:
-        name: in frames and budgets.
-        columns: what multiplies its parameter,
-        mixture: and what of that is in proportion to the six columns, whose noise it shares.
-        width: standard deviation of its prior, whose mean is 0; 0 where it is exact.
-        meaning: what it stands for.
-        shrinks: what would narrow it.
-        axes: x, z, or xz where both rows have it.
-        applies: whether a machine can have it.
-        stated: what the machine file states of it; its part of the budget goes by that name.
+        name: name in frames and budgets.
+        columns: computes its columns.
+        mixture: computes its part proportional to the six columns, whose noise it shares.
+        width: prior standard deviation, with mean 0; 0 if exact.
+        meaning: what it models, in a sentence.
+        shrinks: what would reduce its uncertainty.
+        axes: x, z, or xz for both rows.
+        applies: whether it applies to a machine.
+        stated: setting of the machine file for it, which names its part of the budget.
     """
 
     name: str
@@ -55,12 +55,12 @@ class Term:
 
 
 def measures_force(machine: Machine) -> bool:
-    """Whether an accelerometer tells what multiplies the mass, gravity included."""
+    """Whether an accelerometer measures the forward specific force, gravity included."""
     return machine.settings.forces.acceleration == "specific_force"
 
 
 def measures_sideways(machine: Machine) -> bool:
-    """Whether it tells likewise what pushes sideways."""
+    """Whether an accelerometer measures the lateral specific force."""
     return measures_force(machine) and "specific_force_y_m_s2" in machine.channels
 
 
@@ -77,7 +77,7 @@ def _has_unknown_slope(machine: Machine) -> bool:
 
 
 def unseen_gravity(m: TurningSamples, along: Floats, across: Floats) -> Columns:
-    """The force of a gravity (along, across) the machine of which no channel tells."""
+    """Force of an unmeasured gravity component (along, across) the machine."""
     x = along if _has_unseen_slope_along(m.drive.machine) else 0.0 * along
     y = across if _has_unseen_slope_sideways(m.drive.machine) else 0.0 * across
     return m.drive.mass_kg * x, m.drive.moment_x_kg_m * y - m.drive.moment_y_kg_m * x
@@ -109,7 +109,7 @@ def _accelerometer_gain_columns(d: Drive) -> Mixture:
 
 
 def turning_torque_term(m: TurningSamples, moment_kg_m: float) -> Columns:
-    """The yaw torque of an acceleration ω² a metre, which the six columns do not have."""
+    """Yaw torque of an acceleration ω² per metre, which the six columns lack."""
     return None, moment_kg_m * m.yaw_rate**2
 
 
@@ -351,7 +351,7 @@ TERMS: Final = (
 
 
 def terms_of_drive(drive: Drive, axes: str = "xz") -> tuple[tuple[Term, float], ...]:
-    """The terms of a drive that any of the axes has, each with the width of its prior."""
+    """Terms that apply to a drive on the given axes, with their prior standard deviations."""
     found: list[tuple[Term, float]] = []
     for term in TERMS:
         if term.applies(drive.machine) and set(term.axes) & set(axes):

@@ -1,4 +1,4 @@
-"""An accelerometer whose gain differs between loads: a body that squats more with its load.
+"""Squat: the accelerometer's gain differs between loads, since the body pitches with its load.
 
 Springs let the body pitch in proportion to load and acceleration; the accelerometer sees gravity
 through that pitch. To the force that is a load of another size; the wheels tell:
@@ -25,13 +25,13 @@ from estimators.numerics.autocorrelation import student_factor
 
 @dataclass(frozen=True)
 class Squat:
-    """An accelerometer's gain that changes with the load.
+    """Change of the accelerometer's gain with the load.
 
     Attributes:
-        gain: the change for a load of the reference mass, by the likelier reading: 0, or what the
-            wheels say.
-        std: its standard deviation, the other reading counted (law of total variance).
-        relative_load: (masses,) of each state.
+        gain: change of gain for a load of the reference mass: 0 or the wheels' estimate, whichever
+            is likelier.
+        std: its standard deviation, including the doubt between the two (law of total variance).
+        relative_load: (masses,) load of each state over the reference mass.
     """
 
     gain: float
@@ -40,7 +40,7 @@ class Squat:
 
     @property
     def factor(self) -> Floats:
-        """(masses,) factor by which each mass is too large."""
+        """(masses,) factor by which each mass is overestimated."""
         return 1.0 + self.gain * self.relative_load
 
     def u_kg(self, weights: Floats, masses_kg: Floats) -> float:
@@ -60,14 +60,17 @@ def find_squat(
     relative_load: Floats,
     prior_std: float,
 ) -> Squat | None:
-    """Compare wheels and accelerometer load by load; None if that is undetermined.
+    """Estimate the change of gain by comparing wheels and accelerometer load by load.
 
     Args:
-        motion: the samples, the speed as it was measured.
+        motion: samples, with the speed as measured.
         wheels: delay and slip of the wheels.
         loads: relative load of each manoeuvre.
-        relative_load: (masses,) likewise of each state.
-        prior_std: of the change of gain for a load of the reference mass.
+        relative_load: (masses,) relative load of each state.
+        prior_std: prior standard deviation of the change for a load of the reference mass.
+
+    Returns:
+        None if the change is undetermined.
     """
     if motion.without_gravity is not None:
         gain, variance = _scale_squat_with_load(wheels.squat[0], _estimate_by_pitch(motion, loads))
@@ -100,13 +103,13 @@ def find_squat(
 
 
 def _scale_squat_with_load(share: float, seen: tuple[float, float] | None) -> tuple[float, float]:
-    """The change of gain by load of a body that squats by this share, and its variance.
+    """Change of gain with the load, and its variance, from the squat of the loaded body.
 
     Linear springs give way in proportion to the mass that they hold.
 
     Args:
-        share: of the acceleration, with the reference mass.
-        seen: what the pitch shows of the change, and its variance.
+        share: squat at the reference mass, as a fraction of the acceleration.
+        seen: change that the pitch shows, and its variance; None if unknown.
     """
     mean, variance = -share, (LIMITS.squat_growth_std * share) ** 2
     if seen is None:
@@ -121,7 +124,7 @@ _Stretch = tuple[Floats, Floats, Floats, float]
 def _stretch_rows(
     motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads
 ) -> list[_Stretch]:
-    """Columns (means, 4), response and time of each stretch, without their means, and its load."""
+    """Centred columns (means, 4), response, time and load of each stretch."""
     assert motion.specific_force is not None
     # such a squat is itself a reason why wheels and accelerometer do not go together
     known = wheels.is_consistent
@@ -156,7 +159,11 @@ def _stretch_rows(
 
 
 def _estimate_by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[float, float] | None:
-    """The change of gain by load that the pitch shows, and its variance; None: undetermined."""
+    """Change of gain with the load from the measured pitch, and its variance.
+
+    Returns:
+        None if undetermined.
+    """
     assert motion.specific_force is not None
     assert motion.without_gravity is not None
     gravity = motion.specific_force - motion.without_gravity
@@ -179,13 +186,13 @@ def _estimate_by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[flo
 
 @dataclass(frozen=True, slots=True)
 class GainChangeByLoad:
-    """The change of gain by load that the wheels say.
+    """Change of gain with the load, estimated from the wheels.
 
     Attributes:
-        gain: for a load of the reference mass.
-        variance: of it, by clusters.
-        residual_ratio: what it leaves of the disagreement of wheels and accelerometer, r.m.s. over
-            that without it.
+        gain: change for a load of the reference mass.
+        variance: cluster-robust variance of the change.
+        residual_ratio: r.m.s. disagreement of wheels and accelerometer with the change over that
+            without.
     """
 
     gain: float
@@ -194,9 +201,9 @@ class GainChangeByLoad:
 
 
 def is_explained_by_grades(found: GainChangeByLoad, wheels: WheelKinematics) -> bool:
-    """Whether what the wheels say is of grades that come back with the load.
+    """Whether grades that recur with the load explain the change of gain.
 
-    They bend the comparison either way and leave most of the disagreement; springs only make the
+    Grades bend the comparison either way and leave most of the disagreement; springs only make the
     accelerometer read more, and explain it.
     """
     if abs(found.gain) < LIMITS.squat_by_load_min_std * float(np.sqrt(found.variance)):
@@ -206,7 +213,7 @@ def is_explained_by_grades(found: GainChangeByLoad, wheels: WheelKinematics) -> 
 
 
 def _estimate_by_wheels(rows: list[_Stretch]) -> GainChangeByLoad | None:
-    """The change of gain by load that the wheels say; None where it is undetermined."""
+    """Change of gain with the load from the wheels; None if undetermined."""
     if len(rows) < LIMITS.squat_min_stretches or len({load for *_, load in rows}) < 2:
         return None
     free = [_whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in rows]
@@ -251,9 +258,9 @@ def _estimate_by_wheels(rows: list[_Stretch]) -> GainChangeByLoad | None:
 def _whiten_random_slope(
     columns: Floats, y: Floats, time: Floats, ratio: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Whiten a stretch whose slope scatters with `ratio` times the variance of a row.
+    """Whiten a stretch whose random slope has `ratio` times the variance of a row.
 
-    A slope that is free (infinite ratio) is taken off.
+    An infinite ratio projects the slope out.
     """
     square = float(time @ time)
     kept = 0.0 if np.isinf(ratio) else 1.0 / np.sqrt(1.0 + ratio * square)

@@ -1,4 +1,4 @@
-"""The empty machine as a datum: its mass on a weighbridge tells the scale of the log's masses.
+"""The empty mass as a datum: a weighbridge mass calibrates the scale of the log's masses.
 
 A gain of the force, the share of the measured wheels and their radius multiply every mass alike.
 Where the log has weighed the empty machine as m0, and a weighbridge as M0, the payload p of the log
@@ -47,11 +47,11 @@ _CARRIED: Final = UncertaintySource(
 
 
 def note_weighbridge_tickets(body: Body, begin_ns: int) -> list[str]:
-    """That the empty machine was weighed on another day than that of the log.
+    """Notes on a weighbridge ticket of another day than the log.
 
     Args:
-        body: with the day of the ticket, where that is known.
-        begin_ns: when the log begins, in unix time.
+        body: body of the machine file, with the day of the ticket if known.
+        begin_ns: begin of the log in Unix ns.
     """
     weighed = body.empty_mass_day
     if weighed is None or body.empty_mass_u_kg is None:
@@ -68,19 +68,19 @@ def note_weighbridge_tickets(body: Body, begin_ns: int) -> list[str]:
 
 
 def factors_without_uncertainty(sources: Sequence[UncertaintySource]) -> list[str]:
-    """The unknown factors that an empty machine determines."""
+    """Names of the factors of unknown uncertainty that an empty machine determines."""
     return [s.name for s in sources if s.u is None and s.name not in _BY_LOAD]
 
 
 @dataclass(frozen=True)
 class EmptyMachine:
-    """The empty machine as a log weighs it.
+    """The empty machine as weighed by a log.
 
     Attributes:
         weighing: the joint fit.
-        machine: what is known of the machine.
-        weights: (masses,) of the empty states, which add up to 1.
-        carried_kg: what stays in the bucket of these on average, and its standard uncertainty.
+        machine: machine file.
+        weights: (masses,) weights of the empty states, with sum 1.
+        carried_kg: mean mass left in the bucket of the empty states, and its standard uncertainty.
     """
 
     weighing: Weighing
@@ -94,12 +94,12 @@ class EmptyMachine:
 
     @cached_property
     def rotating_kg(self) -> float:
-        """Weighed mass including rotating mass, in kg."""
+        """Weighed empty mass including rotating mass, in kg."""
         return float(self.weights @ self.weighing.fit.masses_kg) - self.carried_kg[0]
 
     @cached_property
     def sources(self) -> list[UncertaintySource]:
-        """Sources of its uncertainty."""
+        """Sources of the empty mass' uncertainty."""
         found = budget_of_mass(self.weighing, self.machine, self.weights)
         return [*found, replace(_CARRIED, u=self.carried_kg[1])]
 
@@ -111,7 +111,7 @@ class EmptyMachine:
 
     @property
     def contradiction(self) -> str:
-        """Why the log and the machine file do not speak of one machine; nothing where they may."""
+        """Why the weighed and the stated empty mass cannot be of one machine; "" if they can."""
         stated_kg = self._stated_kg
         if stated_kg is None:
             return ""
@@ -132,7 +132,7 @@ class EmptyMachine:
 
     @property
     def gain(self) -> tuple[float, float] | None:
-        """Its mass here over that of the machine file, with its u; None where that has no u."""
+        """Weighed over stated empty mass, and its standard uncertainty; None without one."""
         stated_kg, stated_u_kg = self._stated_kg, self._body.empty_mass_u_kg
         if stated_kg is None or stated_u_kg is None:
             return None
@@ -142,10 +142,10 @@ class EmptyMachine:
         return self.rotating_kg / stated_kg, u_1
 
     def make_datum(self, payloads: Floats) -> "Datum | None":
-        """Relate payloads to the empty machine; None if that adds nothing.
+        """Relate payloads to the empty mass; None if that does not reduce their uncertainty.
 
         Args:
-            payloads: (masses,) weights of the sum of payloads, for whose variance it is made.
+            payloads: (masses,) weights of the sum of payloads whose variance is minimised.
         """
         stated_kg, stated_u_kg = self._stated_kg, self._body.empty_mass_u_kg
         sum_kg = float(payloads @ self.weighing.fit.masses_kg)
@@ -186,13 +186,13 @@ class EmptyMachine:
 
 @dataclass(frozen=True)
 class Datum:
-    """Payloads related to the empty machine of their log.
+    """Payloads calibrated by the stated empty mass.
 
     Attributes:
-        empty: the machine.
-        by_kg: K of a payload over the payload, in 1/kg.
-        scale_1: the factor of all payloads.
-        ticket_1: standard uncertainty of it by the stated mass of the empty machine.
+        empty: the empty machine.
+        by_kg: Kalman gain K of a payload over the payload, in 1/kg.
+        scale_1: factor of all payloads.
+        ticket_1: standard uncertainty of the factor due to the stated mass.
     """
 
     empty: EmptyMachine
@@ -201,19 +201,19 @@ class Datum:
     ticket_1: float
 
     def weights_of_masses(self, payload: Floats) -> Floats:
-        """(masses,) by which errors of the masses are in a payload, over its factor.
+        """(masses,) sensitivities of a payload to errors of the masses, over its factor.
 
         Args:
-            payload: (masses,) weights of the log's own.
+            payload: (masses,) weights of the uncalibrated payload.
         """
         payload_kg = float(payload @ self.empty.weighing.fit.masses_kg)
         return payload - self.by_kg * payload_kg * self.empty.weights
 
     def payload_sources(self, payload: Floats) -> list[UncertaintySource]:
-        """What the uncertainty of a payload, in kg, is made of; the largest first.
+        """Uncertainty sources of a payload, in kg, the largest first.
 
         Args:
-            payload: (masses,) weights of the log's own.
+            payload: (masses,) weights of the uncalibrated payload.
         """
         empty = self.empty
         payload_kg = abs(float(payload @ empty.weighing.fit.masses_kg))
@@ -237,13 +237,13 @@ class Datum:
 def payload_sources(
     weighing: Weighing, machine: Machine, datum: Datum | None, weights: Floats
 ) -> list[UncertaintySource]:
-    """What the uncertainty of a sum of masses, in kg, is made of, with the datum if there is one.
+    """Uncertainty sources of a sum of masses, in kg, using the datum if there is one.
 
     Args:
-        weighing: of the log.
-        machine: scale and its uncertainties.
-        datum: payloads by the empty machine.
-        weights: (masses,) of the sum.
+        weighing: joint fit of the log.
+        machine: machine file, with the scale's uncertainties.
+        datum: calibration by the empty mass, or None.
+        weights: (masses,) weights in the sum.
     """
     if datum is None:
         return budget_of_mass(weighing, machine, weights)

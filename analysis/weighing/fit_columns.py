@@ -1,4 +1,4 @@
-"""The columns of the fit: means inside the stretches, thinned, and what noise is in them."""
+"""Columns of the fit: thinned means inside the stretches, and the noise in them."""
 
 import math
 from dataclasses import dataclass, replace
@@ -29,19 +29,19 @@ from estimators.threads import map_in_threads
 
 
 def are_masses_possible(mass_kg: Floats) -> Bools:
-    """(n,) which masses a machine can have beside the others: none carries its own mass."""
+    """Which masses are plausible beside the others, (n,): positive and not far above the median."""
     return (mass_kg > 0.0) & (mass_kg < LIMITS.max_mass_over_median * np.median(mass_kg))
 
 
 @dataclass(frozen=True, slots=True)
 class RelativeLoads:
-    """The mass that each manoeuvre moves over a reference mass, less 1.
+    """Relative load of each manoeuvre: its mass over a reference mass, less 1.
 
     Attributes:
         unit: (units,) numbers of the manoeuvres, ascending.
-        value: (units,) of each.
-        weight_shares: of the constant force and of Coulomb friction, what is expected to be in
-            proportion to the weight.
+        value: (units,) relative load of each manoeuvre.
+        weight_shares: expected fractions of the constant force and of Coulomb friction that are
+            proportional to the weight.
     """
 
     unit: Ints
@@ -52,9 +52,10 @@ class RelativeLoads:
     def from_masses(
         cls, unit: Ints, mass_kg: Floats, weight_shares: tuple[float, float]
     ) -> Self | None:
-        """Relate (units,) masses to their mean; None where they are no masses.
+        """Relate (units,) masses to their mean; None if they are not plausible masses.
 
-        One that is none is taken for a usual one: it would be the contrast of all loads.
+        An implausible mass is replaced by a typical one, or it would dominate the contrast of all
+        loads.
         """
         mass_kg = np.where(are_masses_possible(mass_kg), mass_kg, np.median(mass_kg))
         reference_kg = float(np.mean(mass_kg))
@@ -68,38 +69,39 @@ class RelativeLoads:
         return cls(unit, value, weight_shares)
 
     def standardised_load_of(self, unit: Ints) -> Floats:
-        """Relative load of these manoeuvres, over the root mean square of all."""
+        """Relative load of these manoeuvres over the root mean square of all."""
         return self.relative_load_of(unit) / max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
 
     def is_loaded_in(self, unit: Ints) -> Bools:
-        """Whether samples of these manoeuvres haul, (n,)."""
+        """Whether these manoeuvres carry more than midway between light and heavy loads, (n,)."""
         return self.relative_load_of(unit) > float(
             np.quantile(self.value, LIMITS.load_contrast_quantiles).mean()
         )
 
     def relative_load_of(self, unit: Ints) -> Floats:
-        """Relative load of samples of these manoeuvres, (n,); unknown ones take the one before."""
+        """Relative load of these manoeuvres, (n,); an unknown one takes that of the one before."""
         place = np.searchsorted(self.unit, unit, "right") - 1
         return self.value[place.clip(0, self.unit.size - 1)]
 
 
 @dataclass(frozen=True, slots=True)
 class PreviousEstimates:
-    """Estimates of earlier rounds, on which columns that are products depend.
+    """Estimates of earlier rounds that nonlinear columns depend on.
 
     Attributes:
-        lag_s: how late the force is.
-        slip_1_N: share of the ground's speed that a newton makes the wheels slip.
-        transfer_s2_m: share of the force that the measured wheels gain a m/s² of acceleration.
-        offset_N: what the measured force is too large by.
-        slip_s_m: what slip costs, as a share of the force a m/s.
-        speed_late_s: how late the speed is, by the wheels.
-        motion_gain: share of the acceleration's own part, without gravity's, that is added to it.
-        swing: what a swinging body adds to the accelerometer.
-        relative_loads: of the load states; None where there is one.
-        route: between where they are loaded and dumped; None where none is dumped.
-        uneven_1_s: how much the ground's force differs from stretch to stretch, in variances of the
-            noise of a second.
+        lag_s: delay of the force.
+        slip_1_N: wheel slip per newton, as a fraction of the ground speed.
+        transfer_s2_m: fraction of the force that load transfer adds to the measured wheels per
+            m/s².
+        offset_N: offset of the measured force.
+        slip_s_m: cost of slip, as a fraction of the force per m/s.
+        speed_late_s: delay of the speed, from the wheels.
+        motion_gain: relative correction added to the acceleration without gravity.
+        swing: effect of a swinging body on the accelerometer.
+        relative_loads: relative loads of the load states; None with one state.
+        route: route between loading and dumping; None if nothing is dumped.
+        uneven_1_s: variance of the ground force between stretches over that of the noise of one
+            second.
     """
 
     lag_s: float = 0.0
@@ -115,7 +117,7 @@ class PreviousEstimates:
     uneven_1_s: float = 0.0
 
     def ground_force(self, motion: MotionSamples) -> Floats:
-        """The force on the ground, (n,) in N, of a motion whose force is in time."""
+        """Force on the ground, (n,) in N, of a motion whose force delay is corrected."""
         gain = 1.0 + self.transfer_s2_m * motion.acceleration
         return (motion.force - self.offset_N) / np.maximum(gain, LIMITS.load_transfer_min_gain)
 
@@ -125,13 +127,13 @@ class FitRows:
     """Rows of the fit, weighted by the number of samples of each mean.
 
     Attributes:
-        A: (rows, 2 + terms) columns: acceleration, speed, terms.
-        f: (rows,) force.
-        group: (rows,) stretch.
-        direction: (rows,) of each stretch.
-        noise: what noise adds to the normal equations.
-        shortest: stretches of fewer rows tell nothing of their own.
-        terms: whose columns they are.
+        A: (rows, 2 + terms) columns: acceleration, speed and terms.
+        f: (rows,) force in N.
+        group: (rows,) number of the stretch.
+        direction: (rows,) driving direction of the stretch.
+        noise: expected contribution of noise to the normal equations.
+        shortest: minimum number of rows of a stretch with a term of its own.
+        terms: nuisances of the columns.
     """
 
     A: Floats
@@ -158,10 +160,10 @@ class FitColumns:
     """Columns before averaging, for means of any length.
 
     Attributes:
-        pieces: of the log.
+        pieces: columns of each piece of the log.
         terms: the nuisances.
-        found: by earlier rounds.
-        rate_hz: of the grid.
+        found: estimates of earlier rounds.
+        rate_hz: rate of the grid.
     """
 
     pieces: list["_PieceColumns"]
@@ -177,14 +179,14 @@ class FitColumns:
         terms: tuple[Nuisance, ...],
         found: PreviousEstimates,
     ) -> Self:
-        """Make the columns; the arguments are those of `averages`."""
+        """Make the columns; the arguments are those of `average_columns`."""
         pieces = map_in_threads(
             lambda piece: _make_piece_columns(piece, noise, terms, found), list(motion.pieces)
         )
         return cls(pieces, terms, found, motion.rate_hz)
 
     def average_to_rows(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
-        """Average them over so many samples."""
+        """Average the columns over so many samples."""
         pieces = map_in_threads(lambda piece: _average_piece(piece, samples), self.pieces)
         return _weigh_piece_rows(
             pieces, noise, self.terms, samples, self.found.uneven_1_s, self.rate_hz
@@ -198,14 +200,14 @@ def average_columns(
     samples: int,
     found: PreviousEstimates,
 ) -> FitRows:
-    """Average the columns with the force moved back by its lag.
+    """Average the columns, with the force advanced by its delay.
 
     Args:
         motion: the samples.
-        noise: of acceleration, speed and force.
+        noise: noise of acceleration, speed and force.
         terms: the nuisances.
-        samples: longest mean.
-        found: by earlier rounds.
+        samples: length of the longest mean.
+        found: estimates of earlier rounds.
     """
     # a piece at a time: the columns of a whole shift are many
     pieces = map_in_threads(
@@ -223,15 +225,15 @@ def _weigh_piece_rows(
     uneven_1_s: float,
     rate_hz: float,
 ) -> FitRows:
-    """Weigh the rows of all pieces.
+    """Weight the rows of all pieces.
 
     Args:
-        pieces: of the log.
-        noise: of acceleration, speed and force.
+        pieces: means of each piece of the log.
+        noise: noise of acceleration, speed and force.
         terms: the nuisances.
-        samples: longest mean.
-        uneven_1_s: how much stretches' constants differ (`PreviousEstimates`).
-        rate_hz: of the grid.
+        samples: length of the longest mean.
+        uneven_1_s: see `PreviousEstimates`.
+        rate_hz: rate of the grid.
     """
     A = np.concatenate([piece.A for piece in pieces])
     f = np.concatenate([piece.f for piece in pieces])
@@ -263,13 +265,13 @@ def _weigh_piece_rows(
 
 
 def _whiten_constants(A: Floats, f: Floats, group: Ints, ratio: float) -> None:
-    """Take off each stretch's mean as much as its constant is unknown (random intercepts).
+    """Subtract from each stretch the part of its mean that a random intercept explains.
 
     Args:
         A: (rows, p) columns, changed in place.
-        f: (rows,) likewise.
-        group: (rows,) stretch.
-        ratio: variance of the constants over that of a row.
+        f: (rows,) force, changed in place.
+        group: (rows,) number of the stretch.
+        ratio: variance of the intercepts over that of a row.
     """
     for part in group_rows(group):
         off = 1.0 - 1.0 / np.sqrt(1.0 + ratio * part.size)
@@ -279,7 +281,7 @@ def _whiten_constants(A: Floats, f: Floats, group: Ints, ratio: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _PieceColumns:
-    """Columns of a piece, (terms + 3, n), with its force and the stretch of each sample."""
+    """Columns of a piece, (terms + 3, n), its force, and the stretch of each sample."""
 
     values: Floats
     group: Ints
@@ -288,7 +290,7 @@ class _PieceColumns:
 
 @dataclass(frozen=True, slots=True)
 class _PieceMeans:
-    """Means of a piece: columns, force, stretch and length of each, and its last sample."""
+    """Means of a piece: columns, force, stretch, length and last sample of each mean."""
 
     A: Floats
     f: Floats
@@ -349,7 +351,7 @@ def _make_piece_columns(
 
 
 def _average_piece(piece: _PieceColumns, samples: int) -> _PieceMeans:
-    """Average the columns of a piece, not weighted."""
+    """Average the columns of a piece, without weights."""
     kept = np.flatnonzero(_thin_stretches(piece.group, mean_stride(samples)))
     means, count = trailing_group_means(piece.values, piece.group, samples, kept)
     return _PieceMeans(
@@ -358,24 +360,27 @@ def _average_piece(piece: _PieceColumns, samples: int) -> _PieceMeans:
 
 
 def mean_stride(samples: int) -> int:
-    """Every so many-th mean of so many samples is fitted."""
+    """Stride in samples between the means that are fitted."""
     return max(1, samples // LIMITS.rows_per_mean)
 
 
 def _samples_since_start(group: Ints) -> Ints:
-    """How many samples of its stretch are before each, (n,)."""
+    """Number of earlier samples in the same stretch, (n,)."""
     row = np.arange(group.size)
     return row - np.maximum.accumulate(np.where(first_of_stretch(group), row, 0))
 
 
 def _distance_from_start(motion: MotionSamples) -> Floats:
-    """How far each sample is from the begin of its stretch, (n,) in m."""
+    """Distance of each sample from the begin of its stretch, (n,) in m."""
     way = np.cumsum(np.abs(motion.speed)) / motion.rate_hz
     return way - way[np.arange(way.size) - _samples_since_start(motion.group)]
 
 
 def _route_positions(motion: MotionSamples, found: PreviousEstimates) -> tuple[Floats, float]:
-    """Where each sample is on the route, (n,), and how long that is; 0 where there is none."""
+    """Position of each sample on the route, (n,), and the route's length in m.
+
+    Both are 0 without a route.
+    """
     loads, route = found.relative_loads, found.route
     if loads is None or route is None:
         return np.zeros(motion.speed.size), 0.0
@@ -383,19 +388,19 @@ def _route_positions(motion: MotionSamples, found: PreviousEstimates) -> tuple[F
 
 
 def _drop_first_samples(group: Ints, lag: int) -> Ints:
-    """The stretches without their first samples, whose force is from before the break-away."""
+    """Drop the first samples of each stretch, whose force is from before the break-away."""
     return np.where((_samples_since_start(group) >= lag) | last_of_stretch(group), group, -1)
 
 
 def _thin_stretches(group: Ints, stride: int) -> Bools:
-    """Every so many-th sample of each stretch, and the last of one that has fewer."""
+    """Select every `stride`-th sample of each stretch, at least its last one, (n,)."""
     since = _samples_since_start(group)
     short = last_of_stretch(group) & (since < stride - 1)
     return (group >= 0) & ((since % stride == stride - 1) | short)
 
 
 def _row_weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floats:
-    """Square roots of the rows' weights: the first means of a start are of few samples."""
+    """Square roots of the rows' weights; the first means of a start hold few samples."""
     mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
     gradient = np.array([mass, friction, -1.0])
     variances = np.array([gradient @ covariance @ gradient for covariance in covariances])
@@ -405,15 +410,14 @@ def _row_weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> 
 
 
 def _force_rate(force: Floats, rate_hz: float, noise_N: float, *, whole: bool) -> Floats:
-    """The derivative of the force in N/s, 0 where it is no more than noise.
+    """Derivative of the force in N/s; 0 where it is within the noise.
 
     Args:
         force: (n,) in N.
-        rate_hz: of the grid.
+        rate_hz: rate of the grid.
         noise_N: standard deviation of a sample.
-        whole: also where it is small, if next to nothing of it is noise: what slip takes from the
-            wheels' acceleration is all of it, and without small values masses were 0.3 % off where
-            wheels slip by 2 %.
+        whole: keep small values as well if hardly any of the derivative is noise. Slip needs them:
+            without them masses were 0.3 % off where wheels slip by 2 %.
     """
     half = rows_in_duration(LIMITS.force_rate_half_width_s, rate_hz)
     steps = (
@@ -438,10 +442,10 @@ def _noise_moments(
 
     Args:
         terms: the nuisances.
-        piece: the rows.
-        covariances: (kinds, 3, 3) of means of so many samples.
-        which: (rows,) the kind of each.
-        weight: (rows,) that rows are multiplied by.
+        piece: means of the rows.
+        covariances: (kinds, 3, 3) noise covariance of means of each length.
+        which: (rows,) kind of each row.
+        weight: (rows,) factor of each row.
     """
     ids, index = np.unique(piece.group, return_inverse=True)
     # derivatives of the columns by acceleration, speed and force; the others are 0

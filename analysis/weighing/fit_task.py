@@ -1,4 +1,4 @@
-"""One set of samples, priors and load states, fitted in rounds until lag and slip stand."""
+"""One fit of samples, priors and load states, iterated until lag and slip converge."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -36,13 +36,13 @@ from estimators.joint.prior_fit import Grouping
 
 @dataclass(frozen=True, slots=True)
 class _SlipCost:
-    """Cost of a share of slip, by an earlier round.
+    """Cost of wheel slip, from an earlier round.
 
     Attributes:
-        mass_kg: that is accelerated, mean of the loads.
-        friction_N_s_m: what the resistance grows by with the speed.
-        slip_1_N: share of its speed that a newton makes the wheels slip, and its standard
-            deviation, where the wheels' own acceleration tells it; else None.
+        mass_kg: accelerated mass, mean of the loads.
+        friction_N_s_m: slope of the resistance over the speed.
+        slip_1_N: slip per newton as a fraction of the speed, and its standard deviation; None if
+            the wheels' own acceleration does not determine it.
     """
 
     mass_kg: float
@@ -52,7 +52,7 @@ class _SlipCost:
 
 @dataclass(frozen=True)
 class FitTask:
-    """Samples to fit, and prior knowledge of them."""
+    """Samples to fit, with prior knowledge about them."""
 
     motion: MotionSamples
     noise: ColumnNoiseModel
@@ -65,14 +65,14 @@ class FitTask:
     def cut_to_first_stretches(self, stretches: int) -> "FitTask":
         """Cut the task to its first stretches."""
         motion = self.motion.cut_to_first_stretches(stretches)
-        states = None if self.states is None else self.states.among(motion)
+        states = None if self.states is None else self.states.restrict_to(motion)
         return replace(self, motion=motion, states=states)
 
     @cached_property
     def initial_estimates(self) -> PreviousEstimates:
         """Estimates before the first round."""
         return PreviousEstimates(
-            slip_1_N=(self._do_wheels_slip() or (0.0, 0.0))[0],
+            slip_1_N=(self._slip_from_wheels() or (0.0, 0.0))[0],
             motion_gain=self._squat_gain(),
             swing=self._swing(),
             speed_late_s=self._speed_late_s(),
@@ -90,17 +90,17 @@ class FitTask:
         begin: JointFit | None = None,
         rows: FitRows | None = None,
     ) -> JointFit:
-        """Fit with means of `samples`: lag and slip depend on what the fit finds, so again.
+        """Fit means of `samples`, iterating since the columns depend on lag and slip.
 
-        A force that is late is moved back; one that is low-passed is not, since its derivative
-        alone makes up for that (f + τ df/dt).
+        A late force is advanced by its delay. A low-passed force is not, since its derivative alone
+        corrects it (f + τ df/dt).
 
         Args:
-            samples: longest mean.
-            rounds: at most.
-            shift: whether the force is moved back.
-            begin: what is fitted begins from there; None: from what is known before.
-            rows: of the first round, where they are at hand.
+            samples: length of the longest mean.
+            rounds: maximum number of rounds.
+            shift: whether the force is advanced by its delay.
+            begin: fit to start from; None starts from `initial_estimates`.
+            rows: rows of the first round, if already computed.
         """
         lag = term_index("lag", self.terms)
         std = np.zeros(len(self.terms))
@@ -128,7 +128,7 @@ class FitTask:
             if not np.isfinite(solution.theta).all():
                 break
             cost = self._slip_cost(solution.theta, solution, self.terms)
-            if cost.slip_1_N is not None and self._do_wheels_slip() is None:
+            if cost.slip_1_N is not None and self._slip_from_wheels() is None:
                 known = replace(known, slip_1_N=cost.slip_1_N[0])
             known, moved = self._update_estimates(known, solution.theta, shift=shift)
             if number and moved < LIMITS.lag_tolerance_s:
@@ -155,10 +155,10 @@ class FitTask:
         )
 
     def _relative_loads(self, masses_kg: Floats | None = None) -> RelativeLoads | None:
-        """Relate the states' masses to their mean over the manoeuvres; None where there is one.
+        """Relate the states' masses to their mean over the manoeuvres; None with one state.
 
         Args:
-            masses_kg: (states,); None: those that the manoeuvres say.
+            masses_kg: (states,) masses; None uses the manoeuvres' own estimates.
         """
         states = self.states
         if states is None or states.count < 2:
@@ -171,15 +171,15 @@ class FitTask:
         )
 
     def _find_route(self, loads: RelativeLoads | None) -> Route | None:
-        """Between where these loads are loaded and dumped."""
+        """Find the route between the places where these loads are loaded and dumped."""
         if loads is None:
             return None
-        return Route.of(self.motion, loads.unit, loads.is_loaded_in(loads.unit))
+        return Route.from_motion(self.motion, loads.unit, loads.is_loaded_in(loads.unit))
 
     def _update_estimates(
         self, before: PreviousEstimates, theta: Floats, *, shift: bool
     ) -> tuple[PreviousEstimates, float]:
-        """Update the estimates by a round, and return how far the lag moved."""
+        """Update the estimates by a round, and return the change of the lag in s."""
         masses = theta.size - 1 - len(self.terms)
         names = (term.name for term in self.terms)
         by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
@@ -205,7 +205,7 @@ class FitTask:
         return after, abs(late_s)
 
     def group_effects_of_fit(self, fit: JointFit, rows: FitRows) -> GroupEffects:
-        """What each manoeuvre says of its mass, by what a fit found and the rows of that."""
+        """Mass of each manoeuvre by itself, given the shared parameters of a fit."""
         mean, std = self._round_priors(self._slip_cost(fit.theta, fit.solution, fit.terms))
         if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
             std[term_index("gain_drift", self.terms)] *= NARROW
@@ -226,30 +226,30 @@ class FitTask:
         )
 
     def _speed_late_s(self) -> float:
-        """How late the speed is, where wheels and accelerometer tell it."""
+        """Delay of the speed in s, if wheels and accelerometer determine it."""
         wheels = self.wheels
         told = wheels is not None and wheels.is_consistent and self.motion.by_accelerometer
         return wheels.delay_s[0] if wheels is not None and told else 0.0
 
     def _squat_gain(self) -> float:
-        """Addition to the acceleration's own part: its squat, if the pitch shows it."""
+        """Relative correction of the acceleration for a squat that the pitch shows."""
         told = self.wheels is not None and self.motion.by_accelerometer
         return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
 
     def _swing(self) -> BodySwing:
-        """What a swinging body adds to the accelerometer, where the wheels show it."""
+        """Effect of a swinging body on the accelerometer, if the wheels show it."""
         told = self.wheels is not None and self.motion.by_accelerometer
         return self.wheels.swing if self.wheels is not None and told else NO_SWING
 
     def _round_priors(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
-        """Prior means and widths; those of slip once its cost is known."""
+        """Prior means and standard deviations of a round; those of slip once its cost is known."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
         if cost is not None:
             self._narrow_slip(cost, mean, std)
             if self.motion.wheel_acceleration is not None:
                 at = term_index("slip_acceleration", self.terms)
-                self._accept_slip_term(at, cost.mass_kg, self._do_wheels_slip(), mean, std)
+                self._set_slip_prior(at, cost.mass_kg, self._slip_from_wheels(), mean, std)
         for place, term in self._indices_of_learnt_terms():
             mean[place], std[place] = term.mean, term.std
         return mean, std
@@ -257,7 +257,7 @@ class FitTask:
     def _slip_cost(
         self, theta: Floats, found: LazyEstimates, terms: tuple[Nuisance, ...]
     ) -> _SlipCost:
-        """Compute the cost of slip from the estimates of a round."""
+        """Cost of slip, computed from the estimates of a round."""
         count = theta.size - 1 - len(terms)
         mass_kg = float(np.mean(theta[:count]))
         friction = max(resistance_slope(theta, terms, self.motion), 0.0)
@@ -272,16 +272,16 @@ class FitTask:
         )
 
     def _narrow_gain_drift(self, std: Floats) -> None:
-        """Leave out a drift of the gain where loads come back.
+        """Set the prior of a gain drift to 0 if loads return.
 
-        Payloads are differences of neighbours then, in which it cancels; free masses on the way
-        would follow any drift.
+        Payloads are then differences of neighbours, in which a drift cancels; free masses would
+        follow it.
         """
         if self.states is not None and self.states.load_returns:
             std[term_index("gain_drift", self.terms)] *= NARROW
 
     def _indices_of_learnt_terms(self) -> list[tuple[int, LearntTerm]]:
-        """Where the terms are of which a calibration says something; slip the wheels say better."""
+        """Indices of the terms with learnt priors, except slip if the wheels determine it."""
         learnt: dict[str, LearntTerm] = {**self.priors.learnt}
         by_wheels = self.wheels is not None and self.wheels.is_consistent
         return [
@@ -291,7 +291,7 @@ class FitTask:
         ]
 
     def _prior_means(self, mean: Floats, moved_s: float) -> PriorMeans:
-        """Means of the priors in a round whose force was moved by a delay."""
+        """Prior means of a round whose force was advanced by a delay in s."""
         mean, mean_u = mean.copy(), np.zeros(len(self.terms))
         mean[term_index("lag", self.terms)] += moved_s
         for place, term in self._indices_of_learnt_terms():
@@ -299,7 +299,7 @@ class FitTask:
         return PriorMeans(mean, mean_u)
 
     def _narrow_slip(self, cost: _SlipCost, mean: Floats, std: Floats) -> None:
-        """Slip costs friction · slip, and the wheels may tell it."""
+        """Set the prior of the slip terms to friction times slip, if the wheels determine slip."""
         at = term_index("slip", self.terms)
         friction = cost.friction_N_s_m
         std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.largest_force)
@@ -307,17 +307,17 @@ class FitTask:
             std[at],
             LIMITS.min_slip_std_fraction * self.priors.wheel_slip / self.motion.largest_speed,
         )
-        self._accept_slip_term(at, -friction, self._do_wheels_slip() or cost.slip_1_N, mean, std)
+        self._set_slip_prior(at, -friction, self._slip_from_wheels() or cost.slip_1_N, mean, std)
 
-    def _do_wheels_slip(self) -> tuple[float, float] | None:
-        """The slip and its standard deviation in 1/N, where wheels and accelerometer tell it."""
+    def _slip_from_wheels(self) -> tuple[float, float] | None:
+        """Slip and its standard deviation in 1/N; None if wheels do not determine it."""
         wheels = self.wheels
         return wheels.slip_1_N if wheels is not None and wheels.is_consistent else None
 
-    def _accept_slip_term(
+    def _set_slip_prior(
         self, at: int, cost: float, slip: tuple[float, float] | None, mean: Floats, std: Floats
     ) -> None:
-        """Set the prior of a term that is so many times the slip, where that is told."""
+        """Set the prior of a term that is `cost` times the slip, if slip is known."""
         if slip is not None:
             slip_1_N, u_1_N = slip
             mean[at] = cost * slip_1_N

@@ -1,4 +1,4 @@
-"""Where the equation of straight motion may be fitted: stretches from the break-away on."""
+"""Stretches in which the equation of straight motion may be fitted, from the break-away on."""
 
 import numpy as np
 import polars as pl
@@ -16,9 +16,9 @@ from estimators.arrays import Bools, Floats, Ints
 def path_positions(
     speed: Floats, used: Bools, silences: Ints, rate_hz: float
 ) -> tuple[Floats, float]:
-    """Where the machine is on its path, (n,), and how long that is, in m.
+    """Position of the machine on its path, (n,), and the length of the path in m.
 
-    What it did while the log was silent nobody knows: each record is centred on its own path.
+    Each record is centred on its own path, since motion between records is unknown.
     """
     place = np.cumsum(speed) / rate_hz
     length = 0.0
@@ -31,13 +31,13 @@ def path_positions(
 
 
 def running_standstill_count(excitation: pl.DataFrame) -> Ints:
-    """How often the machine has come to stand, or was not seen, up to each sample, (n,)."""
+    """Number of stands so far, (n,); unknown motion counts as a stand."""
     stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
 
 
 def count_silences(known: Bools, shortest: int) -> Ints:
-    """How often nothing was known for so many samples, up to each sample, (n,)."""
+    """Number of gaps of at least `shortest` samples up to each sample, (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(np.int8)))
     first, end = edges[::2], edges[1::2]
     begun = np.zeros(known.size, np.int64)
@@ -46,7 +46,7 @@ def count_silences(known: Bools, shortest: int) -> Ints:
 
 
 def cut_drives(stood: Ints, longest: int) -> Ints:
-    """Number the manoeuvres: a drive of twice so many samples or more is cut into such, (n,)."""
+    """Number the manoeuvres, (n,), and split drives of twice `longest` samples or more."""
     cuts = np.append(True, stood[1:] != stood[:-1])
     drive_begins = np.flatnonzero(cuts)
     for first, end in zip(drive_begins, np.append(drive_begins[1:], stood.size), strict=True):
@@ -62,7 +62,10 @@ def fitted_manoeuvres(
     *,
     braking: bool,
 ) -> Ints:
-    """The manoeuvre of each sample that drives straight in a manoeuvre with an accepted window."""
+    """Number of the manoeuvre of each sample that may be fitted, (n,); -1 elsewhere.
+
+    It must be straight driving in a manoeuvre with an accepted window.
+    """
     settings = machine.settings
     without = settings.gate.exclude_braking or not braking
     accepted = accepted_samples(excitation, gated, settings)
@@ -80,7 +83,7 @@ def fitted_manoeuvres(
 
 
 def driving_directions(group: Ints, speed: Floats) -> Floats:
-    """The sign of each manoeuvre's mean speed, (n,); 1 outside."""
+    """Sign of the mean speed of each manoeuvre, (n,); 1 elsewhere."""
     used = group >= 0
     ids, index = np.unique(group[used], return_inverse=True)
     total = np.bincount(index, weights=speed[used], minlength=ids.size)
@@ -90,17 +93,17 @@ def driving_directions(group: Ints, speed: Floats) -> Floats:
 
 
 def first_of_stretch(group: Ints) -> Bools:
-    """Which samples are the first of their stretch, (n,)."""
+    """Whether each sample is the first of its stretch, (n,)."""
     return (group >= 0) & (np.append(-1, group[:-1]) != group)
 
 
 def last_of_stretch(group: Ints) -> Bools:
-    """Which samples are the last of their stretch, (n,)."""
+    """Whether each sample is the last of its stretch, (n,)."""
     return (group >= 0) & (np.append(group[1:], -1) != group)
 
 
 def cut_stretches(group: Ints, unit: Ints) -> Ints:
-    """The stretches, each of one manoeuvre, numbered anew, (n,)."""
+    """Split stretches at manoeuvre borders and number them again, (n,)."""
     used = group >= 0
     cut = used & (first_of_stretch(group) | np.append(False, unit[1:] != unit[:-1]))
     return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
@@ -109,7 +112,7 @@ def cut_stretches(group: Ints, unit: Ints) -> Ints:
 def trim_to_break_away(
     group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
 ) -> Ints:
-    """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
+    """Begin each manoeuvre where its speed leaves the noise rather than where the phase begins."""
     smooth = np.abs(_mean_of_three(speed)) > moves_m_s
     grown = group.copy()
     for begin in np.flatnonzero(first_of_stretch(group)):
@@ -125,7 +128,7 @@ def trim_to_break_away(
 
 
 def number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
-    """Number the stretches of adjoining samples that move one way; at a reversal friction turns."""
+    """Number the runs of adjacent samples that move one way; at a reversal friction turns."""
     used = group >= 0
     forwards = _mean_of_three(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
@@ -135,9 +138,9 @@ def number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
 
 
 def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
-    """Leave out stretches whose speed never leaves its noise: the phases took that for a start.
+    """Drop stretches whose speed never exceeds its noise; the phases took them for starts.
 
-    Of a speed whose noise is less than what counts as motion, what is slow is motion.
+    If the noise is below the motion threshold, slow samples count as motion.
     """
     used = group >= 0
     if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
@@ -154,12 +157,12 @@ def _mean_of_three(speed: Floats) -> Floats:
 
 
 def mark_missing_rows(aligned: pl.DataFrame) -> Bools:
-    """Rows of the grid without information, (n,)."""
+    """Mark the grid rows without information, (n,)."""
     if "left_out" not in aligned.columns:
         return np.zeros(aligned.height, np.bool_)
     return aligned["left_out"].to_numpy()
 
 
 def make_centred_progress(samples: int) -> Floats:
-    """From -1/2 to 1/2 over so many samples."""
+    """Evenly spaced values from -1/2 to 1/2, (samples,)."""
     return np.arange(samples) / max(samples, 1) - 0.5

@@ -1,4 +1,4 @@
-"""The terms of a force that depends on the place, on a short path that is driven to and fro.
+"""Terms of a position-dependent force, on a short path that is driven back and forth.
 
 A spring, a cable, a cam, or the weight of an arm: such a force goes with the acceleration, which is
 largest at the ends of the path. What is the weight's grows with the load.
@@ -19,7 +19,7 @@ BY_PLACE: Final = "place"
 
 
 def _make_spring_column(place_1: Floats) -> Floats:
-    """A force in proportion to the place, 1 at the path's end."""
+    """Column of a force proportional to the position; 1 at the end of the path."""
     return 2.0 * place_1
 
 
@@ -41,7 +41,7 @@ def _wave_term(half_waves: int) -> Nuisance:
 
 
 def _load_proportional_term(term: Nuisance) -> Nuisance:
-    """What of the same is in proportion to the load."""
+    """The part of a term that is proportional to the load."""
 
     def column(m: Moments) -> Floats:
         return term.column(m) * m.relative_load
@@ -73,13 +73,13 @@ PLACE: Final = (*_OF_EVERY_LOAD, *map(_load_proportional_term, _OF_EVERY_LOAD))
 
 
 def forces_by_place(place_1: Floats) -> Floats:
-    """(n, terms) columns of a spring and of the half waves, at such places on the path."""
+    """(n, terms) columns of a spring and of half waves at positions on the path."""
     waves = (_half_wave(place_1, half_waves) for half_waves in range(1, _HALF_WAVES + 1))
     return np.column_stack([_make_spring_column(place_1), *waves])
 
 
 def slopes_by_place(place_1: Floats) -> Floats:
-    """(n, terms) derivatives of the same by the place."""
+    """(n, terms) derivatives of these columns by the position."""
     numbers = np.pi * np.arange(1, _HALF_WAVES + 1)
     waves = -numbers * np.sin(numbers * (place_1[:, None] + 0.5))
     return np.column_stack([np.full(place_1.size, _make_spring_column(np.ones(1))), waves])

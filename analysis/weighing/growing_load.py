@@ -1,12 +1,13 @@
-"""A load that changes while the machine drives, by manoeuvre and for all of them alike.
+"""Loads that change in motion: of single manoeuvres, and of all manoeuvres alike.
 
 `find_growing_loads` compares the residual of a manoeuvre with a mass that grows evenly over it, and
 with the other manoeuvres. A change that all share is hidden in their common terms; `fit_filling`
 gives it a term of its own. Beside that term, friction that drives or a resistance that falls with
 the square of the speed is what a growing load leaves in the others.
 
-A load that changes while a manoeuvre creeps for a second or two shows in no residual: `find_creeps`
-tells such manoeuvres by their speed, and that other loads are moved before and after.
+A load that changes while a manoeuvre creeps for a second or two shows in no residual:
+`find_creeping_manoeuvres` finds such manoeuvres by their speed and by the different loads that are
+moved before and after.
 """
 
 from dataclasses import dataclass
@@ -38,13 +39,13 @@ _RESISTANCES: Final = ("direction", "quadratic")
 
 @dataclass(frozen=True, slots=True)
 class LoadGrowth:
-    """A manoeuvre whose load grows, or falls, while it drives.
+    """Growth or fall of the load during one manoeuvre.
 
     Attributes:
-        unit: its number, as the samples have it.
+        unit: number of the manoeuvre in the samples.
         first: its first fitted sample.
-        kg: by how much, beyond what is usual, from its first to its last fitted sample.
-        std_kg: the standard deviation of that.
+        kg: change of the load beyond the usual, from the first to the last fitted sample.
+        std_kg: standard deviation of the change.
     """
 
     unit: int
@@ -55,13 +56,13 @@ class LoadGrowth:
 
 @dataclass(frozen=True, slots=True)
 class LoadFilling:
-    """A load that grows at every start alike.
+    """A load that grows equally at every start.
 
     Attributes:
-        kg_s: how fast, none below zero.
-        deviations: how much better it explains the log than none does, in standard deviations
-            with what even then all starts miss in common; NaN where the log does not tell.
-        moves_u: by how much of its own uncertainty it moves the mass that it moves most.
+        kg_s: growth rate, at least 0.
+        deviations: z-score of the growth, including the residual common to all starts; NaN if
+            undetermined.
+        moves_u: largest change of a mass, in standard uncertainties of that mass.
     """
 
     kg_s: float
@@ -70,9 +71,9 @@ class LoadFilling:
 
     @property
     def evidence(self) -> float:
-        """The deviations, as far as the growth moves a mass by its uncertainty.
+        """The deviations, reduced if the growth moves no mass by its uncertainty.
 
-        What a log tells grows with its length, and so does a misfit that changes no mass.
+        Long logs make a misfit significant even if it changes no mass.
         """
         return self.deviations * min(self.moves_u, 1.0)
 
@@ -80,16 +81,16 @@ class LoadFilling:
 def fit_filling(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
 ) -> LoadFilling:
-    """Fit once more with a load that grows at every start alike, and with resistances that resist.
+    """Refit with a load that grows equally at every start, and with positive resistances.
 
-    The likelihood ratio of a growth of zero and of one that is not below it, each with whichever
-    resistances of zero or more explain the log best.
+    The z-score is from the likelihood ratio of zero growth and of growth of at least zero, each
+    with the nonnegative resistances that explain the log best.
 
     Args:
-        fit: without that load.
-        noise: of acceleration, speed and force.
+        fit: the fit without growth.
+        noise: noise of acceleration, speed and force.
         priors: of the nuisances.
-        rows: of the fit and of `FILLING`, where they are at hand.
+        rows: rows of the fit and of `FILLING`, if already computed.
     """
     grown = refit_with_changes(fit, noise, priors, (FILLING,), rows=rows)
     names = [term.name for term in fit.terms]
@@ -117,12 +118,12 @@ def fit_filling(
 def find_growing_loads(
     fit: JointFit, noise: ColumnNoiseModel, motion: MotionSamples | None = None
 ) -> tuple[LoadGrowth, ...]:
-    """The manoeuvres whose load changes by more than chance makes of so many.
+    """Find the manoeuvres whose load changes by more than chance explains.
 
     Args:
-        fit: what is known of friction and nuisances.
-        noise: of acceleration, speed and force.
-        motion: the manoeuvres, where they are not those of the fit.
+        fit: joint fit, for friction and nuisances.
+        noise: noise of acceleration, speed and force.
+        motion: the manoeuvres to test, if not those of the fit.
     """
     if fit.states is None or not np.isfinite(fit.fit.residual_rms):
         return ()
@@ -190,11 +191,14 @@ def _max_plausible_loss_kg(fit: JointFit) -> float:
     return LIMITS.max_loss_load_ratio * float(np.ptp(fit.masses_kg))
 
 
-def find_creeps(fit: JointFit) -> Ints:
-    """Number the manoeuvres that creep between two loads, of a log whose loads come back.
+def find_creeping_manoeuvres(fit: JointFit) -> Ints:
+    """Find slow manoeuvres between two different loads, in a log whose loads return.
 
     Args:
-        fit: its load states and samples.
+        fit: the joint fit of the log, with its load states.
+
+    Returns:
+        (k,) numbers of the manoeuvres, as in `fit.states.unit`; empty if no load returns.
     """
     states, none = fit.states, np.empty(0, np.int64)
     if states is None or not states.load_returns:
@@ -220,10 +224,11 @@ def _residual_of_rows(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
 
 
 def _mass_slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
-    """How much a residual grows with a mass, and the information about it.
+    """Regress a residual on a linearly growing mass; returns the slope and its information.
 
-    The manoeuvre's own mass, friction and constant are aside, as far as they may differ: `tied` is
-    (3,) a row's deviation over theirs. Of one that hardly accelerates both are 0.
+    The manoeuvre's own mass, friction and constant are projected out as far as they may differ:
+    `tied` is (3,) a row's standard deviation over theirs. Both results are 0 if the manoeuvre
+    hardly accelerates.
     """
     own = np.vstack([A[:, :_OWN], np.diag(tied)])
     whole = A[:, 0] * np.linspace(-0.5, 0.5, residual.size)

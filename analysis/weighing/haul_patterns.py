@@ -1,4 +1,4 @@
-"""Loads as the way of driving suggests them: hauls repeat, and a load changes where they stand.
+"""Loads suggested by the driving pattern: hauls repeat, and a load changes at fixed stops.
 
 Between two turns a machine that hauls drives the same way again and again, and stands at the same
 places. A load is put on at one of them and taken off at another, or either at every visit of one.
@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.haul_route import add_missed_visits
-from analysis.weighing.load_states import places, unit_of_each_sample
+from analysis.weighing.load_states import load_change_kinds, unit_of_each_sample
 from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples, first_of_stretch
 from estimators.joint.group_effects import HINTED
 
@@ -30,12 +30,12 @@ _MOST_PLACES: Final = 6
 
 
 def hauling_patterns(motion: MotionSamples) -> list[Ints]:
-    """The load states that the way of driving suggests, (units,) each, from 0 on in time.
+    """Partitions into load states that the driving pattern suggests, (units,) each.
 
-    States that differ as forwards and reverse do are none, unless something else tells that loads
-    change there: a machine that answers otherwise in reverse would have loads.
+    States that only follow the driving direction count only if something else shows that loads
+    change; a machine with another response in reverse would have loads otherwise.
     """
-    kind = places(motion)
+    kind = load_change_kinds(motion)
     first = np.flatnonzero(motion.used)[first_of_stretch(unit_of_each_sample(motion))]
     forwards = motion.direction[first] > 0.0
     begins_m = motion.driven_m[first]
@@ -44,7 +44,7 @@ def hauling_patterns(motion: MotionSamples) -> list[Ints]:
         for each in _find_visits(begins_m, forwards)
     ]
     changes = [each & (kind > 0) for each in visits]
-    taking_turns = [_take_turns(on, off) for on, off in combinations(visits, 2)]
+    taking_turns = [_loaded_between_stands(on, off) for on, off in combinations(visits, 2)]
     changes += [np.diff(loaded) & (kind > 0) for loaded in taking_turns]
     return [
         np.append(0, np.cumsum(each))
@@ -54,14 +54,14 @@ def hauling_patterns(motion: MotionSamples) -> list[Ints]:
 
 
 def _find_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
-    """When the machine stands at each of its places, (units - 1,) stands each.
+    """Visits to each recurrent stop, (units - 1,) flags of the stands each.
 
-    Stands are alike that come as far behind the last turn as others, as far before the next one,
-    and between the same directions.
+    Stands are of one place if they are as far after the last turn and before the next one, between
+    the same directions.
 
     Args:
-        begins_m: (units,) how far the machine has driven before each manoeuvre.
-        forwards: (units,) whether it goes forwards.
+        begins_m: (units,) distance driven before each manoeuvre.
+        forwards: (units,) whether each manoeuvre goes forwards.
     """
     turns = np.flatnonzero(np.diff(forwards)) + 1
     if turns.size < 2:
@@ -90,7 +90,7 @@ def _find_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
 
 
 def _medians_by_kind(values: Floats, kind: Ints) -> Floats:
-    """For each value the median of those of its kind that are known; NaN where none is."""
+    """Median of the known values of the same kind, for each value; NaN if there is none."""
     medians = np.full(values.size, np.nan)
     for each in np.unique(kind):
         known = values[(kind == each) & np.isfinite(values)]
@@ -99,8 +99,8 @@ def _medians_by_kind(values: Floats, kind: Ints) -> Floats:
     return medians
 
 
-def _take_turns(on: Bools, off: Bools) -> Bools:
-    """Which manoeuvres have the load that is put on and taken off at these stands, (units,)."""
+def _loaded_between_stands(on: Bools, off: Bools) -> Bools:
+    """Manoeuvres between a loading stand and the next unloading stand, (units,)."""
     stand = np.arange(1, on.size + 1)
     last_on = np.maximum.accumulate(np.where(on, stand, 0))
     last_off = np.maximum.accumulate(np.where(off, stand, 0))
@@ -111,11 +111,11 @@ def _take_turns(on: Bools, off: Bools) -> Bools:
 
 
 def _is_hinted(kind: Ints) -> bool:
-    """Whether something besides the direction tells at least one change of each load."""
+    """Whether each load has at least one change that is not only a change of direction."""
     return float((kind >= HINTED).mean()) >= _HINTED
 
 
 def _follows_direction(changes: Bools, forwards: Bools) -> bool:
-    """Whether states that take turns differ as forwards and reverse do."""
+    """Whether alternating states only follow the driving direction."""
     alike = float(np.mean((np.append(0, np.cumsum(changes)) % 2 == 1) == forwards))
     return max(alike, 1.0 - alike) > _BY_DIRECTION

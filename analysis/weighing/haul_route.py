@@ -1,4 +1,4 @@
-"""The route between where a machine is loaded and where it dumps, by how far it has driven.
+"""The route between loading and dumping, measured by the driven distance.
 
 A haul and the way back lead over the same ground, at other speeds: counted from the dump, what the
 ground does at a place is the same with the load and without.
@@ -23,24 +23,24 @@ _PLACE_TOLERANCE: Final = 0.15
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Where loads are dumped, in m that the machine has driven since the log began.
+    """Places where loads are dumped, as distances driven since the log began.
 
     Attributes:
-        dumps_m: (dumps,) ascending.
-        length_m: from where it dumps to beyond where it is loaded.
+        dumps_m: (dumps,) driven distance at each dump, ascending.
+        length_m: length from the dump to beyond the loading place.
     """
 
     dumps_m: Floats
     length_m: float
 
     @classmethod
-    def of(cls, motion: MotionSamples, unit: Ints, loaded: Bools) -> Self | None:
-        """Find the dumps; None where none is between two manoeuvres.
+    def from_motion(cls, motion: MotionSamples, unit: Ints, loaded: Bools) -> Self | None:
+        """Find the dumps; None if there is none between two manoeuvres.
 
         Args:
             motion: the samples.
             unit: (units,) numbers of the manoeuvres, ascending.
-            loaded: (units,) which of them haul.
+            loaded: (units,) whether each manoeuvre carries a load.
         """
         last = motion.unit.size - 1
         begins_m = motion.driven_m[np.searchsorted(motion.unit, unit).clip(0, last)]
@@ -58,7 +58,7 @@ class Route:
         return cls(add_missed_visits(dumps_m, begins_m), length_m)
 
     def position(self, motion: MotionSamples) -> Floats:
-        """How far samples are from the nearest dump, (n,): 0 there, 1 where the route ends."""
+        """Distance of samples from the nearest dump over the route's length, (n,), at most 1."""
         here = motion.driven_m
         ahead = np.append(self.dumps_m, np.inf)[np.searchsorted(self.dumps_m, here)] - here
         passed = np.searchsorted(self.dumps_m, here, "right")
@@ -67,11 +67,11 @@ class Route:
 
 
 def _place_dumps(arrives_m: Floats, leaves_m: Floats) -> Floats:
-    """Where the machine leaves empty; where it arrived, if that start is none of the fit's.
+    """Places where the machine leaves empty, or arrived if the next start is not fitted.
 
     Args:
-        arrives_m: (dumps,) the end of the last manoeuvre with the load.
-        leaves_m: (dumps,) the begin of the first without it.
+        arrives_m: (dumps,) end of the last manoeuvre with the load.
+        leaves_m: (dumps,) begin of the first manoeuvre without it.
     """
     stops_m = leaves_m - arrives_m
     usual_m = float(np.median(stops_m))
@@ -79,14 +79,13 @@ def _place_dumps(arrives_m: Floats, leaves_m: Floats) -> Floats:
 
 
 def add_missed_visits(visits_m: Floats, begins_m: Floats) -> Floats:
-    """Add visits where cycles as long as the others would have one: at the manoeuvre next to it.
+    """Add a visit where the regular cycles imply one, at the nearest manoeuvre.
 
-    A load that is taken for none has no dump, and its starts would be anywhere on the route: they
-    would stay unlike those of other loads.
+    A load that is not recognised has no dump, and its starts would lie anywhere on the route.
 
     Args:
-        visits_m: (visits,) of one place, in m that the machine has driven, ascending.
-        begins_m: (units,) where its manoeuvres begin, likewise.
+        visits_m: (visits,) known visits to one place, as driven distance, ascending.
+        begins_m: (units,) driven distance at the begin of the manoeuvres.
     """
     cycles_m = np.diff(visits_m)
     if not cycles_m.size:

@@ -1,4 +1,4 @@
-"""The joint fit: masses and friction with the nuisance terms, found in rounds."""
+"""The joint fit of masses, friction and nuisance terms, iterated in rounds."""
 
 from dataclasses import dataclass, replace
 from typing import Final, Self
@@ -45,10 +45,10 @@ class JointFitInputs:
 
     Attributes:
         motion: the samples.
-        noise: of acceleration, speed and force.
+        noise: noise of acceleration, speed and force.
         priors: of the nuisances.
-        wheels: what they say of the accelerometer, the force as it was measured.
-        uneven_1_s: how much the ground force differs between stretches (`PreviousEstimates`).
+        wheels: comparison of wheels and accelerometer, with the force as measured; None without.
+        uneven_1_s: see `PreviousEstimates`.
     """
 
     motion: MotionSamples
@@ -65,14 +65,14 @@ class JointFitInputs:
         priors: PriorSettings,
         before: JointFit | None = None,
     ) -> Self:
-        """Compare the wheels; take the unevenness of the ground from an earlier fit of the log."""
+        """Compare wheels and accelerometer; an earlier fit gives the unevenness of the ground."""
         noise = CachedNoise(noise)
         uneven_1_s = 0.0 if before is None else before.found.uneven_1_s
         return cls(motion, noise, priors, _wheel_kinematics(motion, noise, priors), uneven_1_s)
 
 
 def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
-    """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
+    """Fit with the shortest mean whose uncertainty is nearly the smallest."""
     motion = of.motion
     several = states is not None and states.count > 1
     terms = applicable_terms(motion, several=several)
@@ -121,7 +121,7 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
 
 
 def applicable_terms(motion: MotionSamples, *, several: bool) -> tuple[Nuisance, ...]:
-    """The terms that apply to these samples; those by load only where there are several."""
+    """Terms that apply to these samples; terms by load only with several loads."""
     return tuple(
         term
         for term in (*NUISANCES, *PLACE, *LOW_GEARS, *GROUND)
@@ -130,7 +130,7 @@ def applicable_terms(motion: MotionSamples, *, several: bool) -> tuple[Nuisance,
 
 
 def _take_slip_on_ground(of: JointFitInputs, whole: FitTask, pilot: JointFit) -> FitTask:
-    """Compare the wheels again by the lag and the load transfer of a first fit, if it has any."""
+    """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
     if not (abs(pilot.lag_s) > LIMITS.short_lag_s or pilot.found.transfer_s2_m):
         return whole
     # slip is of the force on the ground at that moment
@@ -140,7 +140,7 @@ def _take_slip_on_ground(of: JointFitInputs, whole: FitTask, pilot: JointFit) ->
 
 
 def _fit_whole(whole: FitTask, samples: int) -> JointFit:
-    """Fit all stretches, the force moved back by its lag or taken as low-passed."""
+    """Fit all stretches, with the force either advanced by its lag or taken as low-passed."""
     moved = whole.fit_means(samples, LIMITS.lag_rounds)
     if abs(moved.lag_s) < LIMITS.short_lag_s:
         return moved
@@ -155,7 +155,7 @@ def _fit_whole(whole: FitTask, samples: int) -> JointFit:
 def _wheel_kinematics(
     motion: MotionSamples, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> WheelKinematics | None:
-    """Compare the wheels, or take the comparison of a calibration."""
+    """Compare wheels and accelerometer, or take the comparison from a calibration."""
     found = compare_wheels(motion, noise, priors)
     return None if found is None else found.apply_learnt_priors(priors)
 
@@ -176,9 +176,9 @@ def _averaging_share(by_length: list[JointFit], place: int) -> float:
 
 
 def _masses_differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
-    """Whether means of two lengths give masses that their uncertainties do not explain.
+    """Whether means of two lengths give significantly different masses.
 
-    Of single rows any difference that counts is one: noise that makes it is no excuse.
+    For single rows every relevant difference counts, even if noise explains it.
     """
     difference_kg = abs(one.mass_kg - other.mass_kg)
     if rows:
@@ -198,17 +198,17 @@ def refit_with_changes(
     rounds: int = 1,
     rows: FitRows | None = None,
 ) -> JointFit:
-    """Fit the same samples with other priors, or with further terms behind the others.
+    """Fit the same samples with other priors or additional terms.
 
     Effects that the log is unlikely to have stay left out.
 
     Args:
-        found: what is fitted again.
-        noise: of acceleration, speed and force.
+        found: the earlier fit.
+        noise: noise of acceleration, speed and force.
         priors: of the nuisances.
-        extra: the further terms.
-        rounds: at most.
-        rows: `fit_rows` what was found, with these terms and maybe more, where they are at hand.
+        extra: terms to add after the others.
+        rounds: maximum number of rounds.
+        rows: `fit_rows` of the earlier fit, with at least these terms, if already computed.
     """
     if found.effects is not None:
         priors = found.effects.narrow_left_out(priors)
@@ -229,7 +229,7 @@ def refit_with_changes(
 
 
 def fit_rows(found: JointFit, noise: ColumnNoiseModel, extra: tuple[Nuisance, ...] = ()) -> FitRows:
-    """The rows by which a fit begins that goes on from another, with further terms or without."""
+    """Rows of the first round of a refit from `found`, with additional terms if any."""
     terms = (*found.terms, *extra)
     return average_columns(found.motion, noise, terms, found.mean_samples, found.found)
 
@@ -237,7 +237,7 @@ def fit_rows(found: JointFit, noise: ColumnNoiseModel, extra: tuple[Nuisance, ..
 def drop_unlikely_effects(
     found: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit:
-    """Fit without the effects that the log is unlikely to have."""
+    """Refit without the effects that the log is unlikely to have."""
     likely = LikelyEffects.weigh_choices(found.fit, found.count, found.terms, found.prior_std)
     found = replace(found, effects=likely)
     return (
@@ -246,7 +246,7 @@ def drop_unlikely_effects(
 
 
 def add_squat(found: JointFit, priors: PriorSettings) -> JointFit:
-    """Look for an accelerometer whose gain changes with the load."""
+    """Estimate a change of the accelerometer's gain with the load, and add it to the fit."""
     wheels, loads, states = found.kinematics, found.found.relative_loads, found.states
     if wheels is None or loads is None or states is None:
         return found
@@ -269,7 +269,7 @@ def add_squat(found: JointFit, priors: PriorSettings) -> JointFit:
 def add_motion_responses(
     found: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit:
-    """Find what errors of the motion do to each mass, by fitting once more with each."""
+    """Compute the masses' responses to errors of the motion by a refit with each error."""
     if found.kinematics is None or not found.motion.by_accelerometer:
         return found
     known, count = found.found, found.count

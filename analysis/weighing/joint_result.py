@@ -19,22 +19,22 @@ from estimators.joint.prior_fit import MapFit
 
 
 class LazyEstimates(Protocol):
-    """Estimates whose uncertainty is found when it is asked for."""
+    """Estimates whose uncertainty is computed on first use."""
 
     @property
     def fit(self) -> MapFit:
-        """The estimates, and the parts of their uncertainty."""
+        """Estimates with the parts of their uncertainty."""
         ...
 
 
 @dataclass(frozen=True)
 class PriorMeans:
-    """Means of the priors.
+    """Means of the priors, with their uncertainty.
 
     Attributes:
-        mean: (terms,) of the priors, the lag's of the whole lag.
-        mean_u: (terms,) standard uncertainties of those that a calibration learnt: its logs share
-            their error; else 0.
+        mean: (terms,) prior means; that of the lag is for the whole lag.
+        mean_u: (terms,) standard uncertainties of learnt means, whose error all logs of a
+            calibration share; else 0.
     """
 
     mean: Floats
@@ -43,16 +43,16 @@ class PriorMeans:
 
 @dataclass(frozen=True)
 class MotionResponses:
-    """Change of the masses by errors of the motion, (masses,).
+    """Responses of the masses to errors of the motion, (masses,) each.
 
-    On level ground all masses by the same share, so that it is a share of their differences. On a
-    slope that is driven up empty and down with a load, gravity's part of a specific force has no
-    such error, and the difference has all of it.
+    On level ground all masses change by the same fraction, and so does their difference. On a slope
+    that is driven up empty and down loaded, gravity's part of the specific force has no such error,
+    and the difference takes all of it.
 
     Attributes:
-        delay_kg_s: a speed that is later, a second of it.
-        gain_kg: an acceleration that is larger, gravity's part not, a share of 1 of it.
-        swing_kg: a body that swings more, by the standard uncertainty of that.
+        delay_kg_s: response to a delay of the speed, per second.
+        gain_kg: response to a relative error of 1 of the acceleration, without gravity's part.
+        swing_kg: response to one standard uncertainty of the body's swing.
     """
 
     delay_kg_s: Floats
@@ -65,23 +65,23 @@ class JointFit:
     """A joint fit with its terms, priors, load states and motion.
 
     Attributes:
-        terms: the nuisances, in the order of the parameters behind masses and friction.
-        prior_std: (terms,) widths of the priors that were used.
-        theta: the estimates: masses first, then friction, then terms. The lag is the whole lag.
-        solution: of the last round, from which their uncertainty is found.
-        states: which load each manoeuvre carries; None before they were looked for.
-        kinematics: what the wheels say of the accelerometer, where there is one.
-        mean_samples: length of the mean.
-        motion: what was fitted.
-        lag_shape_kg: (masses,) what it would change to take a lag for a low-pass instead of a
-            delay, or the other way round, where neither makes up for it; else 0.
-        found: what the columns were made with in the end.
-        shifted: whether the force was moved back by the lag.
-        averaging_share: what a longer mean changes, where the mass depends on its length.
-        prior_means: and their uncertainty.
-        by_motion: what an error of the motion does; None where level ground is taken for granted.
-        effects: which the log has, and what others would change; None where it can have none.
-        squat: the accelerometer's gain by load; None where nothing tells it, or nothing needs it.
+        terms: nuisances, in the order of the parameters after masses and friction.
+        prior_std: (terms,) prior standard deviations.
+        theta: estimates: masses, friction, terms. The lag is the whole lag.
+        solution: solution of the last round, from which the uncertainty is computed.
+        states: load state of each manoeuvre; None before the search.
+        kinematics: comparison of wheels and accelerometer, if there is one.
+        mean_samples: length of the means.
+        motion: fitted samples.
+        lag_shape_kg: (masses,) change of the masses if a lag were a low-pass instead of a delay, or
+            vice versa; 0 if the shape is known.
+        found: estimates that the columns were last made with.
+        shifted: whether the force was advanced by the lag.
+        averaging_share: relative effect of a longer mean on the mass.
+        prior_means: prior means with their uncertainty.
+        by_motion: responses to errors of the motion; None if level ground is assumed.
+        effects: effects of the log, and the changes by others; None if it can have none.
+        squat: gain of the accelerometer by load; None if unknown or not needed.
     """
 
     terms: tuple[Nuisance, ...]
@@ -103,12 +103,12 @@ class JointFit:
 
     @cached_property
     def fit(self) -> MapFit:
-        """The estimates, and the parts of their uncertainty."""
+        """Estimates with the parts of their uncertainty."""
         return replace(self.solution.fit, theta=self.theta)
 
     @property
     def count(self) -> int:
-        """How many masses there are."""
+        """Number of masses."""
         return self.theta.size - 1 - len(self.terms)
 
     @property
@@ -123,7 +123,7 @@ class JointFit:
 
     @property
     def position_dependent_force(self) -> Floats | None:
-        """The force that depends on the place, (n,) in N; None where there likely is none."""
+        """Position-dependent force, (n,) in N; None if there is likely none."""
         own = [k for k, term in enumerate(self.terms) if term.source == BY_PLACE]
         if not own or (self.effects is not None and BY_PLACE in self.effects.left_out):
             return None
@@ -137,7 +137,7 @@ class JointFit:
 
     @property
     def shared(self) -> Floats:
-        """(1 + terms,) friction and terms of columns whose force has been moved back by its lag."""
+        """(1 + terms,) friction and terms, for columns whose force is advanced by its lag."""
         shared = self.theta[self.count :].copy()
         if self.shifted:
             shared[1 + term_index("lag", self.terms)] = 0.0
@@ -145,28 +145,28 @@ class JointFit:
 
     @property
     def friction(self) -> tuple[float, float]:
-        """Viscous friction and its deviation, in N·s/m."""
+        """Viscous friction and its standard deviation, in N·s/m."""
         return self.viscous, float(self.fit.std[self.count])
 
     @cached_property
     def posterior(self) -> tuple[Floats, Floats]:
-        """Posterior mean of the terms, (terms,), and their standard deviations."""
+        """Posterior means of the terms, (terms,), and their standard deviations, (terms,)."""
         own = self.fit.std[self.count + 1 :]
         by_means = self._mean_sensitivities[:, self.count + 1 :]
         return self.theta[self.count + 1 :], np.sqrt(own**2 + (by_means**2).sum(axis=0))
 
     @cached_property
     def _mean_sensitivities(self) -> Floats:
-        """(terms, p) what one standard uncertainty of each learnt mean moves the estimates by."""
+        """(terms, p) response of the estimates to one standard uncertainty of each learnt mean."""
         responses = self.fit.responses[self.count + 1 :]
         return responses * (self.prior_means.mean_u / self.prior_std)[:, None]
 
     @cached_property
     def learnt_mean_sensitivities(self) -> tuple[tuple[str, ...], Floats]:
-        """Terms whose means a calibration learnt, and what one uncertainty of each moves masses by.
+        """Responses of the masses to one standard uncertainty of each learnt mean.
 
         Returns:
-            Their names, and (terms, masses) in kg.
+            Names of the terms with learnt means, and (terms, masses) responses in kg.
         """
         uncertain = np.flatnonzero(self.prior_means.mean_u > 0.0)
         names = [self.terms[k].name for k in uncertain]
@@ -184,26 +184,26 @@ class JointFit:
 
     @property
     def lag_s(self) -> float:
-        """How late the force is."""
+        """Delay of the force in s."""
         return self.term_value("lag")
 
     def term_value(self, name: str) -> float:
-        """The estimate of a nuisance term, in its unit; 0 where the fit has no such term."""
+        """Estimate of a nuisance term, in its unit; 0 if the fit lacks the term."""
         names = [term.name for term in self.terms]
         return float(self.posterior[0][names.index(name)]) if name in names else 0.0
 
     @property
     def term_t_values(self) -> dict[str, float]:
-        """By term, how many deviations of what the log tells it is from 0."""
+        """Estimate over its standard deviation from the log alone, by term."""
         value, std = self.posterior
         found = np.abs(value) / std
         return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
 
     @property
     def distances_from_priors(self) -> dict[str, float]:
-        """By term, how far it is from the mean of its prior, in widths.
+        """Distance of each term from its prior mean, in prior standard deviations.
 
-        The lag is found anew, and one place of the ground may be anything.
+        The lag is excluded, and so are terms of single places of the ground.
         """
         apart = np.abs(self.posterior[0] - self.prior_means.mean) / self.prior_std
         by_term = zip(self.terms, apart.tolist(), strict=True)
@@ -213,11 +213,11 @@ class JointFit:
 
     @property
     def main_state(self) -> int:
-        """The state that most manoeuvres are of."""
+        """Index of the state with the most manoeuvres."""
         return 0 if self.states is None else int(np.bincount(self.states.membership).argmax())
 
     def weights_of_state(self, state: int) -> Floats:
-        """(masses,) that pick one mass."""
+        """(masses,) weights that select one mass."""
         out = np.zeros(self.count)
         out[state] = 1.0
         return out
@@ -271,11 +271,11 @@ class JointFit:
         return parts
 
     def _squat_parts_kg(self, weights: Floats) -> float:
-        """Uncertainty of a sum of masses by a gain that changes with the load, in kg."""
+        """Uncertainty of a sum of masses due to a gain that changes with the load, in kg."""
         return 0.0 if self.squat is None else self.squat.u_kg(weights, self.masses_kg)
 
     def _pitch_parts_kg(self, weights: Floats) -> float:
-        """Uncertainty of a sum of masses by the squat that the pitch shows, in kg."""
+        """Uncertainty of a sum of masses due to the squat that the pitch shows, in kg."""
         if self.kinematics is None or not self.motion.by_accelerometer:
             return 0.0
         # springs give way in proportion to the mass
@@ -284,9 +284,9 @@ class JointFit:
 
     @cached_property
     def term_responses(self) -> Floats:
-        """(terms, masses) what one deviation of each nuisance moves the masses by, in kg.
+        """(terms, masses) response to one standard deviation of each nuisance, in kg.
 
-        What the wheels tell of slip narrows its prior.
+        Slip measured by the wheels narrows its prior.
         """
         found = self.fit.responses[self.count + 1 :, : self.count].copy()
         slip = term_index("slip", self.terms)
@@ -297,9 +297,9 @@ class JointFit:
         return found
 
     def _wheel_parts_kg(self, weights: Floats, slip_kg: float) -> dict[str, float]:
-        """Uncertainty of a sum of masses by jointly fitted slip, gain and delay, in kg.
+        """Uncertainty of a sum of masses due to slip, gain and delay, in kg.
 
-        They go together: the part of each is what is left of it once those before are known.
+        The three are correlated; each part is what remains once those before are known.
         """
         wheels, friction = self.kinematics, self.slope
         if wheels is None or not wheels.is_consistent:
@@ -315,7 +315,7 @@ class JointFit:
         return parts
 
     def _wheel_sensitivities_kg(self, weights: Floats) -> Floats:
-        """(3,) what slip, gain and delay of the wheels, one of each, move a sum of masses by."""
+        """(3,) response of a sum of masses to one unit of slip, gain and delay of the wheels."""
         friction = self.slope
         slip = self.count + 1 + term_index("slip", self.terms)
         # one standard deviation of the prior moves the masses by so much
@@ -336,7 +336,7 @@ class JointFit:
 
     @cached_property
     def masses_kg(self) -> Floats:
-        """(masses,), what the speed's delay and the accelerometer's gains do to them taken off."""
+        """(masses,) masses corrected for the speed's delay and the accelerometer's gains."""
         late, gain, wheels = 0.0, 0.0, self.kinematics
         if wheels is not None and wheels.is_consistent and self.motion.by_accelerometer:
             late = wheels.delay_s[0] - self.found.speed_late_s
@@ -353,7 +353,7 @@ class JointFit:
 
     @property
     def corrects_gain(self) -> bool:
-        """Whether the accelerometer's gain, as far as its prior has it, is taken off the mass."""
+        """Whether the mass is corrected for the accelerometer's gain within its prior."""
         wheels = self.kinematics
         if wheels is None or not self.motion.by_accelerometer:
             return False
@@ -361,7 +361,7 @@ class JointFit:
 
     @property
     def u_kg(self) -> float:
-        """That mass' standard uncertainty by this log alone, without the scale."""
+        """Standard uncertainty of that mass from this log alone, without the scale."""
         return self.sum_u_kg(self.weights_of_state(self.main_state))
 
     def sum_u_kg(self, weights: Floats) -> float:
@@ -370,7 +370,7 @@ class JointFit:
 
 
 def root_sum_of_squares(parts_kg: dict[str, float]) -> float:
-    """Standard uncertainty of parts that know nothing of each other, in kg."""
+    """Combined standard uncertainty of independent parts, in kg."""
     return float(np.sqrt(sum(part**2 for part in parts_kg.values())))
 
 
@@ -379,8 +379,8 @@ def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: MotionS
 
     Args:
         theta: (p,) masses, viscous friction, terms.
-        terms: of the fit.
-        motion: how fast it drives.
+        terms: nuisances of the fit.
+        motion: samples, for the mean speed.
     """
     viscous, *found = theta[-1 - len(terms) :].tolist()
     by_name = dict(zip((term.name for term in terms), found, strict=True))
@@ -390,5 +390,5 @@ def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: MotionS
 
 
 def term_index(name: str, terms: tuple[Nuisance, ...]) -> int:
-    """Where a term stands among the terms."""
+    """Index of a term among the terms."""
     return [term.name for term in terms].index(name)

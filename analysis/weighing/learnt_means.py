@@ -23,13 +23,13 @@ from analysis.weighing.wheel_kinematics import TERMS
 
 @dataclass(frozen=True)
 class LearntErrors:
-    """Errors of learnt means as a log estimates them, in their standard uncertainties.
+    """Errors of learnt means estimated from a log, in their standard uncertainties.
 
     Attributes:
-        terms: whose means they are.
-        mean: (terms,) what the log says together with the calibration; 0 where it says nothing.
-        covariance: (terms, terms) of that; 1 where it says nothing.
-        by_fit_kg: (own terms, masses) what they move masses by, by how the two vary together.
+        terms: terms with learnt means.
+        mean: (terms,) estimate from log and calibration together; 0 if the log adds nothing.
+        covariance: (terms, terms) covariance of the estimate; identity if the log adds nothing.
+        by_fit_kg: (own terms, masses) response of the masses, from the covariance of the fit.
     """
 
     terms: tuple[str, ...]
@@ -39,10 +39,10 @@ class LearntErrors:
 
     @classmethod
     def from_weighing(cls, weighing: Weighing) -> "LearntErrors":
-        """By the fit in which learnt priors are as wide as their means are uncertain.
+        """Estimate them from a fit with learnt priors as wide as their means are uncertain.
 
-        What a log finds of a term is the error of its mean and what differs from log to log, by
-        their variances. Of wheels against accelerometer the calibration's word stands alone.
+        The deviation of a term is divided between the error of its mean and the variation between
+        logs by their variances. For wheels against accelerometer only the calibration counts.
         """
         fit, learnt = weighing.informed, weighing.learnt
         assert fit is not None
@@ -70,7 +70,7 @@ class LearntErrors:
         )
 
     def mass_shifts_kg(self, weighing: Weighing) -> Floats:
-        """(terms, masses) what the errors move the masses by, those of the means at hand, in kg."""
+        """(terms, masses) shift of the masses by the errors of the learnt means, in kg."""
         names, moved_kg = weighing.fit.learnt_mean_sensitivities
         own = dict(zip(names, moved_kg, strict=True))
         by_fit = (
@@ -83,13 +83,13 @@ class LearntErrors:
 def make_learnt_mean_responses(
     weighing: Weighing | None, machine: Machine, loads: pl.DataFrame, payloads: Mapping[int, Floats]
 ) -> dict[str, pl.DataFrame]:
-    """Make `responses` and `learnt_errors`; none where no calibration learnt anything.
+    """Make the frames `responses` and `learnt_errors`; none without learnt priors.
 
     Args:
         weighing: the joint fit.
-        machine: for the scale, which a line takes with it as well.
-        loads: the frame, for the empty ones.
-        payloads: by the number of each cycle that has one, (masses,) weights of the masses in it.
+        machine: machine file, for the scale that a calibration line includes.
+        loads: the frame `loads`, for the empty ones.
+        payloads: (masses,) weights of each payload, by the number of its cycle.
     """
     if weighing is None or weighing.informed is None:
         return {}
@@ -132,7 +132,7 @@ def _make_response_rows(
     moved_kg: Floats,
     sums: Mapping[int, Floats],
 ) -> list[dict[str, object]]:
-    """Make the rows of what moves sums of masses: one a term, and one for the scale."""
+    """Rows with the responses of sums of masses: one per term, and one for the scale."""
     if not sums:
         return []
     fit = weighing.fit

@@ -1,4 +1,4 @@
-"""An accelerometer above the axis that the body pitches about, which sees the body swing.
+"""Swing: an accelerometer above the body's pitch axis also measures how the body swings.
 
 A body on springs pitches by s for each m/s², as a mass on a spring and a damper does:
 
@@ -41,13 +41,13 @@ _STEP: Final = 0.15
 
 @dataclass(frozen=True, slots=True)
 class BodySwing:
-    """What a swinging body adds to its accelerometer.
+    """Effect of a swinging body on its accelerometer.
 
     Attributes:
-        lever_s2: κ, what it reads for each m/s⁴ of y'', with the mean load; 0 for none.
-        u_s2: standard uncertainty.
-        frequency_hz: of the springs.
-        damping_1: over the critical one.
+        lever_s2: κ, reading per m/s⁴ of y'' with the mean load; 0 for no swing.
+        u_s2: standard uncertainty of κ.
+        frequency_hz: natural frequency of the springs.
+        damping_1: damping ratio.
     """
 
     lever_s2: float = 0.0
@@ -56,25 +56,25 @@ class BodySwing:
     damping_1: float = 1.0
 
     def with_gravity(self, squat_1: float) -> "BodySwing":
-        """Add what a squat by g s has of the swing, where gravity was off by the pitch."""
+        """Add the swing of a squat by g s whose gravity was removed by the pitch."""
         return replace(self, lever_s2=self.lever_s2 - squat_1 / self.omega_1_s**2)
 
     @property
     def omega_1_s(self) -> float:
-        """ω, in rad/s."""
+        """Angular frequency ω, in rad/s."""
         return 2.0 * np.pi * self.frequency_hz
 
     @property
     def is_stable(self) -> bool:
-        """Whether what is measured below the axis still tells the acceleration."""
+        """Whether a reading with this swing still determines the acceleration."""
         return self.lever_s2 * self.omega_1_s**2 > -LIMITS.lever_max_below_1
 
     def swing_m_s2(self, measured: Floats, rate_hz: float) -> Floats:
-        """Take κ · y'' from what is measured on that body, (n,) in m/s²."""
+        """κ · y'' computed from a reading on the body, (n,) in m/s²."""
         return self._filter(measured, rate_hz, (self.lever_s2, 0.0, 0.0))
 
     def pitch_rate_m_s3(self, measured: Floats, rate_hz: float) -> Floats:
-        """Take y' likewise, (n,) in m/s³."""
+        """Rate y' of the pitch variable from a reading on the body, (n,) in m/s³."""
         return self._filter(measured, rate_hz, (0.0, 1.0, 0.0))
 
     def _filter(self, x: Floats, rate_hz: float, numerator: tuple[float, ...]) -> Floats:
@@ -89,15 +89,15 @@ class BodySwing:
 
 
 def estimate_swing(measured: Floats, motion: MotionSamples) -> BodySwing | None:
-    """Estimate the swing; None where nothing of it is seen.
+    """Estimate the swing from wheels and accelerometer; None if there is none.
 
     Args:
-        measured: (n,) by the accelerometer, in m/s²; the pitch's gravity may be off.
-        motion: the samples, the speed as it was measured.
+        measured: (n,) accelerometer in m/s², with or without gravity by the pitch.
+        motion: samples, with the speed as measured.
     """
     if motion.rate_hz < LIMITS.lever_min_rate_hz:
         return None
-    compared = _WheelComparison.of(measured, motion)
+    compared = _WheelComparison.from_motion(measured, motion)
     if compared is None:
         return None
     tried = [
@@ -118,7 +118,7 @@ def estimate_swing(measured: Floats, motion: MotionSamples) -> BodySwing | None:
 
 
 def _search_springs(compared: "_WheelComparison", first: BodySwing) -> BodySwing | None:
-    """The springs that leave the least, of a body that is driven without its own swing."""
+    """Springs with the smallest residual, for a body driven without its own swing."""
     from scipy.optimize import Bounds, minimize
 
     def springs(logs: Floats) -> BodySwing:
@@ -145,13 +145,13 @@ def _search_springs(compared: "_WheelComparison", first: BodySwing) -> BodySwing
 
 @dataclass(frozen=True)
 class _WheelComparison:
-    """Wheels and accelerometer in differences, apart from what depends on the springs.
+    """Differences of wheels and accelerometer that do not depend on the springs.
 
     Attributes:
         motion: the samples.
-        spans: first sample of each stretch that is long enough, and the one behind its last.
-        lag: differences are over so many means.
-        shared: by stretch, (means, 4) of what the accelerometer gained, slip, delay and response.
+        spans: first and end sample of each stretch that is long enough.
+        lag: number of means between the two that are subtracted.
+        shared: (means, 4) accelerometer integral, slip, delay and response, by stretch.
     """
 
     motion: MotionSamples
@@ -160,8 +160,8 @@ class _WheelComparison:
     shared: list[Floats]
 
     @classmethod
-    def of(cls, measured: Floats, motion: MotionSamples) -> Self | None:
-        """Compare the stretches that are long enough; None where they are too few."""
+    def from_motion(cls, measured: Floats, motion: MotionSamples) -> Self | None:
+        """Prepare the stretches that are long enough; None if there are too few."""
         lag = max(rows_in_duration(LIMITS.lever_lag_s, motion.rate_hz) // EVERY, 1)
         shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
         flags = (each(motion.group) for each in (first_of_stretch, last_of_stretch))
@@ -178,7 +178,7 @@ class _WheelComparison:
         return cls(motion, spans, lag, shared)
 
     def estimate_lever_arm(self, springs: BodySwing) -> tuple[BodySwing, float] | None:
-        """The lever arm by these springs, and the mean square that it leaves."""
+        """Lever arm with these springs, and the mean square residual."""
         motion = self.motion
         assert motion.specific_force is not None
         swings = springs.pitch_rate_m_s3(motion.specific_force, motion.rate_hz)
@@ -208,14 +208,14 @@ class _WheelComparison:
 
 
 def _difference_means(columns: tuple[Floats, ...], lag: int) -> Floats:
-    """Differences over `lag` means of each column, (means - lag, columns), without their mean."""
+    """Centred differences over `lag` means of each column, (means - lag, columns)."""
     rows = np.column_stack([average_overlapping(x) for x in columns])
     rows = rows[lag:] - rows[:-lag]
     return rows - rows.mean(axis=0)
 
 
 def subtract_swing(motion: MotionSamples, swing: BodySwing) -> MotionSamples:
-    """The same without what the swinging body adds to the accelerometer."""
+    """The motion without the swing in its accelerometer."""
     assert motion.specific_force is not None
     swing_m_s2 = swing.swing_m_s2(motion.specific_force, motion.rate_hz)
     level = motion.without_gravity

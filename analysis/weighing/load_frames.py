@@ -1,4 +1,4 @@
-"""The answer as frames: a row a load, and a row a manoeuvre."""
+"""The answer as frames: a row per load, and a row per manoeuvre."""
 
 from typing import Final
 
@@ -27,13 +27,13 @@ _NOT_EMPTY: Final = (
 def make_load_frame(
     weighing: Weighing | None, excitation: pl.DataFrame, machine: Machine, verdict: Verdict
 ) -> pl.DataFrame:
-    """Make `loads`: a row a load state.
+    """Make `loads`: a row per load state.
 
     Args:
-        weighing: the joint fit; None where nothing could be fitted.
-        excitation: for its times.
-        machine: empty mass, budget, limits.
-        verdict: what it forbids is withheld.
+        weighing: the joint fit; None if nothing could be fitted.
+        excitation: frame with the times of the rows.
+        machine: machine file with empty mass, budget and limits.
+        verdict: the verdict, which withholds quantities.
     """
     if weighing is None:
         return _unknown_load()
@@ -58,7 +58,7 @@ def make_load_frame(
 
 
 def _span_of_each_state(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
-    """When each state begins and ends."""
+    """Begin and end of each load state."""
     states = fit.states
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
@@ -74,7 +74,7 @@ def _manoeuvre_of_samples(fit: JointFit, states: LoadStates) -> Ints:
 
 
 def make_load_change_rows(weighing: Weighing | None) -> list[int]:
-    """The rows of the grid where another load begins to move."""
+    """Grid rows at which a different load begins to move."""
     if weighing is None or weighing.fit.states is None:
         return []
     fit, states = weighing.fit, weighing.fit.states
@@ -86,12 +86,12 @@ def make_load_change_rows(weighing: Weighing | None) -> list[int]:
 def find_empty_states(
     weighing: Weighing, times: list[tuple[int, int]], machine: Machine
 ) -> list[int]:
-    """The states of this log that carry nothing; none where there are none, or no telling.
+    """Indices of the load states in which the machine is empty; none if the log cannot tell.
 
-    Where `settings.loads` says when the machine was empty, the states that lie mostly in that time,
-    or the one that most of it is of. Else the lightest of several, if its mass is the machine's own
-    as far as both are known, and they are known well enough that the heaviest would not pass for
-    it; and those that are as light. The lightest of many alone would be the one that errs most.
+    If `settings.loads` names empty times, these are the states that lie mostly in them, or the one
+    with most of them. Otherwise they are the lightest of several states and those equally light, if
+    the lightest equals the stated empty mass within its uncertainty and the heaviest clearly does
+    not. The lightest of many alone would be the one with the largest error.
     """
     fit, body, settings = weighing.fit, machine.machine, machine.settings.loads
     if fit.count < 2:
@@ -117,7 +117,7 @@ def find_empty_states(
 
 
 def _equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
-    """The states whose mass is that of the lightest, by what is random of the difference."""
+    """States whose mass equals the lightest within the random uncertainty."""
     fit = weighing.fit
     found = [lightest]
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
@@ -134,7 +134,7 @@ def _equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -
 def _empty_datum(
     weighing: Weighing, empty: list[int], machine: Machine
 ) -> tuple[Datum | None, str]:
-    """What the empty states make of payloads; and why they do not, where the log contradicts it."""
+    """Datum of the empty states for payloads, or the reason why the log contradicts it."""
     fit = weighing.fit
     if not empty or len(empty) == fit.count:
         return None, ""
@@ -149,7 +149,7 @@ def _empty_datum(
 
 
 def difference_weights(weighing: Weighing, state: int, empty: list[int]) -> Floats:
-    """(masses,) weights of a mass less the mean of others, by how many manoeuvres each has."""
+    """(masses,) weights of a mass minus the mean of others, by number of manoeuvres."""
     states = weighing.fit.states
     assert states is not None
     count = np.bincount(states.membership).astype(np.float64)
@@ -213,10 +213,10 @@ def _make_load_row(
 def _payload_with_uncertainty(
     weighing: Weighing, state: int, empty: list[int], machine: Machine, datum: Datum | None
 ) -> tuple[dict[str, float | None], list[str]]:
-    """Payload and its uncertainty, and the factors of it that nothing tells.
+    """Payload of a state with its uncertainty, and its factors of unknown uncertainty.
 
-    To the empty states, on the scale of the machine's stated mass where that is known, and by the
-    log alone beside it; or to the machine's empty mass.
+    The payload is relative to the empty states, calibrated by the stated empty mass if known and
+    uncalibrated beside it; or relative to the stated empty mass.
     """
     fit, body = weighing.fit, machine.machine
     names = ("kg", "u_kg", "u_random_kg")
@@ -242,7 +242,7 @@ def _payload_with_uncertainty(
 
 
 def _note_on_states(fit: JointFit, machine: Machine) -> str:
-    """Notes on the load states for the reader."""
+    """Note about the load states for the reader."""
     states = fit.states
     assert states is not None
     said: list[str] = []
@@ -267,7 +267,7 @@ def _note_on_states(fit: JointFit, machine: Machine) -> str:
 
 
 def _note_growing_loads(weighing: Weighing, excitation: pl.DataFrame) -> str:
-    """The manoeuvres in which the load changes."""
+    """Note that names the manoeuvres whose load changes; "" if none does."""
     t_ns = excitation["t_ns"].to_numpy()
     told = [
         f"the load changes within the manoeuvre at {t_ns[each.first] / 1e9:,.1f} s, by about "
@@ -285,9 +285,9 @@ def _note_growing_loads(weighing: Weighing, excitation: pl.DataFrame) -> str:
 def make_manoeuvre_frame(
     weighing: Weighing | None, excitation: pl.DataFrame, machine: Machine
 ) -> pl.DataFrame:
-    """Make `manoeuvres`: a row a manoeuvre that was fitted, with the mass it says by itself.
+    """Make `manoeuvres`: a row per fitted manoeuvre, with its own mass estimate.
 
-    As those of loads, masses are without what only turns.
+    Masses exclude rotating mass, like those of loads.
     """
     if weighing is None or weighing.fit.states is None:
         return make_empty_frame("manoeuvres")
@@ -312,7 +312,7 @@ def make_manoeuvre_frame(
 
 
 def _unknown_load() -> pl.DataFrame:
-    """One load of which nothing is known."""
+    """A frame `loads` with one row of unknown mass."""
     said = {
         "load_id": 0,
         "manoeuvres": 0,

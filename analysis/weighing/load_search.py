@@ -1,4 +1,4 @@
-"""The search for load states: find them and fit a mass each by turns, until nothing changes."""
+"""Search for load states: find states and fit a mass each in turn until nothing changes."""
 
 from dataclasses import dataclass, replace
 from typing import Final, Self
@@ -19,9 +19,9 @@ from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_states import (
     LoadStates,
     find_states,
-    places,
+    load_change_kinds,
     single_unknown_state,
-    states_of,
+    states_of_partition,
     unit_of_each_stretch,
 )
 from analysis.weighing.motion_samples import Ints
@@ -39,32 +39,33 @@ _INDEPENDENT: Final = 15
 def add_load_states(
     found: JointFit, of: JointFitInputs, repeatability_kg: float | None
 ) -> JointFit:
-    """Look for load states, and fit with a mass each, until nothing changes.
+    """Find load states and fit a mass for each, iterating until nothing changes.
 
-    An edge between two grounds is a term of several loads only, and scatters the masses of a fit of
-    one by more than loads do; loads that go by the direction are as likely as a haul and the way
-    back. So a fit that is bad is searched again from loads that change where something hints at it,
-    and from those that the way of driving suggests. What explains the force best is taken.
+    A border between two grounds is a term for several loads only, and scatters the masses of a
+    one-load fit more than loads do; loads that follow the direction are as likely as a haul and its
+    return. So a poor fit is searched again, starting from loads that change where something hints
+    at it and from those that the driving pattern suggests. The best explanation of the force is
+    returned.
     """
-    kind = places(found.motion)
+    kind = load_change_kinds(found.motion)
     settled = _settle_states(found, of, repeatability_kg, kind)
     misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
     if not misfits or found.motion.manoeuvres < FEWEST:
         return settled
     of = _add_uneven_ground(found, of, fit_rows(found, of.noise).group)
-    alike = _SameMeans.of(found, of)
+    alike = _PartitionComparison.from_fit(found, of)
     fits = list[JointFit]()
     hints = np.append(0, np.cumsum(kind > 1))
     if hints[-1]:
-        held = _hold_states(alike.states(hints), of)
+        held = _refit_fixed_states(alike.states(hints), of)
         fits.append(_settle_states(held, of, repeatability_kg, kind))
     hauls = hauling_patterns(found.motion)
     if hauls:
         haul = min(hauls, key=alike.information_criterion)
         kind = np.where(np.diff(haul) > 0, np.maximum(kind, HINTED), kind)
-        held = _hold_states(alike.states(haul), of)
+        held = _refit_fixed_states(alike.states(haul), of)
         hidden = _settle_states(held, of, repeatability_kg, kind)
-        fits += [hidden, _tell_scatter(held, of, repeatability_kg, kind)]
+        fits += [hidden, _refit_with_own_scatter(held, of, repeatability_kg, kind)]
     likely = [settled, *(each for each in fits if _has_certain_loads(each))]
     if len(likely) == 1:
         return settled
@@ -72,19 +73,19 @@ def add_load_states(
 
 
 def _has_certain_loads(found: JointFit) -> bool:
-    """Whether one load is out of the question."""
+    """Whether a single load is practically excluded."""
     least = LIMITS.hidden_loads_max_single_probability
     return found.count > 1 and _states_in(found).single_probability < least
 
 
 @dataclass(frozen=True)
-class _SameMeans:
-    """Fits of one log with means of one length, so that what they leave can be compared.
+class _PartitionComparison:
+    """Compare load assignments of one log by fits over means of the same length.
 
     Attributes:
-        task: what is fitted, without loads.
-        units: what each manoeuvre says of its mass.
-        number: (units,) of the manoeuvres.
+        task: the fit without load states.
+        units: mass estimate of each manoeuvre by itself.
+        number: (units,) numbers of the manoeuvres.
         samples: length of the means.
     """
 
@@ -94,22 +95,24 @@ class _SameMeans:
     samples: int
 
     @classmethod
-    def of(cls, found: JointFit, of: JointFitInputs) -> Self:
-        """Take the means of an earlier fit."""
+    def from_fit(cls, found: JointFit, of: JointFitInputs) -> Self:
+        """Prepare the comparison with the mean length and manoeuvres of an earlier fit."""
         motion, terms = found.motion, applicable_terms(found.motion, several=True)
         task = FitTask(motion, of.noise, of.priors, terms, of.wheels, None, of.uneven_1_s)
         number = np.unique(unit_of_each_stretch(motion))
-        return cls(task, _units_of(found, of, places(motion)), number, found.mean_samples)
+        return cls(
+            task,
+            _manoeuvre_effects(found, of, load_change_kinds(motion)),
+            number,
+            found.mean_samples,
+        )
 
     def states(self, membership: Ints) -> LoadStates:
-        """The load states of manoeuvres of these loads, (units,)."""
-        return states_of(self.units, self.number, membership)
+        """Load states of a partition, with (units,) membership."""
+        return states_of_partition(self.units, self.number, membership)
 
     def information_criterion(self, membership: Ints) -> float:
-        """How badly these loads, (units,), explain the force for as many as they are (Akaike 1974).
-
-        Infinite where the fit fails.
-        """
+        """Akaike information criterion (1974) of a partition; infinite if its fit fails."""
         fitted = replace(self.task, states=self.states(membership)).fit_means(self.samples, 2)
         if not np.isfinite(fitted.theta).all():
             return np.inf
@@ -117,54 +120,54 @@ class _SameMeans:
         return independent * float(np.log(fitted.fit.residual_rms**2)) + 2.0 * fitted.count
 
 
-def _hold_states(states: LoadStates, of: JointFitInputs) -> JointFit:
-    """Fit with these states until their loads have said where the ground acts on which."""
+def _refit_fixed_states(states: LoadStates, of: JointFitInputs) -> JointFit:
+    """Refit with fixed states a few times, so that the ground terms by load settle."""
     found = joint_fit(of, states)
     for _ in range(1, LIMITS.held_rounds):
         if not np.isfinite(found.theta).all():
             break
-        units = _units_of(found, of, places(found.motion))
-        found = joint_fit(of, states_of(units, states.unit, states.membership))
+        units = _manoeuvre_effects(found, of, load_change_kinds(found.motion))
+        found = joint_fit(of, states_of_partition(units, states.unit, states.membership))
     return found
 
 
-def _tell_scatter(
+def _refit_with_own_scatter(
     held: JointFit, of: JointFitInputs, repeatability_kg: float | None, kind: Ints
 ) -> JointFit:
-    """Fit the same states with the scatter that they have, and how probable one load is."""
+    """Refit the same states with their own scatter and single-load probability."""
     if not np.isfinite(held.theta).all():
         return held
-    units, states = _units_of(held, of, kind), _states_in(held)
+    units, states = _manoeuvre_effects(held, of, kind), _states_in(held)
     likeliest = find_states(units, states.unit, repeatability_kg)
-    scattering = states_of(units, states.unit, states.membership, usual_scatter=False)
+    scattering = states_of_partition(units, states.unit, states.membership, usual_scatter=False)
     states = replace(scattering, single_probability=likeliest.single_probability)
     return refit_with_changes(replace(held, states=states), of.noise, of.priors, rounds=2)
 
 
-def _units_of(found: JointFit, of: JointFitInputs, kind: Ints) -> GroupEffects:
-    """What each manoeuvre says of its mass by a fit, and what tells changes between them."""
-    units = _task_of(found, of).group_effects_of_fit(found, fit_rows(found, of.noise))
+def _manoeuvre_effects(found: JointFit, of: JointFitInputs, kind: Ints) -> GroupEffects:
+    """Mass estimates of each manoeuvre by a fit, with the kinds of change between them."""
+    units = _task_of_fit(found, of).group_effects_of_fit(found, fit_rows(found, of.noise))
     return replace(units, kind=kind)
 
 
-def _task_of(found: JointFit, of: JointFitInputs) -> FitTask:
-    """The task that a fit was found by."""
+def _task_of_fit(found: JointFit, of: JointFitInputs) -> FitTask:
+    """The task that produced a fit."""
     return FitTask(found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states)
 
 
 def _settle_states(
     found: JointFit, of: JointFitInputs, repeatability_kg: float | None, kind: Ints
 ) -> JointFit:
-    """Find the states and fit by turns from a first fit on.
+    """Alternate between state search and fit, from a first fit on.
 
-    A search that does not settle has the states about which manoeuvres scatter least, for as many.
+    If the search does not converge, the states with the least scatter for their number are kept.
     """
     number = np.unique(unit_of_each_stretch(found.motion))
     if not np.isfinite(found.theta).all():
         return _withhold_masses(found)
     first, tried = found, list[JointFit]()
     for _ in range(LIMITS.state_rounds):
-        task, rows = _task_of(found, of), fit_rows(found, of.noise)
+        task, rows = _task_of_fit(found, of), fit_rows(found, of.noise)
         states = max(
             (
                 find_states(
@@ -196,7 +199,7 @@ def _settle_states(
 
 
 def _withhold_masses(found: JointFit) -> JointFit:
-    """The same fit, none of whose masses is known."""
+    """The same fit with all masses unknown."""
     states = found.states
     if found.count == 1 or states is None:
         states = single_unknown_state(np.unique(unit_of_each_stretch(found.motion)))
@@ -209,7 +212,7 @@ def _states_in(found: JointFit) -> LoadStates:
 
 
 def _add_uneven_ground(found: JointFit, of: JointFitInputs, group: Ints) -> JointFitInputs:
-    """Likewise with constants that differ from stretch to stretch."""
+    """Inputs with the variance of ground forces between stretches, from a fit's residual."""
     if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
         return of
     residual = found.fit.residual

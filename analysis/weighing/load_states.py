@@ -1,4 +1,4 @@
-"""Load states: which manoeuvres carry one load, and how they scatter about it.
+"""Load states: which manoeuvres carry the same load, and how their masses scatter.
 
 A manoeuvre's mass is what it says once the nuisances that all manoeuvres share are taken off.
 A load changes between manoeuvres, where the machine stood.
@@ -18,7 +18,7 @@ from analysis.weighing.motion_samples import (
     last_of_stretch,
 )
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.joint.changepoints import Partitions, partitions
+from estimators.joint.changepoints import Partitions, find_partitions
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.joint.random_intercepts import RandomIntercepts
@@ -30,13 +30,13 @@ _ROUNDS: Final = 60
 
 @dataclass(frozen=True)
 class AlternativePartition:
-    """The next likely partition of the manoeuvres, if the log does not decide.
+    """The next likely partition into loads, if the log does not exclude it.
 
     Attributes:
-        membership: (units,) the load state of each.
-        differs_kg: (units,) by how much its mass then differs.
+        membership: (units,) load state of each manoeuvre.
+        differs_kg: (units,) difference of each manoeuvre's mass.
         scatter_kg: standard deviation of manoeuvres about their state.
-        probability: that it is not as the states have it.
+        probability: probability that the chosen states are wrong.
     """
 
     membership: Ints
@@ -50,18 +50,18 @@ class LoadStates:
     """The load state of each manoeuvre.
 
     Attributes:
-        unit: (units,) numbers of the manoeuvres, as the samples have them, ascending.
-        membership: (units,) the load state of each, from 0 on in time.
-        level_kg: (units,) mass that each says, the nuisances taken off.
-        std_kg: (units,) its deviation by the manoeuvre alone.
+        unit: (units,) numbers of the manoeuvres in the samples, ascending.
+        membership: (units,) load state of each manoeuvre, numbered by time.
+        level_kg: (units,) mass of each manoeuvre by itself, without the nuisances.
+        std_kg: (units,) its standard deviation from the manoeuvre alone.
         scatter_kg: standard deviation of manoeuvres about their state.
-        freedom: degrees of freedom that tell it; infinite where the machine file does.
-        birge_ratio: deviation from manoeuvre to manoeuvre over that of each alone; NaN where there
-            is nothing to compare.
-        single_probability: how probable it is that there is one state.
-        other: the other reading, where the log cannot tell; else None.
-        load_returns: whether a load is there again after another: an empty machine, say.
-        log_odds: of these states over a single one, as a logarithm.
+        freedom: degrees of freedom of the scatter; infinite if the machine file states it.
+        birge_ratio: deviation between manoeuvres over that within each; NaN if there is nothing to
+            compare.
+        single_probability: probability of a single state.
+        other: the alternative partition, if the log cannot decide; else None.
+        load_returns: whether a load recurs after another one, such as the empty machine.
+        log_odds: log odds of these states against a single one.
     """
 
     unit: Ints
@@ -78,18 +78,18 @@ class LoadStates:
 
     @property
     def count(self) -> int:
-        """How many states there are."""
+        """Number of states."""
         return int(self.membership.max()) + 1
 
     @property
     def means_kg(self) -> Floats:
-        """(states,) the mass of each by its manoeuvres."""
+        """(states,) mean mass of each state's manoeuvres, in kg."""
         weight = 1.0 / (self.std_kg**2 + self.scatter_kg**2)
         return means_by_state(self.level_kg, weight, self.membership)
 
     @property
     def misfit(self) -> float:
-        """How far manoeuvres are from their states, and how many these are (Schwarz 1978)."""
+        """Bayesian information criterion of the states (Schwarz 1978)."""
         variance = self.scatter_kg**2 + float(np.median(self.std_kg**2))
         return self.membership.size * float(np.log(variance)) + self.count * float(
             np.log(self.membership.size)
@@ -97,7 +97,7 @@ class LoadStates:
 
     @property
     def scatters(self) -> bool:
-        """Whether manoeuvres disagree by more than chance lets them."""
+        """Whether manoeuvres disagree by more than chance explains."""
         if not 0 < self.freedom < np.inf:
             return self.scatter_kg > float(np.median(self.std_kg))
         return self.birge_ratio**2 > 1.0 + LIMITS.excess_scatter_std * float(
@@ -106,11 +106,11 @@ class LoadStates:
 
     @property
     def scatter_known(self) -> bool:
-        """Whether the scatter is more than a guess."""
+        """Whether the scatter is estimated rather than assumed."""
         return self.freedom >= FEWEST_FREEDOM
 
-    def among(self, motion: MotionSamples) -> "LoadStates":
-        """The same of a motion that may have fewer manoeuvres, or others: states are renumbered."""
+    def restrict_to(self, motion: MotionSamples) -> "LoadStates":
+        """These states for a motion with other manoeuvres, numbered again."""
         unit = np.unique(unit_of_each_stretch(motion))
         place = np.searchsorted(self.unit, unit, "right") - 1
         place = place.clip(0, self.unit.size - 1)
@@ -129,12 +129,12 @@ class LoadStates:
         )
 
     def alternative_std_kg(self, weights: Floats) -> float:
-        """What the doubt of the states does to a sum of their masses, in kg.
+        """Standard deviation of a sum of masses due to the alternative partition, in kg.
 
-        The mass of a manoeuvre drawn from each state has the variance between the two readings.
+        A manoeuvre drawn from each state has the variance between the two partitions.
 
         Args:
-            weights: (states,) of each mass in the sum.
+            weights: (states,) weight of each mass.
         """
         if self.other is None:
             return 0.0
@@ -147,17 +147,17 @@ class LoadStates:
         return float(np.sqrt(self.other.probability * variance))
 
     def levels(self, motion: MotionSamples) -> RandomIntercepts:
-        """The states of the stretches of the motion whose manoeuvres these are."""
+        """States of the motion's stretches, as random intercepts."""
         number = np.searchsorted(self.unit, unit_of_each_stretch(motion))
         scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
         return RandomIntercepts(self.membership[number], number, scatter_kg, self.freedom)
 
 
 def unit_of_each_stretch(motion: MotionSamples) -> Ints:
-    """The manoeuvre of each stretch, (stretches,).
+    """Manoeuvre of each stretch, (stretches,).
 
-    One that is too short to tell a mass, or that hardly changes its speed, goes with the one before
-    it, or with the one after it where something tells that the load changed before and not after.
+    A stretch too short or too steady to determine a mass joins the manoeuvre before it, or the one
+    after it if only that border has no sign of a load change.
     """
     unit = motion.unit[first_of_stretch(motion.group)]
     number, of = np.unique(unit, return_inverse=True)
@@ -187,12 +187,12 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
 
 
 def _gained_speeds_m_s(motion: MotionSamples, unit: Ints, units: int) -> Floats:
-    """How far apart the speeds of each manoeuvre are, (units,).
+    """Range of the speeds of each manoeuvre, (units,) in m/s.
 
     Args:
         motion: the samples.
-        unit: (stretches,) the manoeuvre of each, from 0.
-        units: how many there are.
+        unit: (stretches,) manoeuvre of each, from 0.
+        units: number of manoeuvres.
     """
     used = np.flatnonzero(motion.used)
     of, speed = unit[motion.group[used]], motion.speed[used]
@@ -203,18 +203,17 @@ def _gained_speeds_m_s(motion: MotionSamples, unit: Ints, units: int) -> Floats:
 
 
 def unit_of_each_sample(motion: MotionSamples) -> Ints:
-    """The manoeuvre of each fitted sample, (used samples,)."""
+    """Manoeuvre of each fitted sample, (used samples,)."""
     return unit_of_each_stretch(motion)[motion.group[motion.used]]
 
 
-def places(motion: MotionSamples) -> Ints:
-    """What tells a change of load between one manoeuvre and the next, (units - 1,).
+def load_change_kinds(motion: MotionSamples) -> Ints:
+    """Kind of evidence for a load change between successive manoeuvres, (units - 1,).
 
     Returns:
-        0 where the machine drove on or is named as empty, 1 where only the masses can, `TURNED`
-        where it went from forwards to reverse, `RESTARTED` where the log was silent as between two
-        files, `HINTED` where the boom or the bucket moved as well, `FILLED` where the machine dug,
-        `NAMED` where the time begins or ends in which it is named as empty.
+        0 if the machine drove on or is named empty, 1 if only the masses can tell, `TURNED` at a
+        change of direction, `RESTARTED` after a gap as between files, `HINTED` if boom or bucket
+        moved, `FILLED` if the machine dug, `NAMED` at a border of the times named empty.
     """
     used = np.flatnonzero(motion.used)
     first = np.flatnonzero(np.append(True, np.diff(unit_of_each_sample(motion)) > 0))
@@ -231,14 +230,14 @@ def places(motion: MotionSamples) -> Ints:
 
 
 def _change_kind(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:
-    """What tells a change of load between two manoeuvres.
+    """Kind of evidence for a load change between two manoeuvres.
 
     Args:
-        motion: arms and digging.
+        motion: samples, with arm angles and digging.
         end: last sample of the first manoeuvre.
         begin: first sample of the second one.
-        since: from where on the boom is looked at.
-        until: likewise.
+        since: first sample of the boom to examine.
+        until: end sample of the boom to examine.
     """
     if motion.digs is not None and motion.digs[end : begin + 1].any():
         return FILLED
@@ -256,23 +255,23 @@ def _change_kind(motion: MotionSamples, end: int, begin: int, since: int, until:
 
 
 def _range(x: Floats) -> float:
-    """From the least to the largest that is known, 0 where nothing is."""
+    """Maximum minus minimum of the known values; 0 if none is known."""
     known = x[np.isfinite(x)]
     return float(np.ptp(known)) if known.size else 0.0
 
 
 def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | None) -> LoadStates:
-    """Find the states.
+    """Find the most probable load states.
 
     Args:
-        units: what each manoeuvre says.
-        number: (units,) of the manoeuvres.
-        repeatability_kg: how manoeuvres of one load scatter, where the machine file knows.
+        units: mass estimate of each manoeuvre.
+        number: (units,) numbers of the manoeuvres.
+        repeatability_kg: scatter of manoeuvres of one load, if the machine file states it.
     """
     if not (np.isfinite(units.y).all() and (units.variance > 0.0).all()):
         return single_unknown_state(number)
     typical_kg = _typical_mass_kg(units)
-    found = partitions(
+    found = find_partitions(
         units,
         LIMITS.largest_load_fraction * typical_kg,
         LIMITS.repeatability_fraction * typical_kg,
@@ -292,17 +291,16 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
     )
 
 
-def states_of(
+def states_of_partition(
     units: GroupEffects, number: Ints, membership: Ints, *, usual_scatter: bool = True
 ) -> LoadStates:
-    """The states of a partition that is given.
+    """Load states of a given partition.
 
     Args:
-        units: what each manoeuvre says.
-        number: (units,) of the manoeuvres.
-        membership: (units,) the load state of each, from 0 on in time.
-        usual_scatter: whether manoeuvres scatter about them as they usually do, since the units are
-            of other loads: what they scatter by is then what these differ by.
+        units: mass estimate of each manoeuvre.
+        number: (units,) numbers of the manoeuvres.
+        membership: (units,) load state of each manoeuvre, numbered by time.
+        usual_scatter: whether to assume the usual scatter, if `units` are of other loads.
     """
     typical_kg = _typical_mass_kg(units)
     posterior = PartitionPosterior(units, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
@@ -327,12 +325,12 @@ def _states_of_partition(units: GroupEffects, number: Ints, best: Partition) -> 
 
 
 def _typical_mass_kg(units: GroupEffects) -> float:
-    """The scale of loads; of manoeuvres of no mass what their own noise lets them say."""
+    """Typical mass in kg; the noise level if no manoeuvre has a mass."""
     return float(max(np.median(np.abs(units.y)), np.median(np.sqrt(units.variance))))
 
 
 def _count_reversals(found: Partition) -> int:
-    """How often a load that was put on is taken off, or the other way round."""
+    """Number of increases followed by a decrease of the load, or vice versa."""
     rises = np.sign(np.diff(found.levels))
     return int(np.count_nonzero(np.diff(rises[rises != 0.0])))
 
@@ -340,7 +338,7 @@ def _count_reversals(found: Partition) -> int:
 def _alternative_partition(
     units: GroupEffects, best: Partition, other: Partition | None, probability: float
 ) -> AlternativePartition | None:
-    """What the units may as well say; None where the log can tell."""
+    """The alternative that the manoeuvres allow; None if the log decides."""
     doubted = (
         LIMITS.several_loads_min_probability
         if best.states == 1
@@ -355,13 +353,13 @@ def _alternative_partition(
 
 
 def single_unknown_state(number: Ints) -> LoadStates:
-    """One state of these manoeuvres, of which nothing is known."""
+    """One state of these manoeuvres, with unknown mass."""
     one, nothing = np.zeros(number.size, np.int64), np.full(number.size, np.nan)
     return LoadStates(number, one, nothing, nothing, 0.0, 0.0, float("nan"))
 
 
 def _is_partition_credible(found: Partitions, repeatability_kg: float | None) -> bool:
-    """Whether the most probable partition is taken, or one state where nothing can tell."""
+    """Whether to accept the most probable partition rather than a single state."""
     few = found.best.freedom < FEWEST_FREEDOM
     doubted = found.single_probability > LIMITS.single_load_min_probability
     return repeatability_kg is not None or not (few and doubted)
@@ -371,9 +369,9 @@ def means_by_state(level: Floats, weight: Floats, state: Ints) -> Floats:
     """Weighted means by state, (states,).
 
     Args:
-        level: (units,) what each says.
-        weight: (units,) of each.
-        state: (units,) from 0.
+        level: (units,) mass of each manoeuvre.
+        weight: (units,) weight of each manoeuvre.
+        state: (units,) state of each manoeuvre, from 0.
     """
     return np.bincount(state, weights=weight * level) / np.bincount(state, weights=weight)
 
@@ -381,7 +379,7 @@ def means_by_state(level: Floats, weight: Floats, state: Ints) -> Floats:
 def _between_manoeuvre_scatter(
     level: Floats, variance: Floats, found: Partition
 ) -> tuple[float, float, float]:
-    """Scatter about the levels (Paule & Mandel 1982), its degrees of freedom, Birge's ratio."""
+    """Scatter about the states (Paule & Mandel 1982), degrees of freedom and Birge ratio."""
     freedom, state = found.freedom, found.level[found.state]
     if freedom < 1:
         return 0.0, 0.0, float("nan")

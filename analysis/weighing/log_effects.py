@@ -1,4 +1,4 @@
-"""Which effects a log has: drifts, a force by the place, gears, uneven ground; none or several.
+"""Bayesian choice of effects: drifts, position-dependent force, gears and uneven ground.
 
 A gain that drifts and friction that warms look alike while the machine drives at a steady speed,
 and free to cancel each other they hide a change of load. That a log has neither is likelier than
@@ -47,15 +47,15 @@ NARROW: Final = 0.02
 
 @dataclass(frozen=True)
 class LikelyEffects:
-    """The likeliest choice of effects, and what the others would change.
+    """The most probable choice of effects, and the changes by the others.
 
     Attributes:
-        left_out: the effects that it does not have.
-        probability: (choices,) of the other choices.
-        moved_kg: (choices, masses) by how much each moves the masses.
-        response_kg: (masses, terms) what a unit of each term moves the masses by.
-        widened: (choices, terms, terms) covariance that each has beyond the likeliest.
-        removed_kg: by effect that it has, (masses,) by how much leaving that one out moves masses.
+        left_out: effects that the choice excludes.
+        probability: (choices,) probabilities of the other choices.
+        moved_kg: (choices, masses) change of the masses by each other choice.
+        response_kg: (masses, terms) response of the masses to one unit of each term.
+        widened: (choices, terms, terms) additional covariance of each other choice.
+        removed_kg: (masses,) change of the masses without each included effect, by effect.
     """
 
     left_out: tuple[str, ...]
@@ -69,13 +69,13 @@ class LikelyEffects:
     def weigh_choices(
         cls, fit: MapFit, masses: int, terms: tuple[Nuisance, ...], prior_std: Floats
     ) -> Self | None:
-        """Weigh the choices by a fit that has all effects; None where it has none.
+        """Compute the probabilities of all choices of effects; None without effects.
 
         Args:
-            fit: masses, friction and terms.
-            masses: how many masses there are.
+            fit: fit of masses, friction and terms.
+            masses: number of masses.
             terms: the nuisances.
-            prior_std: (terms,) widths of their priors, whose means are 0.
+            prior_std: (terms,) prior standard deviations; the prior means are 0.
         """
         own = [place for place, term in enumerate(terms) if term.name in EFFECTS]
         if not own or not np.isfinite(fit.covariance).all():
@@ -120,15 +120,15 @@ class LikelyEffects:
         )
 
     def narrow_left_out(self, priors: PriorSettings) -> PriorSettings:
-        """The priors of a fit without the effects that are left out."""
+        """Priors that exclude the effects that are left out."""
         keys = [key for name in self.left_out for key in _WIDTHS[name]]
         return priors.model_copy(update={key: NARROW * getattr(priors, key) for key in keys})
 
     def model_choice_u_kg(self, weights: Floats) -> float:
-        """What the other choices do to a sum of masses, in kg (law of total variance).
+        """Uncertainty of a sum of masses due to the choice, in kg (law of total variance).
 
         Args:
-            weights: (masses,) of each mass in the sum.
+            weights: (masses,) weight of each mass.
         """
         moved, by_term = self.moved_kg @ weights, weights @ self.response_kg
         wider = np.einsum("i,cij,j->c", by_term, self.widened, by_term)
@@ -141,7 +141,7 @@ def _drop_effect(kept: tuple[bool, ...], place: int) -> tuple[bool, ...]:
 
 
 def _invert_precision(precision: Floats) -> Floats:
-    """The covariance; of what rounding leaves singular, of what it determines."""
+    """Covariance from a precision matrix; pseudoinverse if rounding makes it singular."""
     try:
         inverse = np.linalg.inv(precision)
     except np.linalg.LinAlgError:
@@ -152,14 +152,14 @@ def _invert_precision(precision: Floats) -> Floats:
 def _score_choice(
     kept: np.ndarray, before: float, information: Floats, scores: Floats, variance: Floats
 ) -> tuple[float, np.ndarray, Floats, Floats]:
-    """Logarithm of the evidence of a choice of effects, the choice, their mean and covariance.
+    """Log evidence of a choice of effects, the choice, and mean and covariance of its terms.
 
     Args:
-        kept: (terms,) those that it has.
-        before: logarithm of its odds before anything is measured, up to a constant.
-        information: (terms, terms) that the log has about them.
-        scores: (terms,) information times what the log says of them.
-        variance: (terms,) of their priors.
+        kept: (terms,) terms that it includes.
+        before: log prior odds of the choice, up to a constant.
+        information: (terms, terms) information of the log.
+        scores: (terms,) information times the estimates.
+        variance: (terms,) prior variances.
     """
     mean, covariance = np.zeros(kept.size), np.zeros((kept.size, kept.size))
     own = np.flatnonzero(kept)

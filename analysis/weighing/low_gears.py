@@ -1,4 +1,4 @@
-"""The terms of a gearbox: in low gears the force accelerates more that turns.
+"""Terms of a gearbox: in low gears more rotating mass is accelerated.
 
 An engine that turns i times as fast as the wheels adds to the mass with i². A driver shifts up with
 the speed, so that i is about the inverse of the speed, and what a gear has beyond the top one falls
@@ -27,12 +27,12 @@ def _low_gear_fraction(speed: Floats, quarter_m_s: float) -> Floats:
 
 
 def _remaining_slope_s_m(speed: Floats, quarter_m_s: float) -> Floats:
-    """Derivative of that by the speed, in s/m."""
+    """Derivative of the remaining gear inertia by the speed, in s/m."""
     return -4.0 * speed / quarter_m_s**2 * (1.0 + (speed / quarter_m_s) ** 2) ** -3
 
 
 def _has_gears(motion: MotionSamples) -> bool:
-    """Whether it reaches the speed of a road from that of a first gear."""
+    """Whether speeds reach from that of a first gear to that of a road."""
     if motion.largest_speed <= LIMITS.road_speed_m_s:
         return False
     slow = np.abs(motion.speed[motion.used]) < LIMITS.first_gear_m_s

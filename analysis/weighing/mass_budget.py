@@ -1,4 +1,4 @@
-"""What the mass' uncertainty is made of: the fit's parts, and what no log can tell (its scale)."""
+"""Uncertainty budget of the mass: parts from the fit, and the scale, which no log determines."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -127,12 +127,12 @@ _PARTS: Final = {
 def budget_of_mass(
     weighing: Weighing, machine: Machine, weights: Floats
 ) -> list[UncertaintySource]:
-    """Every source of uncertainty of a sum of masses, the largest first, the unknown ones last.
+    """Uncertainty sources of a sum of masses, the largest first, unknown ones last.
 
     Args:
         weighing: the joint fit.
-        machine: what is known of the machine.
-        weights: (masses,) of each mass in the sum: 1 for one mass, 1 and -1 for a difference.
+        machine: machine file with the scale's uncertainties.
+        weights: (masses,) weight of each mass: 1 for one mass, 1 and -1 for a difference.
     """
     fit, body = weighing.fit, machine.machine
     sum_kg = abs(float(weights @ fit.masses_kg))
@@ -171,10 +171,10 @@ def budget_of_mass(
 
 
 def relative_u(weighing: Weighing, machine: Machine, state: int) -> float:
-    """Standard uncertainty of a load's mass over it, but for the scale, which no log tells.
+    """Relative standard uncertainty of a load's mass, without the scale.
 
-    By this a load has a mass or none: NaN where the fit has no number, infinite where its mass is
-    not above 0.
+    It decides whether the load has a mass: NaN if the fit has no number, infinite if the mass is
+    not positive.
     """
     sources = budget_of_mass(weighing, machine, weighing.fit.weights_of_state(state))
     mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
@@ -184,7 +184,7 @@ def relative_u(weighing: Weighing, machine: Machine, state: int) -> float:
 
 
 def _relative_loads(fit: JointFit, machine: Machine) -> Floats:
-    """(masses,) load of each state over the empty machine, or over the lightest state."""
+    """(masses,) mass of each state over the empty machine's, or the lightest state's, less 1."""
     body = machine.machine
     empty_kg = float(np.min(fit.masses_kg))
     if body.empty_mass_kg is not None:
@@ -196,7 +196,7 @@ def _relative_loads(fit: JointFit, machine: Machine) -> Floats:
 def _widening_by_checks(
     weighing: Weighing, weights: Floats, parts_kg: dict[str, float]
 ) -> dict[str, float]:
-    """What else a check of the fit widens a sum of masses by, in kg, where it shows."""
+    """Additional uncertainty of a sum of masses where a check fails, in kg by cause."""
     fit = weighing.fit
     # what is wrong with the equation is as wrong with every mass
     share = abs(float(weights @ fit.masses_kg)) / abs(fit.mass_kg) if fit.mass_kg else 1.0

@@ -1,4 +1,4 @@
-"""The equation of straight motion on the grid, before the moving mean, and where it may be fitted.
+"""Samples of straight motion on the grid before the moving mean, and where they may be fitted.
 
 A trailing mean reaches from the first moving samples back into the standstill, where friction holds
 whatever force there is: a start then says that there is no Coulomb friction. So the fit takes the
@@ -49,23 +49,23 @@ class ColumnNoiseModel(Protocol):
     """Noise model of acceleration, speed and force."""
 
     def covariance(self, samples: int) -> Floats:
-        """(3, 3) of the trailing mean of so many samples."""
+        """(3, 3) noise covariance of a trailing mean of so many samples."""
         ...
 
 
 @dataclass(frozen=True)
 class CachedNoise:
-    """Column noise that computes the covariance of each length of mean once.
+    """Column noise with the covariance cached by the length of the mean.
 
     Attributes:
-        columns: whose noise it is.
+        columns: the noise model.
     """
 
     columns: ColumnNoiseModel
     _known: dict[int, Floats] = field(default_factory=dict)
 
     def covariance(self, samples: int) -> Floats:
-        """(3, 3) of the trailing mean of so many samples."""
+        """(3, 3) noise covariance of a trailing mean of so many samples."""
         if samples not in self._known:
             self._known[samples] = self.columns.covariance(samples)
         return self._known[samples]
@@ -76,31 +76,30 @@ class MotionSamples:
     """The columns of f = m a + b v, (n,) each, and the manoeuvre of each sample.
 
     Attributes:
-        acceleration: what multiplies the mass, in m/s².
+        acceleration: factor of the mass, in m/s².
         speed: in m/s.
         force: in N.
-        group: number of the stretch of each sample that may be fitted, -1 for the others.
+        group: stretch number of each sample that may be fitted; -1 elsewhere.
         direction: 1 forwards, -1 in reverse, by manoeuvre.
-        unit: number of the manoeuvre: of what lies between two stands, or of a part of it where it
-            drives for long.
-        rate_hz: of the grid.
-        specific_force: the accelerometer along x, in m/s², where there is one.
-        without_gravity: likewise with gravity's share by the pitch taken off.
-        wheel_acceleration: derivative of the wheels' speed, in m/s², where it multiplies the mass.
+        unit: manoeuvre number: motion between two stands, or a part of a long drive.
+        rate_hz: rate of the grid.
+        specific_force: accelerometer along x in m/s²; None without one.
+        without_gravity: the same without gravity's component by the pitch.
+        wheel_acceleration: derivative of the wheel speed in m/s², if it is the acceleration.
         progress: from -1/2 to 1/2 over the log.
-        driven_m: how far the machine has driven since the log began, whichever way.
-        place_1: where it is on its path, from -1/2 to 1/2 where it is fitted.
-        path_m: how long that path is, in m.
-        by_accelerometer: whether the accelerometer multiplies the mass.
-        force_share: of the measured wheels.
-        weight: of the machine without load, in N; of what this log says where it is not known.
-        arms: angles of boom and bucket in rad, those that the log has: hints of a change of load.
-        digs: which samples are of a start that digs, where that is known: it fills the bucket.
-        empty: which samples are named as those of the empty machine, where any are.
-        stood: how often the machine has stood before, or was not seen: a load changes nowhere else;
-            None: the units say so.
-        silences: how often the log has been silent before as long as between two files.
-        wheel_radius_u_1: relative standard uncertainty of the wheels' radius; None: not stated.
+        driven_m: distance driven since the log began, in either direction.
+        place_1: position on the path, from -1/2 to 1/2 where fitted.
+        path_m: length of the path.
+        by_accelerometer: whether the acceleration is from the accelerometer.
+        force_share: fraction of the force at the measured wheels.
+        weight: weight of the empty machine in N, estimated if it is not stated.
+        arms: measured angles of boom and bucket in rad, as hints of a load change.
+        digs: whether each sample is of a digging start, which fills the bucket; None if unknown.
+        empty: whether each sample is named as empty machine; None if none is.
+        stood: number of earlier stops or gaps, the only places where a load changes; None if `unit`
+            says so.
+        silences: number of earlier gaps as long as between files.
+        wheel_radius_u_1: relative standard uncertainty of the wheel radius; None if not stated.
     """
 
     acceleration: Floats
@@ -135,16 +134,16 @@ class MotionSamples:
         return replace(self._select_samples(slice(0, end)), progress=make_centred_progress(end))
 
     def near_fitted(self, reach_s: float) -> "MotionSamples":
-        """Drop samples farther than a distance from any that may be fitted.
+        """Drop samples farther than `reach_s` from all that may be fitted.
 
-        What moves the force or the speed in time by no more finds what it would.
+        Time shifts of force or speed up to `reach_s` are not affected.
         """
         size = math.ceil(reach_s * self.rate_hz) + 1
         near = flagged_windows(self.used, size) | flagged_windows(self.used[::-1], size)[::-1]
         return self._select_samples(np.flatnonzero(near))
 
     def _select_samples(self, cut: slice | Ints) -> "MotionSamples":
-        """Some of the samples."""
+        """Select some of the samples."""
         level, measured = self.without_gravity, self.specific_force
         wheels = self.wheel_acceleration
         return replace(
@@ -199,7 +198,7 @@ class MotionSamples:
         return replace(self, speed=self._shift_in_time(self.speed, delay_s))
 
     def _shift_in_time(self, x: Floats, late_s: float) -> Floats:
-        """By a cubic inside of stretches: a line between two rows is a low-pass on a slow grid."""
+        """Advance a signal by a cubic per stretch, as lines would low-pass it on a slow grid."""
         late = late_s * self.rate_hz
         rows = np.arange(x.size, dtype=np.float64)
         moved = np.interp(rows + late, rows, x)
@@ -230,53 +229,53 @@ class MotionSamples:
 
     @cached_property
     def used(self) -> Bools:
-        """Which samples may be fitted."""
+        """Whether each sample may be fitted, (n,)."""
         return self.group >= 0
 
     @cached_property
     def largest_force(self) -> float:
-        """The force that this log drives with, in N: its 95 % quantile."""
+        """95 % quantile of the force, in N."""
         return float(np.quantile(np.abs(self.force[self.used]), 0.95))
 
     @cached_property
     def largest_speed(self) -> float:
-        """The speed that it reaches, in m/s, likewise."""
+        """95 % quantile of the speed, in m/s."""
         return float(np.quantile(np.abs(self.speed[self.used]), 0.95))
 
     @cached_property
     def mean_speed(self) -> float:
-        """How fast it drives on average, either way, in m/s."""
+        """Mean of the absolute speed, in m/s."""
         return float(np.mean(np.abs(self.speed[self.used])))
 
     @cached_property
     def approximate_mass_kg(self) -> float:
-        """The force that this log drives with over the acceleration that it reaches, in kg."""
+        """Typical large force over typical large acceleration, in kg."""
         reached = float(np.quantile(np.abs(self.acceleration[self.used]), 0.95))
         return self.largest_force / reached if reached else 0.0
 
     @property
     def drives(self) -> bool:
-        """Whether it has a force, a speed and an acceleration to measure the terms' priors by."""
+        """Whether force, speed and acceleration are large enough to scale the priors."""
         return self.approximate_mass_kg > 0.0 and self.largest_speed > 0.0
 
     @cached_property
     def manoeuvres(self) -> int:
-        """How many stretches between two stands may be fitted."""
+        """Number of manoeuvres that may be fitted."""
         return int(np.unique(self.unit[self.used]).size)
 
     @cached_property
     def separate_drive_count(self) -> int:
-        """How many drives may be fitted between which a load may change."""
+        """Number of drives that may be fitted between which a load may change."""
         return int(np.unique((self.unit if self.stood is None else self.stood)[self.used]).size)
 
     @cached_property
     def records(self) -> int:
-        """How many records there are, with a silence between two."""
+        """Number of records, separated by gaps."""
         return 1 if self.silences is None else int(np.unique(self.silences[self.used]).size)
 
     @cached_property
     def is_on_bench(self) -> bool:
-        """Whether it goes to and fro on one short path, which no vehicle does."""
+        """Whether it moves back and forth on one short path, which no vehicle does."""
         driven_m = float(np.abs(self.speed).sum()) / self.rate_hz
         return self.drives_both_ways and 0.0 < self.path_m < min(
             LIMITS.bench_path_m, driven_m / LIMITS.bench_min_passes
@@ -298,15 +297,15 @@ def motion_samples(
     *,
     braking: bool = True,
 ) -> MotionSamples:
-    """Take the columns of the manoeuvres that the gate found informative.
+    """Collect the samples of the manoeuvres that the gate found informative.
 
     Args:
-        aligned: the grid before the moving mean, if so with `digs`, and `left_out` of useless rows.
-        excitation: the phases of motion.
-        gated: which windows are accepted.
-        machine: wheels, settings.
-        noise: of the columns.
-        braking: whether braking is fitted, where it counts as driving.
+        aligned: grid before the moving mean, with `digs` if known and `left_out` for useless rows.
+        excitation: frame with the phases of motion.
+        gated: frame with the accepted windows.
+        machine: machine file with wheels and settings.
+        noise: noise of the columns.
+        braking: whether braking is fitted, if it counts as driving.
     """
     settings = machine.settings
     speed = values(aligned, "speed_x_m_s")
@@ -371,12 +370,12 @@ def motion_samples(
 
 @compiled_ahead
 def rolling_fraction(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
-    """The share of the speed of wheels which slip by κ = F / C that is the ground's, (n,)."""
+    """Ground speed over wheel speed, (n,), for a slip of κ = F / C."""
     return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
 
 
 def _empty_weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:
-    """The empty machine's weight in N, or what force over acceleration says it is about."""
+    """Weight of the empty machine in N, estimated from force over acceleration if not stated."""
     body = machine.machine
     if body.empty_mass_kg is not None or not used.any():
         return (body.empty_mass_kg or 0.0) * body.gravity_m_s2
@@ -386,7 +385,7 @@ def _empty_weight(machine: Machine, acceleration: Floats, force: Floats, used: B
 
 
 def samples_named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
-    """Which samples `settings.loads` names as those of the empty machine; None: it names none."""
+    """Samples that `settings.loads` names as empty machine, (n,); None if it names none."""
     loads = machine.settings.loads
     if loads.empty_from_s is None or loads.empty_to_s is None:
         return None

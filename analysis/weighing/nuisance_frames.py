@@ -1,4 +1,4 @@
-"""The nuisances with prior and posterior, and the uncertainty budget, as frames."""
+"""Frames of the nuisances, prior and posterior, and of the uncertainty budget."""
 
 from typing import Final
 
@@ -21,7 +21,7 @@ _OF_WHEELS: Final = (
 
 
 def make_nuisance_frame(weighing: Weighing | None) -> pl.DataFrame:
-    """Make `nuisances`: a row a term, prior and posterior."""
+    """Make `nuisances`: a row per term, with prior and posterior."""
     if weighing is None:
         return make_empty_frame("nuisances")
     rows = pl.concat([_make_term_rows(weighing), _make_wheel_rows(weighing)], how="diagonal")
@@ -29,7 +29,7 @@ def make_nuisance_frame(weighing: Weighing | None) -> pl.DataFrame:
 
 
 def _make_term_rows(weighing: Weighing) -> pl.DataFrame:
-    """The terms of the fit."""
+    """Rows of the terms of the fit."""
     fit, own = weighing.fit, weighing.alone
     parts_kg = fit.parts_kg(fit.weights_of_state(fit.main_state))
     prior_std, mean_u = fit.prior_std.copy(), fit.prior_means.mean_u.copy()
@@ -61,7 +61,7 @@ def _make_term_rows(weighing: Weighing) -> pl.DataFrame:
 
 
 def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
-    """What wheels and accelerometer say of each other, where they go together."""
+    """Rows of the comparison of wheels and accelerometer, if they are consistent."""
     fit, own = weighing.fit, weighing.alone
     wheels = fit.kinematics
     if wheels is None or not wheels.is_consistent or wheels.gain_counts:
@@ -92,7 +92,7 @@ def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
 
 
 def make_budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
-    """Make `budget`: a row a load and source."""
+    """Make `budget`: a row per load and source."""
     if weighing is None:
         return make_empty_frame("budget")
     fit = weighing.fit

@@ -1,4 +1,4 @@
-"""The one table of nuisance terms: what a real machine's force holds besides m a + b v.
+"""The table of nuisance terms: what a real machine's force contains besides m a + b v.
 
 Each has a column, a prior whose width scales with the machine, and a sentence. Prior means are 0
 where no calibration learnt another (`settings.priors.learnt`).
@@ -17,29 +17,28 @@ from analysis.weighing.weighing_limits import LIMITS
 
 @dataclass(frozen=True)
 class Moments:
-    """The samples that are averaged to columns: (n,) each, at the shift that the lag has now.
+    """Samples for the columns, (n,) each, with the force advanced by the current lag.
 
     Attributes:
         acceleration: in m/s².
-        wheel_acceleration: derivative of the wheels' speed where it multiplies the mass; else 0.
+        wheel_acceleration: derivative of the wheel speed in m/s² if it is the acceleration; else 0.
         speed: in m/s.
-        rolling_fraction: of the speed that is the ground's, by the slip that the wheels are known
-            to have.
-        force: that acts on the ground, in N, in time.
-        force_rate: derivative of the measured force where it is more than noise, in N/s.
-        direction: of each manoeuvre.
+        rolling_fraction: ground speed over wheel speed, by the known slip.
+        force: force on the ground in N, corrected for its delay.
+        force_rate: derivative of the measured force in N/s; 0 within its noise.
+        direction: driving direction of each manoeuvre.
         progress: from -1/2 to 1/2 over the log.
-        under_way_s: since each stretch began.
-        relative_load: of the machine with its load over the reference mass, less 1.
-        load_contrast: the same over its root mean square: about -1 without a load, 1 with one.
-        place_1: where it is on its path, from -1/2 to 1/2.
-        travelled_m: how far it is from where the stretch begins, in m.
-        route_1: where it is on the route, from 0 where loads are dumped to 1 where it ends.
-        route_length_m: how long the route is.
-        slip_s_m: what slip was found to cost, as a share of the force a m/s.
-        transfer_s2_m: what load transfer was found to add to the force, likewise a m/s².
-        weight_shares: of the constant force and of Coulomb friction, what is expected to be in
-            proportion to the weight.
+        under_way_s: time since the stretch began.
+        relative_load: mass with load over the reference mass, less 1.
+        load_contrast: the same over its root mean square: about -1 empty, 1 loaded.
+        place_1: position on the path, from -1/2 to 1/2.
+        travelled_m: distance from the begin of the stretch.
+        route_1: position on the route, from 0 at the dump to 1 at its end.
+        route_length_m: length of the route.
+        slip_s_m: estimated cost of slip, as a fraction of the force per m/s.
+        transfer_s2_m: estimated load transfer, as a fraction of the force per m/s².
+        weight_shares: expected fractions of the constant force and of Coulomb friction that are
+            proportional to the weight.
     """
 
     acceleration: Floats
@@ -63,7 +62,7 @@ class Moments:
 
     @property
     def ground_speed(self) -> Floats:
-        """(n,) the speed without that slip, in m/s."""
+        """(n,) ground speed in m/s, without the slip."""
         return self.rolling_fraction * self.speed
 
     def select_rows(self, rows: Ints) -> "Moments":
@@ -74,21 +73,21 @@ class Moments:
 
 @dataclass(frozen=True, slots=True)
 class Nuisance:
-    """A term of the fit.
+    """A nuisance term of the fit.
 
     Attributes:
-        name: in frames, settings and answers.
-        unit: of its parameter.
-        column: computes what multiplies its parameter, (n,).
-        width: the default standard deviation of its prior.
-        meaning: what it stands for.
-        shrinks: what would narrow it.
-        by_speed: derivative of the column by the speed, whose noise it carries; None: none.
-        by_force: likewise by the force.
-        by_acceleration: likewise by the acceleration.
-        applies: whether a log can have it.
-        by_load: whether it needs load states to be told apart: one load does not have it.
-        source: what it is a part of, where the budget has several terms as one; else empty.
+        name: name in frames, settings and answers.
+        unit: unit of its parameter.
+        column: computes its column, (n,).
+        width: computes the default prior standard deviation.
+        meaning: what it models, in a sentence.
+        shrinks: what would reduce its uncertainty.
+        by_speed: derivative of the column by the speed, which adds the speed's noise; None: none.
+        by_force: derivative by the force, likewise.
+        by_acceleration: derivative by the acceleration, likewise.
+        applies: whether it applies to a log.
+        by_load: whether it needs several load states.
+        source: budget entry that combines it with other terms; else empty.
     """
 
     name: str
@@ -106,34 +105,34 @@ class Nuisance:
 
 
 def constant_force_std(largest_N: float, weight_N: float, priors: PriorSettings) -> float:
-    """Standard deviation of a constant force by the force that drives and the weight, in N."""
+    """Prior standard deviation of a constant force in N, from driving force and weight."""
     return float(np.hypot(priors.const_share * largest_N, priors.const_weight_share * weight_N))
 
 
 def coulomb_std(largest_N: float, weight_N: float, priors: PriorSettings) -> float:
-    """Standard deviation of Coulomb friction and rolling resistance likewise, in N."""
+    """Prior standard deviation of Coulomb friction and rolling resistance in N, likewise."""
     return float(
         np.hypot(priors.direction_share * largest_N, priors.direction_weight_share * weight_N)
     )
 
 
 def const_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
-    """Standard deviation of the constant force's prior, in N."""
+    """Prior standard deviation of the term `const`, in N."""
     return constant_force_std(motion.largest_force, motion.weight, priors)
 
 
 def coulomb_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
-    """Standard deviation of Coulomb friction's prior, in N."""
+    """Prior standard deviation of the Coulomb term, in N."""
     return coulomb_std(motion.largest_force, motion.weight, priors)
 
 
 def split_measured_offset(motion: MotionSamples, priors: PriorSettings) -> tuple[float, float]:
-    """Which share of a constant force is an error of the measured one, and what is not known of it.
+    """Split a constant force, by the priors, into measurement error and acting force.
 
-    By the priors alone: the log tells the sum of what is measured wrong and of what acts.
+    The log determines only their sum.
 
     Returns:
-        The share expected, and the standard deviation in N.
+        Expected fraction of measurement error, and the standard deviation in N.
     """
     wrong = priors.const_share * motion.largest_force
     coulomb = 0.0 if motion.drives_both_ways else coulomb_prior_std(motion, priors)
@@ -144,14 +143,14 @@ def split_measured_offset(motion: MotionSamples, priors: PriorSettings) -> tuple
 
 @dataclass(frozen=True, slots=True)
 class WeightShare:
-    """How much of a force is in proportion to the weight with its load, by the priors alone.
+    """Fraction of a force that is proportional to the weight, by the priors alone.
 
-    A force of newtons (offset, Coulomb friction) is the same for every load; one of the weight
-    (tilt and bias of the accelerometer, a slope, rolling resistance) grows with it.
+    Offset and Coulomb friction are equal for all loads; tilt, accelerometer bias, slope and rolling
+    resistance grow with the load.
 
     Attributes:
-        expected: the share of the force at the reference load.
-        std_N: standard deviation of what deviates from that.
+        expected: the fraction, at the reference load.
+        std_N: standard deviation of the split.
     """
 
     expected: float
@@ -159,13 +158,13 @@ class WeightShare:
 
     @classmethod
     def from_parts(cls, newtons: float, of_weight: float) -> Self:
-        """Split a force whose two parts have these standard deviations, in N."""
+        """Split a force whose parts have these standard deviations in N."""
         both = float(np.hypot(newtons, of_weight))
         return cls((of_weight / both) ** 2, newtons * of_weight / both)
 
 
 def split_const_by_weight(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
-    """Split the constant force, which has Coulomb friction where all driving is one way."""
+    """Split the constant force; it includes Coulomb friction if all driving is one way."""
     newtons = priors.const_share * motion.largest_force
     of_weight = priors.const_weight_share * motion.weight
     if motion.drives_both_ways:
@@ -177,7 +176,7 @@ def split_const_by_weight(motion: MotionSamples, priors: PriorSettings) -> Weigh
 
 
 def split_coulomb_by_weight(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
-    """Split the force against the direction of motion."""
+    """Split the friction force."""
     return WeightShare.from_parts(
         priors.direction_share * motion.largest_force,
         priors.direction_weight_share * motion.weight,
@@ -185,19 +184,19 @@ def split_coulomb_by_weight(motion: MotionSamples, priors: PriorSettings) -> Wei
 
 
 def weight_const_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
-    """Standard deviation of `weight_const`'s prior, in N: how it splits, and a body that sags."""
+    """Prior standard deviation of `weight_const` in N: its split, and a sagging body."""
     sags = priors.sag_weight_share * motion.weight
     return float(np.hypot(split_const_by_weight(motion, priors).std_N, sags))
 
 
 @dataclass(frozen=True)
 class WarmingShape:
-    """How viscous friction changes over a log, by one of three orthogonal polynomials of time.
+    """Change of viscous friction over a log, as an orthogonal polynomial of time.
 
     Attributes:
-        degree: of the polynomial; more manoeuvres than that are needed to tell it.
-        share: its value at a progress from -1/2 to 1/2, (n,) of (n,).
-        meaning: in words.
+        degree: degree of the polynomial; it needs more manoeuvres than that.
+        share: computes its value (n,) from the progress (n,), from -1/2 to 1/2.
+        meaning: description in words.
     """
 
     degree: int

@@ -1,4 +1,4 @@
-"""The answer with the other motion: by the wheels where the accelerometer weighs, or the reverse.
+"""The answer with the other acceleration: wheels instead of accelerometer, or vice versa.
 
 Wheels and accelerometer that do not agree say different motions of one machine. Which of them is
 wrong no log tells, but whether it matters: the fit once more with the other one.
@@ -17,11 +17,11 @@ from analysis.weighing.weighing_limits import LIMITS
 
 @dataclass(frozen=True, slots=True)
 class AlternativeMotion:
-    """The change of the answer by the other motion.
+    """Change of the answer with the other acceleration.
 
     Attributes:
-        kg: mass by the other motion less the mass.
-        u_kg: standard uncertainty of that: what both have of the priors is in it twice.
+        kg: mass with the other acceleration minus the mass.
+        u_kg: standard uncertainty of the change; it counts the shared priors twice.
     """
 
     kg: float
@@ -29,14 +29,14 @@ class AlternativeMotion:
 
     @property
     def mass_shift_u(self) -> float:
-        """How far the mass moves, in standard uncertainties; infinite where nothing is left."""
+        """Change of the mass in standard uncertainties; infinite if the refit has no mass."""
         return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
 
 
 def wheel_imu_disagreement(fit: JointFit) -> float:
-    """What wheels and accelerometer do not agree about, as a share of the speed; NaN: no telling.
+    """Disagreement of wheels and accelerometer relative to the speed; NaN if unknown.
 
-    What the noise of the speed explains is no disagreement, so that its size does not matter.
+    The part that the speed's noise explains does not count.
     """
     wheels = fit.kinematics
     if wheels is None or not fit.motion.largest_speed:
@@ -47,11 +47,11 @@ def wheel_imu_disagreement(fit: JointFit) -> float:
 def refit_with_wheel_or_imu_motion(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> AlternativeMotion | None:
-    """Fit once more with the other motion; None where there is none.
+    """Refit with the other acceleration; None if there is none.
 
     Args:
         fit: the answer.
-        noise: of acceleration, speed and force.
+        noise: noise of acceleration, speed and force.
         priors: of the nuisances.
     """
     motion = fit.motion
@@ -73,7 +73,7 @@ def refit_with_wheel_or_imu_motion(
 
 
 def _wheel_motion(motion: MotionSamples) -> Floats:
-    """The change of the wheels' speed, with gravity by the pitch where there is one, (n,)."""
+    """Acceleration from the wheels, plus gravity by the pitch if measured, (n,) in m/s²."""
     rate_m_s2 = np.gradient(motion.speed) * motion.rate_hz
     if motion.specific_force is None or motion.without_gravity is None:
         return rate_m_s2
@@ -82,9 +82,9 @@ def _wheel_motion(motion: MotionSamples) -> Floats:
 
 @dataclass(frozen=True)
 class _OtherMotionNoise:
-    """The noise with the other acceleration: of a difference of speeds, or nearly none.
+    """Noise of the other acceleration: of a speed difference, or nearly none.
 
-    What an accelerometer's noise takes off the mass is less than what is looked for here.
+    The accelerometer's noise affects the mass less than the differences sought here.
     """
 
     columns: ColumnNoiseModel
@@ -92,7 +92,7 @@ class _OtherMotionNoise:
     by_wheels: bool
 
     def covariance(self, samples: int) -> Floats:
-        """(3, 3) of the trailing mean of so many samples."""
+        """(3, 3) noise covariance of a trailing mean of so many samples."""
         found = self.columns.covariance(samples).copy()
         found[0, :] = found[:, 0] = 0.0
         if self.by_wheels:

@@ -1,4 +1,4 @@
-"""A body that squats as the pitch shows it: gravity that follows the acceleration.
+"""Squat from the measured pitch: gravity that follows the acceleration.
 
 The pitch is the ground's grade, which goes with the place, and a squat, which goes with the
 acceleration and, through springs and the pitch's own filter, with its rate. Over the first metres
@@ -19,12 +19,12 @@ from estimators.numerics.fit_loss import group_rows
 
 @dataclass(frozen=True, slots=True)
 class StretchSquats:
-    """Products of the force and its rate with what the pitch may follow, by stretch.
+    """Products of force and force rate with the pitch's gravity and the motion, by stretch.
 
     Attributes:
-        first: (stretches,) its first sample.
-        response: (stretches, 2) force and its rate times the pitch's gravity.
-        columns: (stretches, 2, 2) the same times the acceleration and its rate.
+        first: (stretches,) first sample.
+        response: (stretches, 2) products with the pitch's gravity.
+        columns: (stretches, 2, 2) products with the acceleration and its rate.
     """
 
     first: Ints
@@ -33,10 +33,10 @@ class StretchSquats:
 
 
 def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> StretchSquats:
-    """Multiply them, each without a cubic of the distance.
+    """Compute the products by stretch, each signal without a cubic of the distance.
 
     Args:
-        gravity: (n,) by the pitch, in m/s².
+        gravity: (n,) gravity along x by the pitch, in m/s².
         motion: the samples, with a pitch.
     """
     assert motion.without_gravity is not None
@@ -71,24 +71,24 @@ def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> Stretc
 
 
 def trim_to_means_with_rate(x: Floats) -> Floats:
-    """Those of the means that have a rate."""
+    """Drop the outer means, which have no rate."""
     return x[LIMITS.pitch_rate_means : -LIMITS.pitch_rate_means]
 
 
 def _rate_of_means(x: Floats) -> Floats:
-    """Change of the means over a fixed number of them."""
+    """Differences of the means over a fixed number of them."""
     return x[2 * LIMITS.pitch_rate_means :] - x[: -2 * LIMITS.pitch_rate_means]
 
 
 def fit_instrumental_variables(columns: Floats, response: Floats) -> tuple[Floats, Floats] | None:
-    """Coefficients by instrumental variables, and their covariance by clusters.
+    """Instrumental-variables estimate with cluster-robust covariance.
 
     Args:
         columns: (clusters, p, p) instruments times columns.
         response: (clusters, p) instruments times the response.
 
     Returns:
-        (p,) coefficients and (p, p) their covariance; None where the instruments tell nothing.
+        (p,) coefficients and (p, p) their covariance; None if the instruments are too weak.
     """
     count, p = response.shape
     total = columns.sum(axis=0)
@@ -101,10 +101,11 @@ def fit_instrumental_variables(columns: Floats, response: Floats) -> tuple[Float
 
 
 def estimate_pitch_squat(gravity: Floats, motion: MotionSamples) -> tuple[float, float] | None:
-    """By which share of the acceleration the pitch's gravity follows it; None where it does not.
+    """Fraction of the acceleration that appears as gravity through the pitch.
 
     Returns:
-        The share, and the standard uncertainty of what it does to the accelerometer.
+        The fraction, and the standard uncertainty of its effect on the accelerometer; None without
+        a squat.
     """
     found = pitch_squat_cross_products(gravity, motion)
     if found.first.size < LIMITS.pitch_min_stretches:

@@ -1,4 +1,4 @@
-"""Where the path of each record of a bench lies: nobody knows where the machine was when it began.
+"""Relative positions of a bench's records, since the start position of each is unknown.
 
 Forces that depend on the place tell: records of one path show the same force at the same place. How
 far each is from the first is found by Gauss-Newton, with a mass for each record. The weight in such
@@ -17,7 +17,7 @@ from analysis.weighing.weighing_limits import LIMITS
 
 
 def align_records(motion: MotionSamples) -> MotionSamples:
-    """Move the paths of a bench's records onto each other, where it has several."""
+    """Align the paths of a bench's records by their position-dependent force."""
     used = motion.used
     if motion.silences is None or not used.any() or not motion.is_on_bench:
         return motion
@@ -50,16 +50,16 @@ def align_records(motion: MotionSamples) -> MotionSamples:
 def find_record_offsets(
     straight: Floats, force: Floats, place_1: Floats, of_record: Floats
 ) -> Floats:
-    """How far each record is from the first, over the path, by the force at each place.
+    """Offset of each record's position from the first one's, by the force at each position.
 
     Args:
-        straight: (n, columns) what else the force has: a mass a record, friction, a constant.
-        force: (n,) in N.
-        place_1: (n,) each record centred on its own path.
-        of_record: (n, records) 1 where a sample is of the record.
+        straight: (n, columns) columns of the other forces: a mass per record, friction, a constant.
+        force: (n,) force in N.
+        place_1: (n,) positions, with each record centred on its own path.
+        of_record: (n, records) 1 if the sample belongs to the record.
 
     Returns:
-        (records,) what is added to the places.
+        (records,) offsets to add to the positions, as fractions of the path.
     """
     records = of_record.shape[1]
     off_1 = np.zeros(records)
@@ -86,11 +86,11 @@ def find_record_offsets(
 
 
 def rows_to_search(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
-    """The rows by which load states are searched: of records of a bench with weight by the place.
+    """Rows for the search of load states, with or without weight in the force by place.
 
-    A fit of one mass does not tell which part of the force by the place is weight: none of it and
-    all of it are tried. A fit of several does; its weight is then that of the mass that is searched
-    for, not of the one that was found before.
+    A one-mass fit cannot tell how much of that force is weight, so none and all of it are tried.
+    After a fit of several masses the weight is that of the mass being searched, not of the one
+    found before.
     """
     motion, states = found.motion, found.states
     if not (motion.records > 1 and motion.is_on_bench and found.mass_kg > 0.0):
@@ -116,7 +116,7 @@ def add_weight(rows: FitRows, place: list[int], weight_m_s2: Floats) -> FitRows:
 
 
 def _solve_penalised(columns: Floats, force: Floats, free: Floats) -> tuple[Floats, Floats]:
-    """Least squares with columns of unit mean square, all but free, and what they miss."""
+    """Ridge regression with all but the free columns penalised; solution and residual."""
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0.0] = 1.0
     scaled = columns / size

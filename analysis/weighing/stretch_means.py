@@ -1,4 +1,4 @@
-"""Means of a stretch's samples, and what is left of them without a constant and a slope."""
+"""Means within a stretch, and their remainder after subtracting a line."""
 
 from functools import cache
 from typing import Final
@@ -18,7 +18,7 @@ EVERY: Final = 3
 
 @compiled_ahead
 def average_overlapping(x: Floats) -> Floats:
-    """Means of `MEAN` samples, one every `EVERY`."""
+    """Overlapping means of `MEAN` samples, one every `EVERY`."""
     out = np.empty((x.size - MEAN) // EVERY + 1)
     for i in range(out.size):
         out[i] = sum_in_order(x[i * EVERY : i * EVERY + MEAN]) / MEAN
@@ -27,7 +27,7 @@ def average_overlapping(x: Floats) -> Floats:
 
 @compiled_ahead
 def subtract_line(x: Floats) -> Floats:
-    """Subtract a constant and a slope."""
+    """Residual of a linear fit."""
     middle = (x.size - 1) / 2.0
     ramp = np.arange(x.size) - middle
     slope = sum_in_order(ramp * x) / sum_in_order(ramp * ramp)
@@ -35,7 +35,7 @@ def subtract_line(x: Floats) -> Floats:
 
 
 def stretch_trend_columns(group: Ints) -> Floats:
-    """A constant and a slope for each stretch, (rows, 2)."""
+    """A constant and a slope column for each stretch, (rows, 2)."""
     return np.concatenate([_orthonormal_line(part.size) for part in group_rows(group)])
 
 

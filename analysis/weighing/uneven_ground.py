@@ -1,4 +1,4 @@
-"""The terms of uneven ground: what holds the machine along the way, with a load and without.
+"""Terms of uneven ground: grade and rolling resistance along the way, by load and direction.
 
 A machine that hauls starts with its load where it digs, and without it where it dumps. What slope
 and rolling resistance do there, and how they change on the way, comes back with the load at every
@@ -42,7 +42,7 @@ class _DrivingDirection:
     """A direction of driving.
 
     Attributes:
-        name: of it.
+        name: its name.
         sign: 1 forwards, -1 in reverse.
     """
 
@@ -50,7 +50,7 @@ class _DrivingDirection:
     sign: float
 
     def terms(self) -> list[Nuisance]:
-        """Where loads begin, then how the ground changes along the way: for all, and by load."""
+        """Terms at the loading places, then along the way: for all loads, and by load."""
         places = list(pairwise(_PLACES_M))
         found = [self._by_load("", lambda m: np.ones(m.speed.size), self._loading_place_std)]
         for begin_m, end_m in places:
@@ -98,7 +98,7 @@ class _DrivingDirection:
 
 
 def _fraction_between(begin_m: float, end_m: float) -> Callable[[Moments], Floats]:
-    """From 0 to 1 between two distances."""
+    """Function that rises from 0 to 1 between two travelled distances."""
     return lambda m: _ramp(m.travelled_m, begin_m, end_m)
 
 
@@ -112,7 +112,7 @@ def _ramp(place: Floats, begin: float, end: float) -> Floats:
 
 @compiled_ahead
 def _one_way(column: Floats, direction: Floats, sign: float) -> Floats:
-    """A force along the direction of driving, 0 in the other one."""
+    """Force along one driving direction, 0 in the other."""
     out = np.zeros(column.size)
     for k in range(out.size):
         if direction[k] == sign:
@@ -121,18 +121,18 @@ def _one_way(column: Floats, direction: Floats, sign: float) -> Floats:
 
 
 def _change_std(over_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
-    """Standard deviation of the change over a length of way: a random walk."""
+    """Prior standard deviation of the change over a length of way: a random walk."""
     share = _random_walk_ratio(over_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.weight
 
 
 def _random_walk_ratio(over_m: float) -> float:
-    """What a random walk changes by over a length of way, over what it does over ten metres."""
+    """Standard deviation of a random walk over a length, relative to ten metres."""
     return float(np.sqrt(over_m / _CHANGES_OVER_M))
 
 
 def _route_term(part: int) -> Nuisance:
-    """How rolling resistance changes along a part of the route."""
+    """Term for rolling resistance along one part of the route."""
     begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
 
     def column(m: Moments) -> Floats:

@@ -1,4 +1,4 @@
-"""Weigh a log: the joint fit, how it bears other priors, and whether braking goes with driving."""
+"""Weigh a log: the joint fit, its sensitivity to the priors, and the test of braking."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,7 +16,7 @@ from analysis.weighing.fit_columns import FitRows
 from analysis.weighing.growing_load import (
     LoadFilling,
     LoadGrowth,
-    find_creeps,
+    find_creeping_manoeuvres,
     find_growing_loads,
     fit_filling,
 )
@@ -53,12 +53,12 @@ NOTHING_FITTED: Final = "no manoeuvre of this log was informative enough"
 
 @dataclass(frozen=True, slots=True)
 class Curvature:
-    """The estimate of a term in a·|a| beside a fit.
+    """Estimate of an additional term in a·|a|.
 
     Attributes:
-        t: how many deviations it is from 0.
-        kg: how far it would move the mass.
-        mass_kg: without it.
+        t: estimate over its standard deviation.
+        kg: change of the mass with the term.
+        mass_kg: mass without the term.
     """
 
     t: float
@@ -67,7 +67,7 @@ class Curvature:
 
     @property
     def is_significant(self) -> bool:
-        """Whether the force is not linear in the acceleration, and it matters."""
+        """Whether the force is significantly nonlinear in the acceleration and the mass changes."""
         return abs(self.t) > LIMITS.curvature_min_std and abs(
             self.kg
         ) > LIMITS.curvature_min_fraction * abs(self.mass_kg)
@@ -78,21 +78,21 @@ class Weighing:
     """The weighing of a log by its joint fit.
 
     Attributes:
-        fit: of the answer.
-        halved_kg: (masses,) with priors half as wide.
-        doubled_kg: (masses,) with priors twice as wide.
-        braking_kg: by how much braking would move the mass; NaN where it does not count as driving.
-        braking_left_out: whether it disagreed and is left out.
-        braking_doubted: whether it moves the mass by more than its uncertainty, and less than what
-            driving alone can contradict.
-        curvature: what a term in a·|a| finds.
-        filling: what a load that grows at every start alike explains, by this log itself.
-        growing: the manoeuvres whose load changes while they drive; they are not fitted.
-        other_motion: what the other motion would do to the mass, where wheels and accelerometer
+        fit: joint fit of the answer.
+        halved_kg: (masses,) masses with prior standard deviations halved.
+        doubled_kg: (masses,) masses with prior standard deviations doubled.
+        braking_kg: change of the mass by braking; NaN if it does not count as driving.
+        braking_left_out: whether braking contradicts driving and is left out.
+        braking_doubted: whether braking moves the mass by more than its uncertainty, but driving
+            alone cannot contradict it.
+        curvature: test of a term in a·|a|.
+        filling: test of a load that grows equally at every start, from this log alone.
+        growing: manoeuvres whose load changes in motion; they are not fitted.
+        other_motion: change of the mass with the other acceleration, if wheels and accelerometer
             disagree by more than the settings allow.
-        alone: the same fit without what a calibration learnt; None where that is the answer.
-        informed: the same with learnt priors as wide as their means are uncertain, likewise.
-        learnt: the priors that a calibration learnt.
+        alone: the fit without learnt priors; None if that is the answer.
+        informed: the fit with learnt priors as wide as their means are uncertain; None likewise.
+        learnt: priors learnt by a calibration.
     """
 
     fit: JointFit
@@ -111,28 +111,28 @@ class Weighing:
 
     @property
     def means_are_told(self) -> bool:
-        """Whether the answer's own fit tells what the means of learnt priors have wrong."""
+        """Whether the answer's fit already corrects the errors of learnt means."""
         return self.informed is self.fit
 
     @property
     def own_fit(self) -> JointFit:
-        """What this log says of the nuisances by itself."""
+        """The fit from this log alone, without learnt priors."""
         return self.fit if self.alone is None else self.alone
 
 
 @dataclass(frozen=True)
 class _DerivativeNoise:
-    """The noise where the acceleration is the speed's derivative.
+    """Noise if the acceleration is the derivative of the speed.
 
-    The mean of n of its samples is the difference of two speeds over n steps, which covariances of
-    short lags do not add up to.
+    The mean of n samples is the difference of two speeds over n steps; covariances at short lags do
+    not add up to that.
     """
 
     columns: ColumnNoise
     rate_hz: float
 
     def covariance(self, samples: int) -> Floats:
-        """(3, 3) of the trailing mean of so many samples."""
+        """(3, 3) noise covariance of a trailing mean of so many samples."""
         found = self.columns.covariance(samples)
         if samples < LIMITS.derivative_mean_samples:
             return found
@@ -150,14 +150,14 @@ def weigh(
     noise: pl.DataFrame,
     machine: Machine,
 ) -> Weighing | None:
-    """Fit the manoeuvres that the gate found informative; None where there are too few samples.
+    """Fit the manoeuvres that the gate found informative; None if there are too few samples.
 
     Args:
-        aligned: the grid, before the moving mean, with `left_out` where rows of it say nothing.
-        excitation: the phases of motion.
-        gated: which windows are accepted.
-        noise: of the columns.
-        machine: wheels, settings, priors.
+        aligned: grid before the moving mean, with `left_out` for useless rows.
+        excitation: frame with the phases of motion.
+        gated: frame with the accepted windows.
+        noise: noise of the columns.
+        machine: machine file with wheels, settings and priors.
     """
     priors = machine.settings.priors
     if priors.learnt and priors.learnt_means == "told":
@@ -178,7 +178,7 @@ def _weigh_with_priors(
     machine: Machine,
     priors: PriorSettings,
 ) -> Weighing | None:
-    """Weigh with other priors."""
+    """Weigh with the given priors instead of the machine's."""
     settings = machine.settings
     known = ColumnNoise.of_axis(X, noise, settings.noise)
     if known is None or excitation.height < FEWEST_READINGS:
@@ -192,14 +192,14 @@ def _weigh_with_priors(
 
     def of_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
         fitted = JointFitInputs.prepare(motion, columns, priors, begin)
-        states = None if begin is None or begin.states is None else begin.states.among(motion)
+        states = None if begin is None or begin.states is None else begin.states.restrict_to(motion)
         return add_load_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
 
     whole = motion(braking=True)
     if not _has_enough_samples(whole):
         return None
     fit = of_states(whole)
-    excluded = find_creeps(fit).tolist()
+    excluded = find_creeping_manoeuvres(fit).tolist()
     if excluded:
         whole = _exclude_manoeuvres(whole, excluded)
         fit = of_states(whole, fit)
@@ -216,7 +216,7 @@ def _weigh_with_priors(
         driving = _exclude_manoeuvres(motion(braking=False), excluded)
         if _has_enough_samples(driving):
             fitted = JointFitInputs.prepare(driving, columns, priors, fit)
-            alone = joint_fit(fitted, fit.states and fit.states.among(driving))
+            alone = joint_fit(fitted, fit.states and fit.states.restrict_to(driving))
             # driving that its own model does not fit is no witness against braking
             beyond = max(alone.distances_from_priors.values()) > settings.verdict.beyond_prior_max
             # nor driving that finds another delay of the same force
@@ -283,7 +283,7 @@ def _exclude_manoeuvres(motion: MotionSamples, units: Sequence[int]) -> MotionSa
 def _fit_without_learnt(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit | None:
-    """Fit once more without what a calibration learnt; None where it learnt nothing."""
+    """Refit without learnt priors; None if there are none."""
     if not priors.learnt:
         return None
     wheels = fit.kinematics
@@ -296,10 +296,7 @@ def _drop_learnt_priors(priors: PriorSettings) -> PriorSettings:
 
 
 def widen_learnt_priors(priors: PriorSettings) -> PriorSettings:
-    """Learnt priors as wide as a log may find their terms: their means are uncertain as well.
-
-    Those of wheels against accelerometer stay.
-    """
+    """Widen learnt priors by the uncertainty of their means, except those of the wheels."""
     learnt = {
         name: term
         if name in TERMS
@@ -310,7 +307,7 @@ def widen_learnt_priors(priors: PriorSettings) -> PriorSettings:
 
 
 def mean_difference_kg(one: JointFit, other: JointFit) -> float:
-    """How far two fits' masses of the same manoeuvres are apart, in their mean."""
+    """Mean difference of two fits' masses over the same manoeuvres, in kg."""
     mine, theirs = one.states, other.states
     if mine is None or theirs is None:
         return one.mass_kg - other.mass_kg
@@ -323,13 +320,13 @@ def mean_difference_kg(one: JointFit, other: JointFit) -> float:
 def fit_curvature(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
 ) -> Curvature:
-    """Fit once more with a term in a·|a|.
+    """Refit with a term in a·|a|.
 
     Args:
-        fit: without it.
-        noise: of acceleration, speed and force.
+        fit: the fit without the term.
+        noise: noise of acceleration, speed and force.
         priors: of the nuisances.
-        rows: of the fit and of `CURVATURE`, where they are at hand.
+        rows: rows of the fit and of `CURVATURE`, if already computed.
     """
     curved = refit_with_changes(fit, noise, priors, (CURVATURE,), rows=rows).fit
     moved = float(curved.theta[fit.main_state] - fit.theta[fit.main_state])
@@ -337,7 +334,7 @@ def fit_curvature(
 
 
 def _scale_priors(priors: PriorSettings, times: float) -> PriorSettings:
-    """The priors with other widths."""
+    """Priors with their standard deviations multiplied by a factor."""
     learnt = {
         name: term.model_copy(update={"std": term.std * times})
         for name, term in priors.learnt.items()

@@ -49,24 +49,23 @@ _Rows = tuple[Floats, Floats, Ints, NoiseMoments]
 
 @dataclass(frozen=True, slots=True)
 class WheelKinematics:
-    """Comparison of wheels and accelerometer, value and standard deviation each.
+    """Comparison of wheels and accelerometer; values are (estimate, standard deviation).
 
     Attributes:
-        gain: how much the wheels' speed changes beyond what the accelerometer says, as a share.
-        gain_by_prior: the same with its prior, by which the mass is corrected unless it counts.
-        delay_s: how late the speed is.
-        slip_1_N: 1 / C, what share of its speed a newton makes the wheels slip.
-        gain_counts: whether the gain is more than its prior and the log's noise allow.
-        covariance: (3, 3) of slip, gain (with its prior) and delay: what is taken for one is
-            not taken for another.
-        mismatch: residuals over the speed's noise; above 3 slip and delay are not taken from here.
-        disagreement_m_s: what the speed's noise does not explain of them, r.m.s.
-        prior_std: (3,) of slip, gain and delay.
-        mean_u: (3,) likewise, standard uncertainty of what a calibration learnt; else 0.
-        squat: share of the acceleration that the body's pitch adds to the accelerometer, value and
-            deviation: pitch or wheels show it, so that it is taken off; else 0.
-        swing: what a body that squats adds to an accelerometer above its axis as it swings.
-        own: what this log says where a calibration's words stand here instead.
+        gain: relative excess of the wheel speed's change over the accelerometer's.
+        gain_by_prior: the same with its prior; it corrects the mass unless `gain_counts`.
+        delay_s: delay of the speed.
+        slip_1_N: 1 / C, slip per newton as a fraction of the speed.
+        gain_counts: whether the gain exceeds what its prior and the noise allow.
+        covariance: (3, 3) covariance of slip, gain (with its prior) and delay.
+        mismatch: residuals over the speed's noise; above 3, slip and delay are not used.
+        disagreement_m_s: r.m.s. residual beyond the speed's noise.
+        prior_std: (3,) prior standard deviations of slip, gain and delay.
+        mean_u: (3,) standard uncertainties of learnt means; else 0.
+        squat: fraction of the acceleration that pitching adds to the accelerometer, with its
+            deviation; it is corrected if pitch or wheels show it, else 0.
+        swing: swing of an accelerometer above the pitch axis.
+        own: estimates of this log alone, if a calibration replaces them.
     """
 
     gain: tuple[float, float]
@@ -85,7 +84,7 @@ class WheelKinematics:
 
     @property
     def values_by_term(self) -> dict[str, tuple[float, float]]:
-        """Slip, gain and delay by the names that a calibration learns them by."""
+        """Slip, gain and delay, by the names of their learnt priors."""
         return dict(zip(TERMS, (self.slip_1_N, self.gain_by_prior, self.delay_s), strict=True))
 
     @property
@@ -95,14 +94,14 @@ class WheelKinematics:
 
     @property
     def is_found(self) -> bool:
-        """Whether another motion may begin from here."""
+        """Whether the comparison is good enough to start another one from."""
         return self.is_consistent and abs(self.delay_s[0]) < LIMITS.longest_delay_s
 
     def apply_learnt_priors(self, priors: PriorSettings) -> "WheelKinematics":
-        """Replace gain and lag by those that a calibration learnt for all its logs.
+        """Replace slip, gain and delay by those learnt by a calibration.
 
-        The three are found together, so they are taken together, and where this log's gain is
-        beyond its prior, or nothing goes together, its own words stand.
+        The three are correlated, so they are replaced together. This log's own values stay if its
+        gain exceeds its prior or wheels and accelerometer are inconsistent.
         """
         terms = [priors.learnt[name] for name in TERMS if name in priors.learnt]
         if len(terms) < len(TERMS) or not self.is_consistent or self.gain_counts:
@@ -126,15 +125,16 @@ def compare_wheels(
     priors: PriorSettings,
     earlier: WheelKinematics | None = None,
 ) -> WheelKinematics | None:
-    """Compare wheels with the accelerometer; None without one, or where no stretch is long enough.
-
-    What a body that squats adds to an accelerometer above its axis is taken off first.
+    """Compare wheels with the accelerometer, corrected for squat and swing of the body.
 
     Args:
         motion: the samples.
-        noise: of acceleration, speed and force.
-        priors: of slip, gain, delay and offset.
-        earlier: what a motion said that is much like this one: it is begun from there.
+        noise: noise of acceleration, speed and force.
+        priors: priors of slip, gain, delay and offset.
+        earlier: comparison of a similar motion, as the starting point.
+
+    Returns:
+        None without an accelerometer or without a long enough stretch.
     """
     found = _compare_bodies(motion, noise, priors, earlier)
     if found is None or not found.squat[0] > 0.0 or motion.specific_force is None:
@@ -155,9 +155,9 @@ def _compare_bodies(
     priors: PriorSettings,
     earlier: WheelKinematics | None,
 ) -> WheelKinematics | None:
-    """Compare them, gravity taken off by the pitch where hills change it within a manoeuvre.
+    """Compare them, with gravity removed by the pitch if hills change it within manoeuvres.
 
-    Not elsewhere: the gravity of a body that squats, which pitches as well, must be seen as gain.
+    Elsewhere gravity stays, so that a squat, which also pitches the body, shows as gain.
     """
     if motion.specific_force is None:
         return None
@@ -192,7 +192,7 @@ def _subtract_squat(
     priors: PriorSettings,
     earlier: WheelKinematics | None,
 ) -> WheelKinematics:
-    """Take a squat off the accelerometer that the wheels show, where their radius is known.
+    """Correct the accelerometer for a squat that wheels of known radius show.
 
     An accelerometer that says more than wheels of a known radius sees gravity through a body that
     pitches as it gains speed. Grades that come back with every start bend the comparison as much,
@@ -220,7 +220,7 @@ def _fit_comparison(
     priors: PriorSettings,
     earlier: WheelKinematics | None = None,
 ) -> WheelKinematics | None:
-    """Fit the comparison, from earlier words on where there are any."""
+    """Fit the comparison, starting from an earlier one if there is one."""
     slip_std = priors.wheel_slip / motion.largest_force
 
     def widths(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
@@ -299,11 +299,11 @@ def _fit_comparison(
 
 
 def is_gain_significant(fit: prior_fit.MapFit, noise_m_s: float) -> bool:
-    """Whether a gain is more than its prior and the log's noise allow.
+    """Whether a gain exceeds what its prior and the noise allow.
 
     Args:
-        fit: of the comparison, the gain first.
-        noise_m_s: of the speed's means.
+        fit: fit of the comparison, with the gain first.
+        noise_m_s: noise of the speed's means.
     """
     # where the two do not go together, deviations say nothing
     agrees = fit.residual_rms / noise_m_s <= LIMITS.max_kinematic_mismatch
@@ -312,9 +312,9 @@ def is_gain_significant(fit: prior_fit.MapFit, noise_m_s: float) -> bool:
 
 
 def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float) -> Floats:
-    """Standard deviations by what the instruments' noise does alone, (4,).
+    """Lower bound of the standard deviations from instrument noise alone, (4,).
 
-    An accelerometer's noise adds up over a manoeuvre, and what is fitted follows it, so that few
+    The accelerometer's noise accumulates over a manoeuvre and the fit follows it, so few
     manoeuvres' residuals show less of it.
     """
     X, _, group, _ = rows
@@ -343,7 +343,7 @@ def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: 
 def _make_comparison_rows(
     measured: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
 ) -> _Rows | None:
-    """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
+    """Columns and response without each manoeuvre's line, and the noise in them."""
     group = motion.group
     first, last = np.flatnonzero(first_of_stretch(group)), np.flatnonzero(last_of_stretch(group))
     spans = np.column_stack([first, last + 1])[last + 1 - first >= 10 * MEAN]
@@ -363,19 +363,19 @@ def _make_comparison_rows(
 def centred_means(
     measured: Floats, speed: Floats, force: Floats, spans: Ints, step_s: float, slip_1_N: float
 ) -> tuple[Floats, Floats, Ints, Floats]:
-    """Means of the columns and of the response, each stretch without its constant and slope.
+    """Means of columns and response, each stretch without its line.
 
     Args:
-        measured: (n,) by the accelerometer.
-        speed: (n,) of the wheels.
-        force: (n,).
-        spans: (stretches, 2) first sample of each, and the one behind it.
-        step_s: of the grid.
-        slip_1_N: of the wheels.
+        measured: (n,) accelerometer in m/s².
+        speed: (n,) wheel speed in m/s.
+        force: (n,) force in N.
+        spans: (stretches, 2) first and end sample of each stretch.
+        step_s: step of the grid.
+        slip_1_N: slip of the wheels.
 
     Returns:
-        (rows, 4) columns, (rows,) response, (rows,) stretch, and (stretches,) the sum of squares
-        of the ground's speed.
+        (rows, 4) columns, (rows,) response, (rows,) stretch, and (stretches,) sum of squares of the
+        ground speed.
     """
     counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1
     X, y = np.empty((counts.sum(), 4)), np.empty(counts.sum())

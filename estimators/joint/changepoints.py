@@ -1,4 +1,4 @@
-"""Which of a series' values share one level: exact change points, with scatter and shared effects.
+"""Exact change-point search with shared effects: which values of a series share a level.
 
 Each unit (a manoeuvre, say) has y = level + x β + δ + ε: ε of a known variance v, δ the scatter
 between units of one level, β effects that all units share and about which the units know something
@@ -41,13 +41,13 @@ _NEVER: Final = 1e9
 
 @dataclass(frozen=True, slots=True)
 class Partitions:
-    """The best partition and those it was chosen from.
+    """The best partition and the candidates it was chosen from.
 
     Attributes:
-        best: the most probable, less the changes that are not sure.
-        single: with one level.
-        several: the most probable one with more; None of one unit.
-        single_probability: how probable one level is, among all that were tried, each at its best
+        best: the most probable partition, without uncertain changes.
+        single: the partition with one level.
+        several: the most probable partition with several levels; None for one unit.
+        single_probability: probability of a single level among all candidates, each at its best
             scatter.
     """
 
@@ -57,16 +57,16 @@ class Partitions:
     single_probability: float
 
 
-def partitions(
+def find_partitions(
     units: GroupEffects, spread: float, usual: float, scatter: float | None = None
 ) -> Partitions:
     """Find the most probable partition.
 
     Args:
-        units: in their order.
-        spread: how far apart levels may be.
-        usual: standard deviation between units of one level as it usually is.
-        scatter: the same where it is known.
+        units: the units in order.
+        spread: largest plausible distance between levels.
+        usual: typical standard deviation between units of one level.
+        scatter: known standard deviation between units of one level; None if unknown.
     """
     n = units.y.size
     typical = float(np.sqrt(np.median(units.variance)))
@@ -106,9 +106,10 @@ def partitions(
 
 
 def move_to_record_ends(best: Partition, posterior: PartitionPosterior) -> Partition:
-    """Move each change to the nearest end of a record before or after it, where that is likelier.
+    """Move changes to the nearest end of a record if that is more probable.
 
-    The searches take one probability of a change for all places; the posterior knows their kinds.
+    The searches assume one probability of a change everywhere; the posterior knows the boundaries'
+    kinds.
     """
     kind = posterior.units.kind
     ends = np.flatnonzero(kind == RESTARTED) + 1
@@ -126,7 +127,7 @@ def move_to_record_ends(best: Partition, posterior: PartitionPosterior) -> Parti
 
 
 def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Partition:
-    """Drop the changes that are not certain, the least certain first."""
+    """Drop uncertain changes, the least certain first."""
     while best.states > 1:
         first = np.flatnonzero(np.diff(best.state)) + 1
         least = np.argsort(np.abs(np.diff(best.levels)), kind="stable")[:_LEAST_CHANGES]
@@ -151,22 +152,22 @@ def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Part
 
 
 def _least_log_odds(kind: Ints) -> float:
-    """From which odds on changes are said, as a logarithm.
+    """Minimum log odds of a change that is reported.
 
-    Where the record ended, both sides are known to be records of their own: even odds will do.
+    At the end of a record even odds suffice, since both sides are separate records.
     """
     return 0.0 if (kind == RESTARTED).all() else _SURE
 
 
 def _merge_states_at(state: Ints, at: Ints) -> Ints:
-    """Merge the states before and after each of these units."""
+    """Merge the states on both sides of the given boundaries."""
     changes = np.diff(state, prepend=0)
     changes[at] = 0
     return np.cumsum(changes)
 
 
 def _candidate_partitions(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
-    """Partitions that may be the most probable, from these effects on."""
+    """Candidates for the most probable partition, starting from given effects."""
     units, spread = posterior.units, posterior.spread
     level = units.y - units.x @ effects
     tried = {_split_two_levels(level, posterior.variance, units.kind).tobytes()}
@@ -179,7 +180,7 @@ def _candidate_partitions(posterior: PartitionPosterior, effects: Floats) -> set
 
 
 def find_fill_cycles(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
-    """Partitions that are filled and emptied, and their effects, until nothing changes."""
+    """Candidates with alternate filling and emptying, iterated with their effects."""
     units, tried = posterior.units, set[bytes]()
     for _ in range(_ROUNDS):
         state = assign_cycle_states(units.y - units.x @ effects, posterior.variance, units.kind)
@@ -193,7 +194,7 @@ def find_fill_cycles(posterior: PartitionPosterior, effects: Floats) -> set[byte
 def _alternate_effects(
     posterior: PartitionPosterior, spread: float, probability: float, effects: Floats
 ) -> set[bytes]:
-    """Partitions of given effects, and effects of that partition, until nothing changes."""
+    """Candidates from iterating between partition and effects until nothing changes."""
     units, weight = posterior.units, 1.0 / posterior.variance
     cost = np.full(units.y.size - 1, -2.0 * np.log(probability / (1.0 - probability)))
     cost[units.kind == 0] = _NEVER
@@ -209,12 +210,12 @@ def _alternate_effects(
 
 
 def _split_two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
-    """The states of two levels that take turns: the parting of the units with the least squares.
+    """Assign the units to two alternating levels with the least sum of squares.
 
     Args:
-        level: (n,) of each unit, at given effects.
-        variance: (n,) of each.
-        kind: (n - 1,) of each boundary.
+        level: (n,) level of each unit, for given effects.
+        variance: (n,) variance of each level.
+        kind: (n - 1,) kind of each boundary.
     """
     order = np.argsort(level, kind="stable")
     weight = (1.0 / variance)[order]
@@ -229,12 +230,12 @@ def _split_two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
 
 
 def assign_cycle_states(level: Floats, variance: Floats, kind: Ints) -> Ints:
-    """The states of two levels, the heavy one after each filling, until the light one fits better.
+    """Assign two levels: heavy after each filling, until the light level fits better.
 
     Args:
-        level: (n,) of each unit, at given effects.
-        variance: (n,) of each.
-        kind: (n - 1,) of each boundary.
+        level: (n,) level of each unit, for given effects.
+        variance: (n,) variance of each level.
+        kind: (n - 1,) kind of each boundary.
     """
     weight = 1.0 / variance
     part = np.append(0, np.cumsum(kind == FILLED))
@@ -256,11 +257,11 @@ def assign_cycle_states(level: Floats, variance: Floats, kind: Ints) -> Ints:
 
 @compiled_ahead
 def find_heavy_units(gain: Floats, first: Ints) -> NDArray[np.bool_]:
-    """Which units are heavy: each stretch's, up to where their gains add up to most.
+    """Mark the heavy units: each stretch up to its largest cumulative gain, (n,).
 
     Args:
-        gain: (n,) of each unit.
-        first: (stretches,) the first unit of each.
+        gain: (n,) gain of each unit if heavy.
+        first: (stretches,) first unit of each stretch.
     """
     heavy = np.zeros(gain.size, np.bool_)
     for part in range(first.size):
@@ -276,13 +277,13 @@ def find_heavy_units(gain: Floats, first: Ints) -> NDArray[np.bool_]:
 
 @compiled_ahead
 def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float) -> Ints:
-    """The partition of least Σ w (y - ȳ)² + log(W L²/2π) a level, and the changes' own cost.
+    """Partition that minimises Σ w (y - ȳ)² + log(W L²/2π) per level plus the changes' cost.
 
     Args:
         level: (n,) y.
-        weight: (n,) w, the reciprocal of each one's variance; W is the sum over a level.
-        cost: (n - 1,) of a change between neighbours; may be negative.
-        spread: L, how far apart levels may be.
+        weight: (n,) w, reciprocal variance of each value; W is its sum over a level.
+        cost: (n - 1,) cost of a change between neighbours; may be negative.
+        spread: L, largest plausible distance between levels.
 
     Returns:
         (n,) numbers of the levels, from 0.
@@ -325,7 +326,7 @@ def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float
 
 @compiled_ahead
 def _number_levels(before: Ints) -> Ints:
-    """Numbers of the levels, from where the one that ends at each place begins."""
+    """Number the levels from the begin of the level that ends at each unit."""
     end = before.size - 1
     begins = np.zeros(end, np.int64)
     while end > 0:

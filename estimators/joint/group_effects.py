@@ -1,4 +1,4 @@
-"""Level of each unit of a series, such as a manoeuvre, with shared effects removed."""
+"""Level of each unit of a series, such as the mass of a manoeuvre, given shared effects."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -29,17 +29,17 @@ _LEAST_OWN: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class GroupEffects:
-    """Normal equations of units: a level of each, and shared effects.
+    """Normal equations with a level for each unit and effects shared by all units.
 
     Attributes:
-        y: (n,) level where β is 0.
-        x: (n, r) how β moves it: y - x β is the level.
-        variance: (n,) of y by the unit alone.
+        y: (n,) level of each unit if β is 0.
+        x: (n, r) response of the level to β: y - x β is the level.
+        variance: (n,) variance of y from the unit alone.
         gram: (r, r) information about β within units and from its prior.
-        cross: (r,) likewise its right-hand side.
-        kind: (n - 1,) of each boundary: 0 no change can be there, 1 only the units tell one,
-            `TURNED`, `RESTARTED`, `HINTED`, `FILLED` and `NAMED` something tells it besides; places
-            of a kind are alike.
+        cross: (r,) right-hand side of the same equations.
+        kind: (n - 1,) kind of each boundary: 0 no change possible, 1 indicated by the units only;
+            `TURNED`, `RESTARTED`, `HINTED`, `FILLED` and `NAMED` have other evidence. Boundaries of
+            a kind are exchangeable.
     """
 
     y: Floats
@@ -59,26 +59,26 @@ def group_effects(
     prior_std: Floats,
     unit: Ints,
 ) -> GroupEffects:
-    """Reduce A θ = f to the first parameter of each unit, all others shared.
+    """Reduce A θ = f to one first parameter per unit, with all others shared.
 
-    Every unit has a level of its own here, so that what changes between units is in no residual.
+    Every unit has its own level, so changes between units leave no residual.
 
     Args:
         A: (n, p) columns.
         f: (n,) response.
-        group: (n,) the group of each sample, negative for none.
-        noise: of the columns; None takes them as exact.
-        prior_mean: (p - 1,) of the others.
-        prior_std: (p - 1,), inf where nothing is known.
-        unit: (groups,) the unit of each group, from 0.
+        group: (n,) group of each sample, negative for none.
+        noise: noise moments of the columns; None takes them as exact.
+        prior_mean: (p - 1,) prior means of the shared parameters.
+        prior_std: (p - 1,) prior standard deviations, inf where nothing is known.
+        unit: (groups,) unit of each group, from 0.
 
     Returns:
-        The units, each boundary of kind 1; NaN where one has no first column to tell a level by.
+        The units, with all boundaries of kind 1; NaN for a unit whose first column is 0.
     """
     used = group >= 0
     n = int(used.sum())
     A, f, scale = scaled_columns(A, f, group)
-    sums = GroupSums.of(A, f, group, noise, scale)
+    sums = GroupSums.from_groups(A, f, group, noise, scale)
     of_group = np.zeros(f.size, np.int64)
     for part, number in zip(sums.rows, unit, strict=True):
         of_group[part] = number
@@ -130,5 +130,5 @@ def group_effects(
 
 
 def _find_nonzero_columns(A: Floats) -> NDArray[np.bool_]:
-    """Which columns are not 0 throughout."""
+    """Whether each column has a nonzero entry, (p,)."""
     return np.abs(A).sum(axis=0) > 0.0

@@ -1,4 +1,4 @@
-"""How probable a partition of a series is: levels and shared effects integrated out.
+"""Posterior probability of a partition, with levels and shared effects integrated out.
 
 The prior is not tuned: one level is as likely as several, of these every rate of changes is as
 likely as any other, and so is every choice of as many places (Scott & Berger 2010, Bayes and
@@ -45,15 +45,15 @@ _HINT: Final = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """A partition with its levels, effects and posterior.
+    """A partition with its levels, effects and posterior probability.
 
     Attributes:
-        state: (n,) number of the stretch of each unit, from 0.
-        levels: (states,).
-        level: (states,) which level each is at: one may come back.
+        state: (n,) stretch number of each unit, from 0.
+        levels: (states,) level of each stretch.
+        level: (states,) index of each stretch's level; a level may recur.
         scatter: standard deviation between units of one level.
         effects: (r,) β.
-        log_posterior: up to a constant of the series.
+        log_posterior: log posterior probability, up to a constant of the series.
     """
 
     state: Ints
@@ -65,23 +65,23 @@ class Partition:
 
     @property
     def states(self) -> int:
-        """How many stretches of one level there are."""
+        """Number of stretches."""
         return self.levels.size
 
     @property
     def freedom(self) -> int:
-        """How many units there are beyond the levels."""
+        """Number of units minus number of levels."""
         return self.state.size - int(self.level.max()) - 1
 
 
 @dataclass(frozen=True, slots=True)
 class Stretches:
-    """A partition's stretches, and what is known of them before the units are seen.
+    """Stretches of a partition, with prior probabilities.
 
     Attributes:
-        state: (n,) number of the stretch of each unit, ascending from 0.
-        levels: which level each may have, (stretches,), with the logarithm of how probable that is.
-        log_prior: logarithm of how probable the partition is.
+        state: (n,) stretch number of each unit, ascending from 0.
+        levels: possible level indices, (stretches,), each with its log probability.
+        log_prior: log prior probability of the partition.
     """
 
     state: Ints
@@ -90,18 +90,18 @@ class Stretches:
 
     @classmethod
     def from_boundaries(cls, state: Ints, kind: Ints) -> Self:
-        """Number the stretches of units whose boundaries are of these kinds."""
+        """Number the stretches of units with boundaries of these kinds."""
         return cls(state, _level_choices(int(state[-1]) + 1), _log_prior(kind, np.diff(state) > 0))
 
 
 class PartitionPosterior:
-    """Posterior of partitions of units that scatter by so much.
+    """Posterior of partitions of units with a given scatter.
 
     Args:
-        units: in their order.
-        spread: how far apart levels may be.
+        units: the units in order.
+        spread: largest plausible distance between levels.
         scatter: standard deviation between units of one level.
-        usual: the same as it usually is; None where it is known.
+        usual: typical scatter; None if `scatter` is known.
     """
 
     def __init__(
@@ -120,16 +120,16 @@ class PartitionPosterior:
             self._log -= (scatter / usual) ** 2 / 2.0
 
     def effects(self, state: Ints) -> Floats:
-        """Posterior mean of the effects β, (r,), of a partition with a level for every stretch.
+        """Posterior mean of the effects β, (r,), with one level for every stretch.
 
         Args:
-            state: (n,) numbers of the stretches, ascending.
+            state: (n,) stretch numbers, ascending.
         """
         whole, right, _ = self._normal_equations(self._states_by_number(state))
         return _solve_with_log_determinant(whole, right)[0]
 
     def evaluate(self, stretches: Stretches) -> Partition:
-        """The partition with its levels, and how probable it is, up to a constant of the units."""
+        """Levels, effects and log posterior of a partition."""
         by_state = self._states_by_number(stretches.state)
         best, logs = None, []
         for weight, level in stretches.levels:
@@ -146,17 +146,17 @@ class PartitionPosterior:
         return np.add.reduceat(self._sums, first)
 
     def _normal_equations(self, sums: Floats) -> tuple[Floats, Floats, float]:
-        """Normal equations of β, (r, r) and (r,), and the squares that they leave to explain.
+        """Normal equations of β, (r, r) and (r,), and the remaining sum of squares.
 
         Args:
-            sums: (levels, 2 + r) of weight, and of effects and value times that.
+            sums: (levels, 2 + r) sums of the weights, and of weighted effects and values.
         """
         within = self._squares - sums[:, 1:].T @ (sums[:, 1:] / sums[:, :1])
         units = self.units
         return units.gram + within[:-1, :-1], units.cross + within[:-1, -1], float(within[-1, -1])
 
     def _integrate_levels(self, sums: Floats) -> tuple[float, Floats, Floats]:
-        """How probable the units are, levels and β integrated out; levels, and β."""
+        """Log likelihood with levels and β integrated out, the levels, and β."""
         whole, right, squares = self._normal_equations(sums)
         effects, log_determinant = _solve_with_log_determinant(whole, right)
         own = 1.0 / sums[:, 0]
@@ -169,7 +169,7 @@ class PartitionPosterior:
 
 @compiled_ahead
 def _sum_by_level(values: Floats, level: Ints) -> Floats:
-    """Sums (levels, columns) of (states, columns) by level."""
+    """Sum (states, columns) by level, (levels, columns)."""
     sums = np.zeros((level.max() + 1, values.shape[1]))
     for state in range(level.size):
         for i in range(values.shape[1]):
@@ -178,9 +178,9 @@ def _sum_by_level(values: Floats, level: Ints) -> Floats:
 
 
 def _solve_with_log_determinant(whole: Floats, right: Floats) -> tuple[Floats, float]:
-    """The solution of normal equations and the logarithm of their determinant.
+    """Solution of normal equations, and log determinant.
 
-    Where they are singular in their last digits, both are of what they determine.
+    If rounding makes them singular, both are of the determined subspace.
     """
     if not right.size:
         return right, 0.0
@@ -195,7 +195,7 @@ def _solve_with_log_determinant(whole: Floats, right: Floats) -> tuple[Floats, f
 
 
 def _level_choices(states: int) -> list[tuple[float, Ints]]:
-    """Which level each state may have, (states,), with the logarithm of how probable that is."""
+    """Possible level indices of the states, (states,), each with its log probability."""
     own = np.arange(states)
     if states <= 2:
         return [(0.0, own)]
@@ -207,7 +207,7 @@ def _level_choices(states: int) -> list[tuple[float, Ints]]:
 
 
 def _log_level_likelihood(level: Floats, variance: Floats, spread: float) -> float:
-    """How probable levels are that are known with a variance each, all deviations alike."""
+    """Log likelihood of levels with the given variances, with their spread integrated out."""
     if level.size == 1:
         return -float(np.log(spread))
     each = (_DEVIATIONS[:, None] * spread) ** 2 + variance
@@ -219,9 +219,9 @@ def _log_level_likelihood(level: Floats, variance: Floats, spread: float) -> flo
 
 
 def _log_prior(kind: Ints, changes: Bools) -> float:
-    """How probable changes are before the units are seen.
+    """Log prior probability of the changes.
 
-    Where something is filled, it is as likely emptied once between each two fillings.
+    Where something is filled, one emptying between two fillings is equally likely.
     """
     named, filling = kind == NAMED, kind == FILLED
     if named.any():
@@ -235,7 +235,7 @@ def _log_prior(kind: Ints, changes: Bools) -> float:
 
 
 def _log_cycle_prior(kind: Ints, changes: Bools) -> float:
-    """Each filling a change, and one more before the next: at a hint rather than elsewhere."""
+    """Log prior of cycles: a change at each filling and one before the next, mostly at a hint."""
     filling = kind == FILLED
     filled = filling & changes
     stretch, number = np.cumsum(filled), int(filled.sum()) + 1
@@ -253,11 +253,11 @@ def _log_cycle_prior(kind: Ints, changes: Bools) -> float:
 
 
 def _log_rate_prior(kind: Ints, changes: Bools) -> float:
-    """No change as likely as some; then every rate of changes, and every choice of places.
+    """Log prior with no change as likely as some, and all rates of changes equally likely.
 
-    Where something else tells a change, the rate of changes is as likely as it is high, or what
-    tells it has nothing to do with the level. Records that end have one level, or mostly one
-    each, or any rate of changes.
+    If other evidence indicates changes, either their rate is as likely as it is high, or the
+    evidence is unrelated to the level. Separate records have one level, mostly one each, or any
+    rate of changes.
     """
     total = 0.0
     for each in np.unique(kind[kind > 0]):

@@ -1,4 +1,4 @@
-"""Least squares with normal priors on nuisance parameters, and what its uncertainty is made of.
+"""Least squares with normal priors on nuisance parameters, with a split uncertainty.
 
 The estimates are those of `prior_solution`. The residuals' correlation goes into a sandwich that is
 combined with the priors, and groups (starts, say) that disagree with each other, or that all miss
@@ -45,11 +45,11 @@ class Grouping:
     """Grouping of the samples.
 
     Attributes:
-        direction: (n,) sign by which what a group misses is compared with the others; None: 1.
-        shortest: groups of fewer samples tell nothing of their own.
-        levels: of the first parameter; None gives it one, and widens by groups that disagree.
-        taken: (n, q) columns that were taken off each group's response and columns; None: none.
-        loss: `autocovariance_loss` of these, where it is at hand.
+        direction: (n,) sign that makes the groups' residuals comparable; None: 1.
+        shortest: minimum samples of a group that is compared with others.
+        levels: levels of the first parameter; None uses one, and widens by groups that disagree.
+        taken: (n, q) columns projected out of each group's response and columns; None: none.
+        loss: `autocovariance_loss` of the fit, if already computed.
     """
 
     direction: Floats | None = None
@@ -61,24 +61,25 @@ class Grouping:
 
 @dataclass(frozen=True)
 class MapFit:
-    """Estimates, and the parts of their covariance.
+    """Estimates, with the parts of their covariance.
 
-    With levels of the first parameter, p counts each, and they come first.
+    If the first parameter has levels, p counts each of them, and they come first.
 
     Attributes:
         theta: (p,) estimates.
-        noise: (p, p) covariance from the residuals, correlated as they are.
-        responses: (p, p) row j is what one standard deviation of prior j moves the estimates by.
-        scatter: (p, p) covariance that groups which disagree add; 0 where they agree.
-        misfit: (p, p) covariance that what all groups miss alike adds; likewise.
-        doubt: (p,) what one standard deviation of the noise correction moves the estimates by.
-        noise_share: largest share of noise in a direction of the columns.
-        scatter_ratio: deviation of the first parameter from group to group over that which the
-            residuals explain (Birge's ratio); NaN with one group.
-        misfit_ratio: mean square of the residuals common to the groups over its noise; NaN below
-            three groups.
-        groups: how many groups told something of their own.
-        residual: (n,) f - A θ, 0 where no group is.
+        noise: (p, p) covariance due to the residuals, including their correlation.
+        responses: (p, p) row j is the response to one standard deviation of prior j.
+        scatter: (p, p) additional covariance due to disagreeing groups; 0 if they agree.
+        misfit: (p, p) additional covariance due to a residual common to all groups; 0 if there is
+            none.
+        doubt: (p,) response to one standard deviation of the noise correction.
+        noise_share: largest fraction of noise in any direction of the columns.
+        scatter_ratio: standard deviation of the first parameter between groups over the expected
+            one (Birge ratio); NaN with one group.
+        misfit_ratio: mean square of the residuals common to the groups over its expectation; NaN
+            below three groups.
+        groups: number of groups that were compared.
+        residual: (n,) f - A θ; 0 for samples without a group.
         residual_rms: r.m.s. of the residuals.
     """
 
@@ -97,24 +98,24 @@ class MapFit:
 
     @cached_property
     def covariance(self) -> Floats:
-        """(p, p) of everything together."""
+        """(p, p) total covariance."""
         priors = self.responses.T @ self.responses
         doubt = np.outer(self.doubt, self.doubt)
         return self.noise + priors + self.scatter + self.misfit + doubt
 
     @cached_property
     def std(self) -> Floats:
-        """(p,) standard deviations; NaN where rounding leaves nothing of them."""
+        """(p,) standard deviations; NaN if lost to rounding."""
         variance = np.diag(self.covariance)
         return np.sqrt(np.where(variance < 0.0, np.nan, variance))
 
 
 @dataclass(frozen=True)
 class PriorSolution:
-    """Estimates, from which their uncertainty is found when it is asked for.
+    """Estimates whose uncertainty is computed on request.
 
     Attributes:
-        theta: (p,) estimates; NaN where the samples do not determine them.
+        theta: (p,) estimates; NaN if the samples do not determine them.
     """
 
     theta: Floats
@@ -129,7 +130,7 @@ class PriorSolution:
 
     @property
     def fit(self) -> MapFit:
-        """The estimates with everything that is known of their uncertainty."""
+        """The estimates with all parts of their uncertainty."""
         return self._fit
 
     @cached_property
@@ -197,7 +198,7 @@ class PriorSolution:
 
 @dataclass(frozen=True)
 class UndeterminedFit:
-    """Samples that do not determine the estimates.
+    """Result of samples that do not determine the estimates.
 
     Attributes:
         theta: (p,) NaN.
@@ -208,7 +209,7 @@ class UndeterminedFit:
 
     @property
     def fit(self) -> MapFit:
-        """NaN throughout."""
+        """A fit with NaN throughout."""
         p, no = self.theta.size, float("nan")
         square = np.full((p, p), np.nan)
         zeros = np.zeros(self._samples)
@@ -235,7 +236,7 @@ def solve(
     if n <= p + count:
         return nothing
     A, f, scale = scaled_columns(A, f, group)
-    sums = GroupSums.of(A, f, group, noise, scale)
+    sums = GroupSums.from_groups(A, f, group, noise, scale)
     one = np.zeros(len(sums.rows), np.int64)
     shape = InterceptShape(
         RandomIntercepts(one, np.arange(one.size)) if levels is None else levels, p, scale[0]
@@ -262,32 +263,32 @@ def fit(
     prior_std: Floats,
     grouping: Grouping | None = None,
 ) -> MapFit:
-    """Fit θ of A θ = f.
+    """Fit θ in A θ = f.
 
     Args:
-        A: (n, p) columns; rows of no group may be anything but NaN.
+        A: (n, p) columns; rows without a group may hold anything but NaN.
         f: (n,) response.
-        group: (n,) the group of each sample, contiguous, negative for none.
-        noise: of the columns; None takes them as exact.
-        prior_mean: (p,).
-        prior_std: (p,), inf where nothing is known.
-        grouping: what is known of the groups; None for its defaults.
+        group: (n,) group of each sample, contiguous, negative for none.
+        noise: noise moments of the columns; None takes them as exact.
+        prior_mean: (p,) prior means.
+        prior_std: (p,) prior standard deviations, inf where nothing is known.
+        grouping: how groups are compared; None uses the defaults.
 
     Returns:
-        The fit; NaN throughout where the samples do not determine it.
+        The fit; NaN throughout if the samples do not determine it.
     """
     return solve(A, f, group, noise, prior_mean, prior_std, grouping).fit
 
 
 @dataclass(frozen=True)
 class _InformativeGroups:
-    """Groups that determine something of their own.
+    """Groups with enough samples to be compared.
 
     Attributes:
-        rows: of each, its samples.
-        turns: (groups, p, p) what its scores become where its level scatters.
-        shape: how its parameters are those of the whole.
-        number: of each, among all groups.
+        rows: samples of each group.
+        turns: (groups, p, p) transformation of its scores by the scatter of its level.
+        shape: relation of a group's parameters to all parameters.
+        number: index of each among all groups.
     """
 
     rows: list[Ints]
@@ -296,7 +297,7 @@ class _InformativeGroups:
     number: list[int]
 
     def common_residual_scores(self, A: Floats, direction: Floats, length: int) -> Floats:
-        """(length, wide) what a residual of 1 that all groups have so far in adds to the scores."""
+        """(length, wide) scores caused by a common residual of 1 at each place in the groups."""
         count = self.shape.levels.count
         total = np.zeros((length, count + A.shape[1] - 1))
         for part, turn, number in zip(self.rows, self.turns, self.number, strict=True):
@@ -308,9 +309,9 @@ class _InformativeGroups:
 
 
 def _floor_meats(meats: Floats, gram: Floats) -> Floats:
-    """Raise each direction of the meats to at least a share of its value for white residuals.
+    """Raise each direction of the meats to a minimum fraction of its white-noise value.
 
-    Correlations that are estimated may add up to a negative variance.
+    Estimated correlations may imply a negative variance.
     """
     squares, vectors = np.linalg.eigh(gram)
     root = vectors * np.sqrt(np.maximum(squares, squares[-1] * 1e-12))
@@ -325,7 +326,7 @@ def _floor_meats(meats: Floats, gram: Floats) -> Floats:
 def _between_group_covariance(
     gain: Floats, scores: Floats, covariance: Floats, levels: int
 ) -> tuple[Floats, float]:
-    """Covariance by groups that disagree, (p, p), and Birge's ratio of the first parameter."""
+    """Covariance due to disagreeing groups, (p, p), and Birge ratio of the first parameter."""
     count = len(scores)
     freedom = count - levels
     if freedom < 1:
@@ -346,11 +347,11 @@ def _between_group_covariance(
 def _common_misfit(
     gain: Floats, A: Floats, residual: Floats, told: _InformativeGroups, direction: Floats
 ) -> tuple[Floats, float]:
-    """What all groups miss alike adds, (wide, wide), and the ratio of its square to its noise.
+    """Covariance due to a residual common to all groups, (wide, wide), and its ratio to noise.
 
-    Averaged over the groups from where each begins, residuals that are noise leave a share 1/groups
-    of their variance. What is left beyond counts as one draw of an error with the correlation of
-    that average: repeating it in every group does not average it out.
+    Noise averaged over the groups, aligned at their begins, keeps 1/groups of its variance. The
+    excess counts as one draw of an error with that average's correlation: repetition in every group
+    does not average it out.
     """
     nothing, rows = np.zeros((len(gain), len(gain))), told.rows
     if len(rows) < 3:

@@ -1,4 +1,4 @@
-"""The estimates of least squares with normal priors, the noise of the columns taken off.
+"""Least squares with normal priors, corrected for noise of the columns.
 
 (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀ with G the columns' normal equations without their noise:
 errors in variables (Fuller, Measurement Error Models, 1987). Units of a level scatter about it
@@ -25,18 +25,18 @@ _ROUNDS: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class WeightedNormalEquations:
-    """The normal equations of the whole, every unit weighted down by its scatter.
+    """Normal equations of all units, each weighted down by its scatter.
 
     A unit's scores G δ + e, δ the scatter, have the covariance S = σ² G + τ² g gᵀ with g the first
     column of G; G S⁻¹ = T / σ² with T = 1 - κ g e₁ᵀ, κ = ρ / (1 + ρ G₁₁) and ρ = τ² / σ².
 
     Attributes:
         turns: (units, p, p) T.
-        clean: (wide, wide) T G, without noise.
-        bare: (wide,) T Aᵀf, without noise.
-        gram: (wide, wide) T G with it.
-        taken: (wide,) what all noise does to the scores.
-        scatter: (wide, wide) of the scores by τ alone.
+        clean: (wide, wide) T G without column noise.
+        bare: (wide,) T Aᵀf without column noise.
+        gram: (wide, wide) T G with column noise.
+        taken: (wide,) contribution of all column noise to the scores.
+        scatter: (wide, wide) covariance of the scores due to τ.
     """
 
     turns: Floats
@@ -55,7 +55,7 @@ def _weight_units(
     theta: Floats,
     variance: float,
 ) -> WeightedNormalEquations:
-    """Weigh down the sums of units, (units,) of a level each."""
+    """Weight the sums of units, (units,) each with one level, by their scatter."""
     sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
     tau = shape.levels.scatter * shape.scale
     return WeightedNormalEquations(
@@ -73,14 +73,14 @@ def _weighted_equations(
     scatter_square: float,
     variance: float,
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-    """The attributes of `WeightedNormalEquations`.
+    """Compute the attributes of `WeightedNormalEquations`.
 
     Args:
-        sums: of the units: AᵀA, Aᵀf, and what noise added to each.
-        level_of_unit: (units,) level of each.
-        count: how many levels there are.
-        kept: share of the noise that is taken off.
-        theta: (wide,) the levels first.
+        sums: sums by unit: AᵀA, Aᵀf, and the noise contribution to each.
+        level_of_unit: (units,) level of each unit.
+        count: number of levels.
+        kept: fraction of the noise that is subtracted.
+        theta: (wide,) parameters, the levels first.
         scatter_square: τ².
         variance: σ².
     """
@@ -136,15 +136,15 @@ def _subtract_fit_by_arrays(
 def _residual_of_grouped_samples(
     A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
 ) -> Floats:
-    """Response less A θ, (n,), 0 where a sample has no group (group < 0).
+    """Residuals f - A θ, (n,); 0 for samples without a group (group < 0).
 
     Args:
-        A: (n, p).
-        f: (n,).
-        group: (n,) from 0.
-        theta: (wide,) the levels first.
-        level_of_unit: (groups,) level of each.
-        count: how many levels there are.
+        A: (n, p) columns.
+        f: (n,) response.
+        group: (n,) group of each sample, from 0.
+        theta: (wide,) parameters, the levels first.
+        level_of_unit: (groups,) level of each group.
+        count: number of levels.
     """
     out = np.zeros(f.size)
     shared = theta[count:]
@@ -158,7 +158,7 @@ def _residual_of_grouped_samples(
 
 
 class SolutionParts(NamedTuple):
-    """Estimates, H⁻¹, H⁻¹ G S⁻¹, residuals, their correlation and variance, the noise's share."""
+    """Estimates, H⁻¹, H⁻¹ G S⁻¹, residuals, their correlation and variance, noise fraction."""
 
     theta: Floats
     bread: Floats
@@ -180,19 +180,19 @@ def solve_with_priors(
     priors: tuple[Floats, Floats],
     correlated: tuple[Floats | None, Floats],
 ) -> SolutionParts:
-    """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, S the covariance of what G θ misses of b.
+    """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, with S the covariance of b - G θ.
 
-    S is σ² AᵀA, by the residuals' long-run variance, and what is uncertain of the noise's
-    correction: without it more samples of the same would outvote the priors with that error.
+    S is σ² AᵀA, with the residuals' long-run variance, plus the uncertainty of the noise
+    correction; without the latter, repeated samples would outvote the priors with that error.
 
     Args:
         A: (n, p) columns.
         f: (n,) response.
-        group: (n,) the group of each sample.
-        sums: of the groups.
-        shape: of the parameters.
+        group: (n,) group of each sample.
+        sums: sums by group.
+        shape: relation of a group's parameters to all parameters.
         priors: (p,) precisions P⁻¹, and (p,) P⁻¹ θ₀.
-        correlated: (n, q) columns that were taken off each group, and their `autocovariance_loss`.
+        correlated: (n, q) columns projected out of each group, and their `autocovariance_loss`.
 
     Raises:
         LinAlgError: the samples do not determine it.
@@ -249,18 +249,18 @@ def solve_with_priors(
 
 
 def uncertain_noise_fraction(kept: float) -> float:
-    """The uncertain share of the noise; what was not taken off is doubted whole."""
+    """Uncertain fraction of the noise; noise that is not subtracted is entirely uncertain."""
     return DOUBT * kept + (1.0 - kept)
 
 
 def weighted_gram(clean: Floats, gram: Floats, variance: float, doubted: Floats) -> Floats:
-    """G S⁻¹ with S = σ² AᵀA and one error that is common to all samples."""
+    """G S⁻¹ for S = σ² AᵀA plus an error common to all samples."""
     S = variance * gram + np.outer(doubted, doubted)
     return np.linalg.solve(S + 1e-12 * np.trace(S) * np.eye(len(S)), clean).T
 
 
 def largest_noise_share(noise: Floats, gram: Floats) -> float:
-    """The largest share of noise in a direction of the columns."""
+    """Largest fraction of noise in any direction of the columns."""
     if not noise.any():
         return 0.0
     try:

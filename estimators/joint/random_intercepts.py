@@ -1,4 +1,4 @@
-"""The levels of a first parameter: which group of samples has which, and how they scatter."""
+"""Random intercepts: levels of the first parameter by group, and their scatter."""
 
 from dataclasses import dataclass
 
@@ -10,13 +10,14 @@ from estimators.interpreted import compiled_ahead
 
 @dataclass(frozen=True, slots=True)
 class RandomIntercepts:
-    """The first parameter's levels.
+    """Levels of the first parameter.
 
     Attributes:
-        of: (groups,) level of each group, from 0, groups in ascending order.
-        unit: (groups,) what scatters as one, from 0; a unit has one level.
+        membership: (groups,) level of each group, from 0, groups in ascending order.
+        unit: (groups,) unit of each group, from 0; the groups of a unit scatter together at one
+            level.
         scatter: standard deviation of the units about their level.
-        freedom: degrees of freedom by which that is known.
+        freedom: degrees of freedom of the scatter.
     """
 
     membership: Ints
@@ -26,30 +27,30 @@ class RandomIntercepts:
 
     @property
     def count(self) -> int:
-        """How many levels there are."""
+        """Number of levels."""
         return int(self.membership.max()) + 1
 
 
 @dataclass(frozen=True, slots=True)
 class InterceptShape:
-    """How p parameters of a group are those of the whole: a level first, then everyone's."""
+    """Maps the p parameters of a group to all parameters: the levels first, then shared ones."""
 
     levels: RandomIntercepts
     p: int
     scale: float
 
     def widen(self, values: Floats) -> Floats:
-        """(p,) of a group as (wide,), the first for every level."""
+        """Expand (p,) of a group to (wide,), with the first value at every level."""
         return np.concatenate([np.full(self.levels.count, values[0]), values[1:]])
 
     def by_group(self, theta: Floats) -> Floats:
-        """(groups, p) parameters of each."""
+        """Parameters of each group, (groups, p)."""
         membership = self.levels.membership
         shared = np.broadcast_to(theta[self.levels.count :], (membership.size, self.p - 1))
         return np.column_stack([theta[membership], shared])
 
     def expand_rows(self, values: Floats) -> Floats:
-        """(groups, wide) of (groups, p)."""
+        """Expand (groups, p) to (groups, wide)."""
         count, membership = self.levels.count, self.levels.membership
         out = np.zeros((membership.size, count + self.p - 1))
         out[np.arange(membership.size), membership] = values[:, 0]
@@ -57,12 +58,12 @@ class InterceptShape:
         return out
 
     def expand_square(self, values: Floats) -> Floats:
-        """The sum (wide, wide) of (groups, p, p)."""
+        """Sum of (groups, p, p) expanded to (wide, wide)."""
         return _sum_outer_products(values, self.levels.membership, self.levels.count)
 
     @property
     def level_of_units(self) -> Ints:
-        """(units,) level of each."""
+        """(units,) level of each unit."""
         out = np.zeros(int(self.levels.unit.max()) + 1, np.int64)
         out[self.levels.unit] = self.levels.membership
         return out
@@ -70,7 +71,7 @@ class InterceptShape:
 
 @compiled_ahead
 def _sum_outer_products(values: Floats, membership: Ints, count: int) -> Floats:
-    """The sum (wide, wide) of (groups, p, p), the first row and column of each at its level."""
+    """Sum of (groups, p, p) as (wide, wide), with first row and column at the group's level."""
     groups, p, _ = values.shape
     out = np.zeros((count + p - 1, count + p - 1))
     for g in range(groups):

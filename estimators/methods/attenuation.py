@@ -19,18 +19,18 @@ DOUBT = 0.5
 
 
 def attenuation(G: Floats, theta: Floats, added: Floats, loading: Floats | None = None) -> Floats:
-    """(AᵀA - N)⁻¹ N θ, source by source of the noise.
+    """Attenuation (AᵀA - N)⁻¹ N θ of each parameter, by noise source.
 
     Args:
         G: (p, p) AᵀA as measured.
         theta: (p,) its least-squares solution.
-        added: (s,) n·σ² of the sources.
-        loading: (p, s) what each column has of each source, N = L diag(added) Lᵀ; None where each
-            column has its own.
+        added: (s,) n·σ² of each source.
+        loading: (p, s) loading of each column on each source, N = L diag(added) Lᵀ; None: each
+            column has its own source.
 
     Returns:
-        (p, s): row i holds what each source draws θ_i by; their sum is to be added.
-        NaN where the columns are no more than their noise.
+        (p, s) attenuation of θ_i by each source; their sum is to be added. NaN if the columns are
+        only noise.
     """
     L = np.eye(theta.size) if loading is None else loading
     return inverse_spd(G - L * added @ L.T) @ (L * (added * (L.T @ theta)))
@@ -39,16 +39,16 @@ def attenuation(G: Floats, theta: Floats, added: Floats, loading: Floats | None 
 def window_attenuations(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise: Floats
 ) -> Floats:
-    """(rows, p) what to add to the estimates of the windows that end at `index`.
+    """Correction for attenuation of each window that ends at `index`, (rows, p).
 
-    To first order for weighted and recursive estimates, by the plain products of the window.
+    For weighted and recursive estimates it is of first order, from the window's plain products.
 
     Args:
         A: (n, p) regressor.
         f: (n,) force or torque.
         window: samples in a window.
         index: (rows,) last samples of the windows.
-        theta: (rows, p) their estimates.
+        theta: (rows, p) estimates of the windows.
         noise: (p + 1, p + 1) covariance of the noise in a row of [A f].
     """
     p = A.shape[1]

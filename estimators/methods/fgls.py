@@ -23,7 +23,7 @@ from estimators.threads import in_chunks
 
 @dataclass(frozen=True, slots=True)
 class FglsOptions:
-    """κ: the smallest |residual| that a weight believes, over the window's r.m.s."""
+    """κ: smallest residual that sets a weight, relative to the window's r.m.s."""
 
     floor: float = 0.05
 
@@ -34,13 +34,14 @@ def fit(
     options: FglsOptions | None = None,
     autocorrelation: Floats | None = None,
 ) -> Estimate:
-    """Estimate one window: OLS, then once more with the guarded weights of its residuals.
+    """Estimate one window by OLS, then by weights from its residuals.
 
     Args:
         A: (n, p) regressor, n > p.
         f: (n,) force.
         options: the guard.
-        autocorrelation: (lags,) of the residuals; from this window alone where none is given.
+        autocorrelation: (lags,) autocorrelation of the residuals; estimated from this window if not
+            given.
     """
     options = options or FglsOptions()
     first = ls.fit(A, f, autocorrelation=autocorrelation)
@@ -73,7 +74,7 @@ def solve_windows(
 def reweight(
     A: Floats, f: Floats, window: int, index: Ints, products: Floats, options: FglsOptions
 ) -> Floats:
-    """θ (p, rows) of windows with those packed products (entries, rows): OLS, then weighted."""
+    """θ (p, rows) of windows with packed products (entries, rows): OLS, then weighted."""
     first = solve(products)
     # fᵀf less what is explained knows no residual below its own rounding
     square = np.maximum(first.rss, np.finfo(np.float64).eps * products[-1])

@@ -37,7 +37,7 @@ _SETTLED = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class HuberOptions:
-    """c: residuals up to c·s weigh fully; 1.345 keeps 95 % efficiency for Gaussian noise."""
+    """c: residuals up to c·s have full weight; 1.345 keeps 95 % efficiency for Gaussian noise."""
 
     bend: float = 1.345
 
@@ -53,8 +53,9 @@ def fit(
     Args:
         A: (n, p) regressor, n > p.
         f: (n,) force.
-        options: where the weights begin to fall.
-        autocorrelation: (lags,) of the pseudo-residuals; from this window alone if not given.
+        options: tuning constant of the weights.
+        autocorrelation: (lags,) autocorrelation of the pseudo-residuals; estimated from this window
+            if not given.
     """
     options = options or HuberOptions()
     first = ls.fit(A, f, autocorrelation=autocorrelation)
@@ -80,8 +81,8 @@ class ResidualStatistics(NamedTuple):
     """Statistics of the residuals r of m solved windows, (m,) each.
 
     Attributes:
-        limit: residuals up to this weigh fully.
-        kept: mean ψ', the share of the samples that do.
+        limit: largest residual with full weight.
+        kept: mean ψ', the fraction of samples with full weight.
         squares: Σ of squared pseudo-residuals ψ(r) / mean ψ'.
     """
 
@@ -93,10 +94,10 @@ class ResidualStatistics(NamedTuple):
 def reweight(
     A: Floats, f: Floats, window: int, index: Ints, products: Floats, options: HuberOptions
 ) -> tuple[Floats, ResidualStatistics]:
-    """Solve windows with those packed products (entries, rows): θ (p, rows).
+    """Solve windows with packed products (entries, rows); returns θ (p, rows) and statistics.
 
-    Huber's loss is quadratic between the samples' bends, so that Newton ends at its minimum
-    exactly, mostly within five steps; a window where it does not is left to reweighting.
+    Huber's loss is piecewise quadratic, so Newton's method reaches its minimum exactly, mostly
+    within five steps; other windows are iteratively reweighted.
     """
     theta = solve(products).theta
     limit = options.bend * _median_absolute_residuals(A, f, window, index, theta) / 0.6745
@@ -121,7 +122,7 @@ def reweight(
 def _median_absolute_residuals(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats
 ) -> Floats:
-    """The median |residual| of each window, (rows,)."""
+    """Median absolute residual of each window, (rows,)."""
     p = theta.shape[0]
     out = np.empty(index.size)
     size = np.empty(window)
@@ -140,9 +141,9 @@ def _median_absolute_residuals(
 def _sum_newton_equations(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, _squared: bool
 ) -> Floats:
-    """Normal equations of a Newton step: samples below the limit fit, the others pull with it.
+    """Normal equations of a Newton step; samples above the limit add a constant force.
 
-    Arguments and return value as for `reweighted_sums`.
+    Arguments and return value are those of `reweighted_sums`.
     """
     p = A.shape[1]
     entries = (p + 1) * (p + 2) // 2
@@ -187,7 +188,7 @@ def _sum_newton_equations(
 def _pseudo_residuals(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats
 ) -> tuple[Floats, Floats]:
-    """The share of |r| ≤ limit, and Σ of r² clipped there, of each window (rows,)."""
+    """Fraction of |r| ≤ limit, and sum of clipped r², of each window, (rows,) each."""
     p = A.shape[1]
     z = np.empty((p + 1, window + AT_ONCE))
     e = np.empty(AT_ONCE)
@@ -220,7 +221,7 @@ def trace(
         f: (n,) force.
         window: samples in a window.
         accepted: (n,) whether the window that ends here is used.
-        options: where the weights begin to fall.
+        options: tuning constant of the weights.
     """
     options = options or HuberOptions()
     index = window_ends(accepted, window)

@@ -1,4 +1,4 @@
-"""The estimators a sample at a time: state in, state out, bounded work, θ as in the replay.
+"""The estimators sample by sample: state in, state out, bounded work, same θ as in replay.
 
 Every function here takes the sums that the compiled `trace` would have for the window that ends
 now, in the same order, and calls the same loops for one window: so θ equals the replay's bit for
@@ -22,7 +22,7 @@ from estimators.methods.fgls import reweight as reweight_fgls
 from estimators.methods.huber import HuberOptions
 from estimators.methods.huber import reweight as reweight_huber
 from estimators.methods.ls import LsOptions, WindowStatistics, least_squares, predict_statistics
-from estimators.methods.pooled import PooledOptions, add_sample, without_noise
+from estimators.methods.pooled import PooledOptions, add_sample, subtract_noise
 from estimators.methods.rls import RlsOptions, RlsState
 from estimators.methods.rtls import RtlsOptions
 from estimators.methods.tls import TlsOptions, solve_scaled
@@ -41,14 +41,14 @@ from estimators.numerics.small_systems import (
 
 
 class WindowState(NamedTuple):
-    """The window that ends now, and the sums of two scans (see `estimators.numerics.rolling`).
+    """The current window, and the sums of two scans (see `estimators.numerics.rolling`).
 
     Attributes:
         z: (p + 1, window) columns of [A f], the oldest sample first.
-        seen: samples so far.
+        seen: number of samples so far.
         centre: (p + 1,) the last sample of the last whole block.
         suffix: (lanes, window) sums from each sample of that block to its end.
-        prefix: (lanes,) sums of the samples since.
+        prefix: (lanes,) sums of the samples after that block.
         products: (entries, 1) packed sums of the window's products, and
         moments: (lanes, 1) their centred form; both NaN until the window is complete.
     """
@@ -63,7 +63,7 @@ class WindowState(NamedTuple):
 
 
 def start_window(parameters: int, window: int) -> WindowState:
-    """Before the first sample."""
+    """Empty state before the first sample."""
     q = parameters + 1
     entries = q * (q + 1) // 2
     lanes = count_lanes(q + entries)
@@ -80,9 +80,9 @@ def start_window(parameters: int, window: int) -> WindowState:
 
 @compiled_ahead
 def step_window(state: WindowState, sample: Floats) -> WindowState:
-    """Slide on by one sample (p + 1,), the regressor's row and then the force.
+    """Advance by one sample (p + 1,): the regressor's row, then the force.
 
-    Once in `window` samples the suffix sums are made anew, at the cost of as many additions.
+    Once in `window` samples the suffix sums are recomputed, with as many additions.
     """
     q, window = state.z.shape
     z = np.empty((q, window))
@@ -114,9 +114,9 @@ def step_window(state: WindowState, sample: Floats) -> WindowState:
 
 
 def window_statistics(state: WindowState, noise: Floats | None = None) -> WindowStatistics:
-    """Compute the statistics that the gate needs of the window that ends now, (1,) each.
+    """Statistics of the current window for the gate, (1,) each.
 
-    The noise is given as for `ls`.
+    `noise` is as for `ls.window_statistics`.
     """
     window = state.z.shape[1]
     rho, spread = np.empty(1), np.empty(1)
@@ -125,33 +125,33 @@ def window_statistics(state: WindowState, noise: Floats | None = None) -> Window
 
 
 def ls(state: WindowState, mean: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
-    """Ordinary least squares of the window that ends now."""
+    """Ordinary least squares of the current window."""
     A, f, end = _window_as_log(state)
     theta, _ = least_squares(A, f, f.size, end, state.products)
     return _make_window_estimate(state, theta, gram(state.products), mean)
 
 
 def fgls(state: WindowState, mean: int, options: FglsOptions) -> Estimate:
-    """Feasible generalised least squares of the window that ends now: O(window)."""
+    """Feasible generalised least squares of the current window: O(window)."""
     A, f, end = _window_as_log(state)
     theta = reweight_fgls(A, f, f.size, end, state.products, options)
     return _make_window_estimate(state, theta, gram(state.products), mean)
 
 
 def tls(state: WindowState, mean: int, options: TlsOptions) -> Estimate:
-    """Total least squares of the window that ends now."""
+    """Total least squares of the current window."""
     return _make_window_estimate(state, *solve_scaled(state.products, options), mean)
 
 
 def huber(state: WindowState, mean: int, options: HuberOptions) -> Estimate:
-    """Huber's regression of the window that ends now: O(window) a step, of a hundred at most."""
+    """Huber regression of the current window: at most a hundred steps of O(window)."""
     A, f, end = _window_as_log(state)
     theta, residuals = reweight_huber(A, f, f.size, end, state.products, options)
     return _make_window_estimate(state, theta, gram(state.products), mean, residuals.squares)
 
 
 def _window_as_log(state: WindowState) -> tuple[Floats, Floats, Ints]:
-    """A (window, p), f (window,) and the end (1,) of a log that is the window."""
+    """The window as a log: A (window, p), f (window,) and its end (1,)."""
     A = np.ascontiguousarray(state.z[:-1].T)
     return A, state.z[-1].copy(), np.array([state.z.shape[1] - 1])
 
@@ -159,7 +159,7 @@ def _window_as_log(state: WindowState) -> tuple[Floats, Floats, Ints]:
 def _make_window_estimate(
     state: WindowState, theta: Floats, G: Floats, mean: int, squares: Floats | None = None
 ) -> Estimate:
-    """One window's estimate: θ (p, 1), G packed (entries, 1) for AᵀA, squares (1,) for RSS."""
+    """Estimate of one window from θ (p, 1), packed AᵀA (entries, 1) and RSS (1,)."""
     q, window = state.z.shape
     p = q - 1
     rss = residual_squares(state.products, theta)
@@ -172,7 +172,7 @@ def _make_window_estimate(
 
 
 def estimate_stds(G: Floats, p: int, rss: Floats, samples: int, mean: int) -> Floats:
-    """The textbook's deviations (p,), `mean` samples of residuals counting as one."""
+    """Textbook standard deviations (p,), with `mean` residual samples counted as one."""
     freedom = samples - p * mean
     variance = rss[0] / freedom * mean if freedom > 0 else np.nan
     return np.sqrt(variance * np.diagonal(inverse_spd(unpack(G, p, p))))
@@ -180,11 +180,11 @@ def estimate_stds(G: Floats, p: int, rss: Floats, samples: int, mean: int) -> Fl
 
 @dataclass(frozen=True, slots=True)
 class WindowHistory:
-    """Samples that a recursive estimator has to remember.
+    """Past samples of a recursive estimator, as discounted sums.
 
     Attributes:
         products: (lanes,) packed, discounted products of the columns of [A f].
-        squares: (lanes,) the same, discounted by λ²: what the errors of Aᵀf vary by.
+        squares: (lanes,) the same, discounted by λ²: the variance of the errors of Aᵀf.
         weight: discounted number of samples.
     """
 
@@ -196,7 +196,7 @@ class WindowHistory:
 def _feed_newest(
     state: WindowState, past: WindowHistory, newest: int, forgetting: float
 ) -> WindowHistory:
-    """Feed the newest samples of the window."""
+    """Add the newest samples of the window to the history."""
     A, f, _ = _window_as_log(state)
     fed = np.arange(f.size - newest, f.size)
     products, squares = past.products.copy(), past.squares.copy()
@@ -210,7 +210,7 @@ def _feed_newest(
 def _recursive_estimate(
     theta: Floats, past: WindowHistory, R: Floats, rss: float, mean: int, condition: float
 ) -> Estimate:
-    """Of θ = R⁻¹ Aᵀf: its errors are R⁻¹ (p, p) times those of Aᵀf."""
+    """Estimate from θ = R⁻¹ Aᵀf, whose errors are R⁻¹ (p, p) times those of Aᵀf."""
     p = theta.size
     bread = inverse_spd(R)
     M = unpack(past.squares, p + 1, p)
@@ -225,14 +225,14 @@ def rls(
     mean: int,
     options: RlsOptions,
 ) -> tuple[WindowHistory | RlsState, Estimate]:
-    """Feed the newest samples of an accepted window, or begin with its OLS estimate.
+    """Feed the newest samples of an accepted window, or start with its OLS estimate.
 
     Args:
         state: the window.
-        past: after the accepted window before, None for the first.
-        newest: samples that no accepted window had.
-        mean: samples of the moving mean.
-        options: the forgetting; directional forgetting has its covariance for a past.
+        past: state after the previous accepted window; None for the first.
+        newest: number of samples that were in no accepted window before.
+        mean: length of the moving mean in samples.
+        options: forgetting; with directional forgetting `past` is an `RlsState`.
     """
     if options.directional:
         assert not isinstance(past, WindowHistory)
@@ -289,7 +289,7 @@ def _directional_rls(
 def rtls(
     state: WindowState, past: WindowHistory | None, newest: int, mean: int, options: RtlsOptions
 ) -> tuple[WindowHistory, Estimate]:
-    """Recursive total least squares; arguments as for `rls`."""
+    """Recursive total least squares; the arguments are those of `rls`."""
     p, entries = len(state.z) - 1, len(state.products)
     if past is None:
         A, f, _ = _window_as_log(state)
@@ -308,22 +308,22 @@ def rtls(
 
 @dataclass(frozen=True, slots=True)
 class Pool:
-    """The samples of one manoeuvre so far: packed products (entries,), and how many."""
+    """Samples of the current manoeuvre: packed products (entries,), and their number."""
 
     products: Floats
     samples: int
 
     def add(self, sample: Floats) -> "Pool":
-        """This and one sample (p + 1,) more."""
+        """Add one sample (p + 1,)."""
         products = self.products.copy()
         add_sample(sample[:-1].copy(), sample[-1], products)
         return Pool(products, self.samples + 1)
 
     def estimate(self, mean: int, options: PooledOptions) -> Estimate:
-        """Least squares of all of them."""
+        """Least squares over all samples of the pool."""
         products = self.products.reshape(-1, 1)
         counts = np.array([float(self.samples)])
-        theta, p = solve(without_noise(products, counts, options)).theta, columns_of(products) - 1
+        theta, p = solve(subtract_noise(products, counts, options)).theta, columns_of(products) - 1
         rss = residual_squares(products, theta)
         return Estimate(
             theta[:, 0],
@@ -334,5 +334,5 @@ class Pool:
 
 
 def start_pool(parameters: int) -> Pool:
-    """Before the first sample."""
+    """Empty pool before the first sample."""
     return Pool(np.zeros((parameters + 1) * (parameters + 2) // 2), 0)

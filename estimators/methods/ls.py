@@ -22,7 +22,7 @@ _POORLY_CONDITIONED = 50.0
 
 @dataclass(frozen=True, slots=True)
 class LsOptions:
-    """Ordinary least squares has nothing to choose."""
+    """Options of ordinary least squares: none."""
 
 
 def fit(
@@ -31,13 +31,14 @@ def fit(
     options: LsOptions | None = None,
     autocorrelation: Floats | None = None,
 ) -> Estimate:
-    """Estimate one window, in the readable form of (6).
+    """Estimate one window by (6), in its readable form.
 
     Args:
         A: (n, p) regressor, n > p.
         f: (n,) force.
-        options: none to choose.
-        autocorrelation: (lags,) of the residuals; from this window alone where none is given.
+        options: no options.
+        autocorrelation: (lags,) autocorrelation of the residuals; estimated from this window if not
+            given.
 
     Returns:
         θ with the sandwich standard deviation.
@@ -52,11 +53,11 @@ def fit(
 
 
 class Windows(NamedTuple):
-    """Solutions of windows, a row a window.
+    """Solutions of many windows, one row each.
 
     Attributes:
         theta: (rows, p) estimates.
-        grams: (rows, p(p+1)/2) packed, what stands for AᵀA in their deviations.
+        grams: (rows, p(p+1)/2) packed AᵀA, or its equivalent for the standard deviations.
         rss: (rows,) residual sums of squares.
         condition: (rows,) condition numbers.
     """
@@ -68,7 +69,7 @@ class Windows(NamedTuple):
 
     @classmethod
     def empty(cls, rows: int, parameters: int) -> "Windows":
-        """Room for that many."""
+        """Allocate the rows."""
         return cls(
             np.empty((rows, parameters)),
             np.empty((rows, parameters * (parameters + 1) // 2)),
@@ -79,7 +80,7 @@ class Windows(NamedTuple):
     def keep(
         self, rows: slice, products: Floats, theta: Floats, grams: Floats, rss: Floats
     ) -> None:
-        """Keep θ (p, m), grams (entries, m) and RSS (m,) of windows with those packed products."""
+        """Store θ (p, m), grams (entries, m) and RSS (m,) of windows with these packed products."""
         p = len(theta)
         self.theta[rows] = theta.T
         self.grams[rows] = grams.T
@@ -103,10 +104,10 @@ def solve_windows(A: Floats, f: Floats, window: int, index: Ints) -> Windows:
 def least_squares(
     A: Floats, f: Floats, window: int, index: Ints, products: Floats
 ) -> tuple[Floats, Floats]:
-    """θ (p, rows) and RSS (rows,) of windows with those packed products (entries, rows).
+    """θ (p, rows) and RSS (rows,) of windows with packed products (entries, rows).
 
-    The normal equations lose twice the digits that the window's condition costs. Where that is
-    much, one correction by the residuals themselves gives half of them back (Björck 1987).
+    Normal equations lose twice the digits of the condition number. For ill-conditioned windows one
+    correction by the residuals regains half of them (Björck 1987).
     """
     solved = solve(products)
     theta = solved.theta
@@ -122,7 +123,7 @@ def least_squares(
 
 @compiled_ahead
 def _normal_residual(A: Floats, f: Floats, window: int, index: Ints, theta: Floats) -> Floats:
-    """Aᵀ(f - A θ) of each window, (p, rows): zero but for what θ (p, rows) has lost."""
+    """Aᵀ(f - A θ) of each window, (p, rows): zero except for rounding of θ (p, rows)."""
     p = A.shape[1]
     out = np.zeros((p, index.size))
     for row in range(index.size):
@@ -136,16 +137,16 @@ def _normal_residual(A: Floats, f: Floats, window: int, index: Ints, theta: Floa
 
 
 class WindowStatistics(NamedTuple):
-    """Statistics of each window that the gate decides by, (rows,) each.
+    """Statistics of each window for the gate, (rows,) each.
 
     Attributes:
         rho: correlation of the first column and the force.
         spread: relative variance of the two (see `information`).
-        predicted_std: sqrt(σ̂² (G⁻¹)₁₁), the textbook's deviation of the first parameter: a measure
-            to rank windows by, not the deviation that is reported.
+        predicted_std: sqrt(σ̂² (G⁻¹)₁₁), the textbook standard deviation of the first parameter; it
+            ranks windows and is not the reported deviation.
         condition: condition number of the regressor.
-        partial: 1 / (G⁻¹)₁₁, the sum of squares of the first column that the others leave.
-        noise_share: share of noise in it.
+        partial: 1 / (G⁻¹)₁₁, sum of squares of the first column after projecting out the others.
+        noise_share: fraction of noise in `partial`.
     """
 
     rho: Floats
@@ -159,14 +160,14 @@ class WindowStatistics(NamedTuple):
 def window_statistics(
     A: Floats, f: Floats, window: int, index: Ints, noise: Floats | None = None
 ) -> WindowStatistics:
-    """Compute what the gate asks of the windows that end at `index`, in one pass.
+    """Compute the gate's statistics of the windows that end at `index`, in one pass.
 
     Args:
         A: (n, p) regressor.
         f: (n,) force.
         window: samples in a window.
         index: (rows,) last samples of the windows.
-        noise: (p + 1, p + 1) covariance of the noise in a row of [A f]; none where not given.
+        noise: (p + 1, p + 1) covariance of the noise in a row of [A f]; None for no noise.
     """
     out = WindowStatistics(*(np.empty(index.size) for _ in WindowStatistics._fields))
 
@@ -184,7 +185,7 @@ def window_statistics(
 def predict_statistics(
     products: Floats, window: int, noise: Floats | None
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """The last four of `WindowStatistics`, (m,) each, from packed products (entries, m)."""
+    """Last four fields of `WindowStatistics`, (m,) each, from packed products (entries, m)."""
     solved = solve(products)
     p = len(solved.theta)
     # (G⁻¹)₁₁ is the first entry of the solution for the first unit vector
@@ -215,10 +216,10 @@ def _raise_variances_by_noise(
     partial: Floats,
     share: Floats,
 ) -> None:
-    """Raise variances (m,) to those of noise, and fill in partial sums and shares (m,).
+    """Raise variances (m,) to at least those of noise; fill in partial sums and shares (m,).
 
-    The residuals of a window may be small by chance, those of noise are not. u / u₁ are the weights
-    of the columns in what the others leave of the first, u (p, m) the first column of G⁻¹.
+    Residuals of a window may be small by chance, but not the noise. u / u₁ are the weights of the
+    columns in the remainder of the first, with u (p, m) the first column of G⁻¹.
     """
     p, m = theta.shape
     least = np.full(m, noise[p, p])
@@ -243,7 +244,7 @@ def _raise_variances_by_noise(
 
 
 def residual_noise(theta: Floats, noise: Floats) -> Floats:
-    """Variance (m,) of the noise in f - Aθ of m windows, θ (p, m), from that of [A f]."""
+    """Noise variance (m,) of f - A θ, from θ (p, m) and the noise covariance of [A f]."""
     p = len(theta)
     own = np.einsum("ik,ij,jk->k", theta, noise[:p, :p], theta)
     shared = np.einsum("i,ik->k", noise[:p, p], theta)
@@ -260,7 +261,7 @@ def trace(
         f: (n,) force.
         window: samples in a window.
         accepted: (n,) whether the window that ends here is used.
-        options: none to choose.
+        options: no options.
     """
     del options
     index = window_ends(accepted, window)
@@ -270,7 +271,7 @@ def trace(
 
 
 def estimate_window_stds(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
-    """Give solved windows their deviations, from the residuals' autocorrelation over the log."""
+    """Standard deviations of solved windows, from the log's residual autocorrelation."""
     theta, grams, rss, condition = solved
     residual, owner = window_residuals(A, f, theta, index, window)
     correlation, _ = pooled_autocorrelation(residual, owner, A)

@@ -1,4 +1,4 @@
-"""Least squares pooled over all accepted samples of a manoeuvre: one estimate a segment.
+"""Least squares pooled over all accepted samples of a manoeuvre: one estimate per segment.
 
 Where windows slide over one start again and again, this uses every sample once.
 """
@@ -23,9 +23,9 @@ class PooledOptions:
     """Known noise of the regressor.
 
     Attributes:
-        noise: (p + 1, p + 1) covariance of the noise in a row of [A f], whose pull towards zero is
-            taken off again (`estimators.methods.attenuation`), half of it counted as uncertainty.
-            None takes A as exact, which is ordinary least squares.
+        noise: (p + 1, p + 1) covariance of the noise in a row of [A f]. Its attenuation is
+            corrected (`estimators.methods.attenuation`), with half of the correction counted as
+            uncertainty. None takes A as exact, which is ordinary least squares.
     """
 
     noise: Floats | None = None
@@ -33,7 +33,7 @@ class PooledOptions:
 
 @compiled_ahead
 def _add_samples(A: Floats, f: Floats, used: Ints, row_of: Ints, products: Floats) -> None:
-    """Add the products of sample used[i] to row row_of[i] of packed sums (entries, ids)."""
+    """Add the products of sample used[i] to column row_of[i] of packed sums (entries, ids)."""
     for i in range(used.size):
         k: int = used[i]
         row: int = row_of[i]
@@ -51,8 +51,8 @@ def add_sample(a: Floats, f: float, products: Floats) -> None:
     products[packed_index(p, p, p + 1)] += f * f
 
 
-def without_noise(products: Floats, counts: Floats, options: PooledOptions) -> Floats:
-    """Packed sums (entries, ids) of counts (ids,) samples, less what noise added to AᵀA, Aᵀf."""
+def subtract_noise(products: Floats, counts: Floats, options: PooledOptions) -> Floats:
+    """Packed sums (entries, ids) of counts (ids,) samples, less the expected noise products."""
     if options.noise is None:
         return products
     clean, q = products.copy(), columns_of(products)
@@ -68,12 +68,12 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     Args:
         A: (n, p) regressor; rows with a negative segment_id may be NaN.
         f: (n,) force.
-        segment_id: (n,) the segment that each sample is pooled into, negative for none.
-        options: noise of the columns, where it is known.
+        segment_id: (n,) segment of each sample, negative for none.
+        options: noise of the columns, if known.
 
     Returns:
-        A row a segment, in ascending order of segment_id; `index` is its last pooled sample.
-        A segment whose samples do not determine θ has NaN.
+        A row per segment, ascending by segment_id, with `index` its last pooled sample; NaN if a
+        segment's samples do not determine θ.
     """
     options = options or PooledOptions()
     p = A.shape[1]
@@ -89,7 +89,7 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     # of several assignments to one place the last one holds
     first[row_of[::-1]], last[row_of] = used[::-1], used
     ordinary = solve(products).theta.T
-    clean = without_noise(products, counts, options)
+    clean = subtract_noise(products, counts, options)
     theta = np.ascontiguousarray(solve(clean).theta.T)
     condition = condition_numbers(products, p + 1, p)
     residual = np.zeros(f.size)

@@ -38,10 +38,10 @@ from estimators.numerics.small_systems import (
 
 @dataclass(frozen=True, slots=True)
 class RlsOptions:
-    """How the past is forgotten.
+    """Forgetting of past samples.
 
     Attributes:
-        forgetting: λ, by which the weight of a sample falls with each one that follows.
+        forgetting: λ, factor of a sample's weight for each later sample.
         directional: forget only along the new sample's direction (Bittanti, Bolzern, Campi 1990),
             so that a long cruise does not blow P up along the acceleration.
     """
@@ -52,7 +52,7 @@ class RlsOptions:
 
 @dataclass(frozen=True, slots=True)
 class RlsState:
-    """All that the recursion keeps.
+    """Complete state of the recursion.
 
     Attributes:
         theta: (p,) estimate.
@@ -68,12 +68,12 @@ class RlsState:
 
 
 def start(A: Floats, f: Floats, options: RlsOptions | None = None) -> RlsState:
-    """Begin from the OLS estimate of a first window.
+    """Initialise from the OLS estimate of a first window.
 
     Args:
         A: (n, p) regressor of the window.
         f: (n,) force.
-        options: the forgetting, which does not matter here.
+        options: forgetting; not used here.
     """
     del options
     theta = lstsq(A, f)
@@ -86,7 +86,7 @@ def start(A: Floats, f: Floats, options: RlsOptions | None = None) -> RlsState:
 
 
 def step(state: RlsState, a: Floats, f: float, options: RlsOptions | None = None) -> RlsState:
-    """Feed one sample: a (p,) the regressor's row, f the force."""
+    """Feed one sample: row a (p,) of the regressor, and force f."""
     options = options or RlsOptions()
     forgetting = options.forgetting
     error = f - a @ state.theta
@@ -119,10 +119,10 @@ def trace(
         f: (n,) force.
         window: samples in a window.
         accepted: (n,) whether the window that ends here is used.
-        options: the forgetting.
+        options: forgetting.
 
     Returns:
-        A row an accepted window, the state after its last sample. The first row is the OLS
+        A row per accepted window: the state after its last sample. The first row is the OLS
         estimate of the first window.
     """
     options = options or RlsOptions()
@@ -139,7 +139,7 @@ def trace(
 def _solve_discounted(
     A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
 ) -> Trace:
-    """Exponential forgetting: (12)-(15) solve the discounted normal equations."""
+    """Solve the discounted normal equations of (12)-(15), for exponential forgetting."""
     rows, p = index.size, A.shape[1]
     first = slice(index[0] - window + 1, index[0] + 1)
     fed, seen = fed_samples(index, window)
@@ -167,13 +167,16 @@ def _solve_discounted(
 def _estimate_window_autocorrelation(
     A: Floats, f: Floats, window: int, index: Ints
 ) -> tuple[Floats, float]:
-    """Residual autocorrelation of windows fitted alone; that of the recursion is unknown."""
+    """Residual autocorrelation and variance of separately fitted windows.
+
+    That of the recursion is not known.
+    """
     least = solve_windows(A, f, window, index).theta
     return pooled_autocorrelation(*window_residuals(A, f, least, index, window), A)
 
 
 def information(state: RlsState) -> Floats:
-    """The discounted Gram matrix of [A f] (p+1, p+1) that a beginning stands for."""
+    """Discounted Gram matrix of [A f], (p+1, p+1), that is equivalent to an initial state."""
     R = np.diag(1.0 / np.diagonal(state.P))
     h = R @ state.theta
     return np.block([[R, h[:, None]], [h[None, :], np.array([[state.square + state.theta @ h]])]])
@@ -207,7 +210,7 @@ def window_stds(
 def feed_along_samples(
     A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
 ) -> Trace:
-    """Directional forgetting."""
+    """Run the recursion with directional forgetting."""
     p = A.shape[1]
     first = slice(index[0] - window + 1, index[0] + 1)
     sums = (begin.square, begin.weight)

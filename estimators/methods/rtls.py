@@ -1,4 +1,4 @@
-"""Recursive total least squares: TLS of the discounted past, a sample at a time.
+"""Recursive total least squares: TLS of the discounted past, sample by sample.
 
 The recursion keeps the discounted Gram matrix of the scaled [A f], C ← λC + z zᵀ, and takes its
 smallest eigenvector afresh at each sample: p is 2 or 3, so that costs no more than tracking it
@@ -30,7 +30,7 @@ from estimators.numerics.small_systems import condition_numbers, pack
 
 @dataclass(frozen=True, slots=True)
 class RtlsOptions:
-    """The noise of each column (as for TLS) and λ, the forgetting of a sample."""
+    """Noise of each column (as for TLS), and λ, the forgetting factor."""
 
     noise: TlsOptions = field(default_factory=TlsOptions)
     forgetting: float = 0.998
@@ -38,10 +38,10 @@ class RtlsOptions:
 
 @dataclass(frozen=True, slots=True)
 class RtlsState:
-    """All that the recursion keeps.
+    """Complete state of the recursion.
 
     Attributes:
-        theta: (p,) estimate; NaN where the past does not determine it.
+        theta: (p,) estimate; NaN if the past does not determine it.
         C: (p+1, p+1) discounted Gram matrix of the scaled [A f].
         weight: discounted number of samples.
     """
@@ -52,7 +52,7 @@ class RtlsState:
 
 
 def start(A: Floats, f: Floats, options: RtlsOptions | None = None) -> RtlsState:
-    """Begin from the TLS estimate of a first window: A (n, p), f (n,)."""
+    """Initialise from the TLS estimate of a first window: A (n, p), f (n,)."""
     options = options or RtlsOptions()
     p = A.shape[1]
     scale = options.noise.scales(p)
@@ -62,7 +62,7 @@ def start(A: Floats, f: Floats, options: RtlsOptions | None = None) -> RtlsState
 
 
 def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = None) -> RtlsState:
-    """Feed one sample: a (p,) the regressor's row, f the force."""
+    """Feed one sample: row a (p,) of the regressor, and force f."""
     options = options or RtlsOptions()
     scale = options.noise.scales(a.size)
     z = np.append(a / scale, f)
@@ -71,14 +71,14 @@ def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = No
 
 
 def tls_parameters(C: Floats, options: RtlsOptions) -> Floats:
-    """The estimate (p,) of one scaled Gram matrix, NaN where A without its noise is singular."""
+    """Estimate (p,) from a scaled Gram matrix; NaN if A without its noise is singular."""
     units = np.append(options.noise.scales(len(C) - 1), 1.0)
     products = pack(C * np.outer(units, units)).reshape(-1, 1)
     return solve_scaled(products, options.noise)[0][:, 0]
 
 
 def unscale_gram(state: RtlsState, options: RtlsOptions) -> Floats:
-    """The discounted Gram matrix (p+1, p+1) of [A f] in its own units."""
+    """Discounted Gram matrix (p+1, p+1) of [A f] in the original units."""
     units = np.append(options.noise.scales(len(state.theta)), 1.0)
     return state.C * np.outer(units, units)
 
@@ -96,8 +96,8 @@ def trace(
         options: noise and forgetting.
 
     Returns:
-        A row an accepted window, the state after its last sample; the first is TLS of the first
-        window.
+        A row per accepted window: the state after its last sample. The first row is TLS of the
+        first window.
     """
     options = options or RtlsOptions()
     index = window_ends(accepted, window)
@@ -143,7 +143,7 @@ def trace(
 def _residuals_of_fed_samples(
     A: Floats, f: Floats, theta: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:
-    """Each fed sample's residual under the state that it led to, and 0; -1 where there is none."""
+    """Residual of each fed sample by the state after it, (n,), with group 0, or -1 if not fed."""
     residual = np.zeros(f.size)
     fed = np.full(f.size, -1, np.int64)
     done = -1

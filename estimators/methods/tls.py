@@ -19,10 +19,10 @@ from estimators.numerics.rolling import sum_windows, window_ends
 from estimators.numerics.sandwich import window_std
 from estimators.numerics.small_systems import (
     condition_number,
-    entry_rows,
     factor,
     pack,
     packed_index,
+    packed_index_table,
     solve_spd,
     substitute,
 )
@@ -36,9 +36,9 @@ _SETTLED = 1e-14
 
 @dataclass(frozen=True, slots=True)
 class TlsOptions:
-    """Noise of the columns of A in their order, and of f; only their ratios matter.
+    """Noise of the columns of A, in order, and of f; only the ratios matter.
 
-    The third column is Coulomb's sign, which is nearly exact.
+    The third column is the Coulomb sign, which is nearly exact.
     """
 
     noise_A: tuple[float, ...] = (0.01, 0.005, 0.001)
@@ -60,8 +60,9 @@ def fit(
     Args:
         A: (n, p) regressor, n > p.
         f: (n,) force.
-        options: the noise of each column.
-        autocorrelation: (lags,) of the residuals; from this window alone where none is given.
+        options: noise of each column.
+        autocorrelation: (lags,) autocorrelation of the residuals; estimated from this window if not
+            given.
     """
     options = options or TlsOptions()
     p = A.shape[1]
@@ -85,7 +86,7 @@ def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]
     no longer positive definite: then the bracket is halved.
 
     Returns:
-        (p, m) θ, NaN where A without its noise is singular, and AᵀA without that noise, packed
+        (p, m) θ, NaN if A without its noise is singular, and packed AᵀA without that noise,
         (p(p+1)/2, m).
     """
     q = columns_of(products)
@@ -107,9 +108,9 @@ def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]
 
 
 def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
-    """Solve (G - λI) x = h, x (p, m), with the λ (m,) so far; `shifted` gets G - λI."""
+    """Solve (G - λI) x = h for x (p, m) at the current λ (m,); `shifted` receives G - λI."""
     q = columns_of(C)
-    rows = entry_rows(q)
+    rows = packed_index_table(q)
     for i in range(q - 1):
         shifted[rows[i][i]] = C[rows[i][i]] - lam
     x = C[list(rows[q - 1][: q - 1])]
@@ -119,9 +120,9 @@ def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
 
 @compiled_ahead
 def _step_newton(C: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
-    """One step of λ, low and high (3, m) where it is not `done` (m,); whether all are now.
+    """Update λ, low and high (3, m) where not `done` (m,); returns whether all are done.
 
-    A step that would be a rounding is not taken, so that x (p, m) is the solution for λ.
+    A step below rounding is skipped, so that x (p, m) stays the solution for λ.
     """
     p, m = x.shape
     lam, low, high = roots[0], roots[1], roots[2]
@@ -177,7 +178,7 @@ def trace(
         f: (n,) force.
         window: samples in a window.
         accepted: (n,) whether the window that ends here is used.
-        options: the noise of each column.
+        options: noise of each column.
     """
     options = options or TlsOptions()
     index = window_ends(accepted, window)

@@ -1,4 +1,4 @@
-"""The mean of overlapping windows' estimates, with a standard deviation that knows the overlap.
+"""Mean of overlapping windows' estimates, with a standard deviation that allows for overlap.
 
 Windows weigh by what they know of the first parameter, ω_w ∝ 1/std². The mean
 θ̄ = Σ_w ω_w G_w⁻¹ Σ_{k∈w} a_k f_k
@@ -18,7 +18,7 @@ from estimators.numerics.small_systems import factor, invert
 
 @compiled_ahead
 def mean_weights(A: Floats, breads: Floats, index: Ints, window: int) -> tuple[Floats, Ints]:
-    """c_k (n, p), and 0 for the samples inside a window of index, -1 for the others.
+    """Weights c_k (n, p), and 0 for samples inside an accepted window, -1 for others, (n,).
 
     Breads (p, p, rows) are the windows' ω G⁻¹.
     """
@@ -60,22 +60,22 @@ def mean_estimate(
     std: Floats,
     systematic: Floats | None = None,
 ) -> tuple[Floats, Floats]:
-    """Weighted mean θ over all rows of a windowed trace, and its standard deviation.
+    """Weighted mean of θ over all rows of a windowed trace, with its standard deviation.
 
-    Exact for LS; for FGLS and TLS to first order, by the LS weights.
+    It is exact for LS, and of first order for FGLS and TLS, by the LS weights.
 
     Args:
         A: (n, p) regressor.
         f: (n,) force.
         window: samples in a window.
         index: (rows,) last sample of each window, ascending.
-        theta: (rows, p) their estimates.
-        std: (rows, p) their standard deviations.
-        systematic: (rows, p) errors that the residuals do not show, of one sign in all windows, so
-            that no mean makes them smaller; none where not given.
+        theta: (rows, p) estimates of the windows.
+        std: (rows, p) standard deviations of the estimates.
+        systematic: (rows, p) errors of one sign in all windows that the residuals do not show and
+            that no mean reduces; None for none.
 
     Returns:
-        (p,) mean and (p,) standard deviations, NaN where no window has an estimate.
+        (p,) mean and (p,) standard deviations, NaN if no window has an estimate.
     """
     solved = np.isfinite(theta[:, 0]) & np.isfinite(std[:, 0])
     if not solved.any():

@@ -1,4 +1,4 @@
-"""The autocorrelation of the residuals, pooled over the log.
+"""Residual autocorrelation, pooled over the log.
 
 Smoothing correlates residuals over its length, so the textbook variance σ²(AᵀA)⁻¹ is several times
 too small. One window is too short to tell its residuals' correlation; the log is not.
@@ -36,7 +36,7 @@ def _sum_lag_products(
 ) -> tuple[Floats, Floats]:
     """Σ e_i e_{i+j} and the number of pairs for j < lags, both ends in one group (group >= 0).
 
-    Those i count that lie in one of `every` blocks of samples.
+    Only the i in one of `every` blocks of samples count.
     """
     sums = np.zeros(-(-lags // _AT_ONCE) * _AT_ONCE)
     pairs = np.zeros(lags)
@@ -70,7 +70,7 @@ def _add_run_by_arrays(run: Floats, count: int, sums: Floats) -> None:
 
 @compiled_beside(_add_run_by_arrays)
 def _add_run(run: Floats, count: int, sums: Floats) -> None:
-    """Add the products of the first samples with those that adjoin, many distances side by side."""
+    """Add the products of the first samples with their successors, many lags at once."""
     n = min(run.size, count + sums.size)
     # zeros behind the end, so that all distances have as many terms
     padded = np.zeros(n + sums.size)
@@ -99,7 +99,7 @@ def _add_run(run: Floats, count: int, sums: Floats) -> None:
 def add_pairs_beyond_hole(
     residual: Floats, group: Ints, first: int, last: int, end: int, sums: Floats, pairs: Floats
 ) -> None:
-    """Add the pairs of a run's samples with those of its group that lie behind a hole."""
+    """Add the pairs of a run's samples with samples of its group beyond a hole."""
     lags = pairs.size
     mine, reach = group[first], min(last - 1 + lags, group.size)
     for other in range(end, reach):
@@ -112,11 +112,11 @@ def add_pairs_beyond_hole(
 def autocovariance_loss(group: Ints, A: Floats | None) -> Floats:
     """Loss of autocovariance of the residuals caused by fitting A, (lags, lags).
 
-    It does not depend on the residuals: whoever asks again for the same fit keeps it.
+    It does not depend on the residuals, so repeated fits of the same A can reuse it.
 
     Args:
-        group: (n,) the fit that each sample belongs to, negative for none.
-        A: (n, p) regressor that was fitted to each group, None where nothing was.
+        group: (n,) fit that each sample belongs to, negative for none.
+        A: (n, p) regressor fitted to each group; None if nothing was fitted.
     """
     n, groups = int((group >= 0).sum()), group_ids(group).size
     if n <= groups * (0 if A is None else A.shape[1]):
@@ -129,22 +129,22 @@ def autocovariance_loss(group: Ints, A: Floats | None) -> Floats:
 def pooled_autocorrelation(
     residual: Floats, group: Ints, A: Floats | None, loss: Floats | None = None
 ) -> tuple[Floats, float]:
-    """Estimate the residuals' autocorrelation over all groups, and their variance.
+    """Residual autocorrelation over all groups, and variance of the residuals.
 
-    What each group's own fit has taken out of the autocovariances is put back (`fit_loss`). The
-    lags kept are chosen by the flat-top rule of Politis (2003): twice the lag after which the
-    correlation stays within its noise, weight 1 on the first half and falling to 0 over the
-    second. A few residuals tell their long-run variance with few degrees of freedom, n over the
-    sum of the squared weights: it is raised by (t/1.96)², so that 1.96 deviations are 95 %.
+    The autocovariance lost to each group's own fit is restored (`fit_loss`). The lags kept are
+    chosen by the flat-top rule of Politis (2003): twice the lag after which the correlation stays
+    within its noise, weight 1 on the first half and falling to 0 over the second. With few
+    residuals the long-run variance has few degrees of freedom, n over the sum of the squared
+    weights: it is raised by (t/1.96)², so that 1.96 deviations are 95 %.
 
     Args:
-        residual: (n,) residuals; where group < 0 they are not looked at.
-        group: (n,) the fit that each residual comes from, negative for none.
-        A: (n, p) regressor that was fitted to each group, None where nothing was.
-        loss: its `autocovariance_loss`, where it is at hand.
+        residual: (n,) residuals; ignored where group < 0.
+        group: (n,) fit that each residual comes from, negative for none.
+        A: (n, p) regressor fitted to each group; None if nothing was fitted.
+        loss: the fit's `autocovariance_loss`, if already computed.
 
     Returns:
-        (lags,) autocorrelation with its taper applied, 1 first; and the variance at lag 0.
+        (lags,) tapered autocorrelation, 1 first; and the variance at lag 0.
     """
     loss = autocovariance_loss(group, A) if loss is None else loss
     limit, n = len(loss), int((group >= 0).sum())
@@ -184,7 +184,7 @@ def flat_top_weights(kept: int, limit: int) -> Floats:
 
 @compiled_ahead
 def first_quiet_lag(covariance: Floats, noise: float, run: int) -> int:
-    """The first lag from which on `run` lags, or all that are left, stay within the noise."""
+    """First lag from which `run` lags, or all remaining ones, stay within the noise."""
     first = 1
     for lag in range(1, covariance.size):
         if not abs(covariance[lag] / covariance[0]) < noise:
@@ -195,9 +195,9 @@ def first_quiet_lag(covariance: Floats, noise: float, run: int) -> int:
 
 
 def restore_lost_covariance(found: Floats, loss: Floats, taper: Floats) -> Floats:
-    """The autocovariances (lags,) with what the fits took out of them.
+    """Autocovariances (lags,) with the loss from fitting restored.
 
-    By substitution: where a fit leaves little, a solution would put back anything.
+    It is restored by substitution; where a fit leaves little, solving would be unstable.
     """
     restored = found
     # of residuals that no fit took anything out of there is nothing to put back
@@ -209,17 +209,17 @@ def restore_lost_covariance(found: Floats, loss: Floats, taper: Floats) -> Float
 def window_residuals(
     A: Floats, f: Floats, theta: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:
-    """Cover the solved windows with disjoint ones, first come first, and take their residuals.
+    """Select disjoint windows that cover the solved ones, and compute their residuals.
 
     Args:
         A: (n, p) regressor.
         f: (n,) force.
-        theta: (rows, p) estimates; a row of NaN has no window.
-        index: (rows,) last samples of their windows, ascending.
+        theta: (rows, p) estimates; rows of NaN are skipped.
+        index: (rows,) last sample of each window, ascending.
         window: samples in a window.
 
     Returns:
-        (n,) residuals f - A θ, and (n,) the row whose window owns each sample, -1 for none.
+        (n,) residuals f - A θ, and (n,) row of the window that each sample belongs to, -1 for none.
     """
     residual, owner = np.zeros(f.size), np.full(f.size, -1, np.int64)
     _fill_window_residuals(A, f, theta, index, window, residual, owner)
@@ -249,18 +249,18 @@ def _fill_window_residuals(
 
 
 def student_factor(dof: float) -> float:
-    """Student's t over the normal quantile at 95 %, by the expansion of Cornish and Fisher.
+    """Student's t over the normal quantile at 95 %, by the Cornish-Fisher expansion.
 
-    Within 0.5 % from 3 degrees of freedom on; fewer count as 3.
+    The error is below 0.5 % from 3 degrees of freedom on; fewer count as 3.
     """
     x = 1.0 / max(dof, _FEWEST)
     return 1.0 + x * (1.2104 + x * (1.4335 + x * (1.2904 + x * 0.89)))
 
 
 def scale_widening(samples: float, correlation: Floats) -> float:
-    """The factor of a deviation whose scale comes from `samples` residuals of that correlation.
+    """Widening of a deviation whose scale is estimated from `samples` correlated residuals.
 
-    So many of them count as one in a variance as their squared correlations add up to (Bartlett).
+    The effective number of residuals follows from the sum of squared correlations (Bartlett).
     """
     alike = 2.0 * float(correlation @ correlation) - float(correlation[0]) ** 2
     return student_factor(samples / alike)

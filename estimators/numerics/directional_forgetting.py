@@ -12,7 +12,7 @@ from estimators.interpreted import compiled_ahead
 
 @compiled_ahead
 def update_gain(P: Floats, a: Floats, forgetting: float) -> Floats:
-    """The gain of a sample; P is updated in place."""
+    """Gain of one sample; P is updated in place."""
     p = a.size
     Pa = np.zeros(p)
     r = 0.0
@@ -40,7 +40,11 @@ def feed_windows(
     P: Floats,
     sums: tuple[float, float],
 ) -> tuple[Floats, Floats, Floats, tuple[float, float]]:
-    """Steps over the union of the windows in index; θ, r.m.s. and P a row, and the last sums."""
+    """Run the recursion over the union of the windows in `index`.
+
+    Returns:
+        θ, r.m.s. and P of each row, and the final sums.
+    """
     rows = index.size
     p = theta.size
     square, weight = sums
@@ -79,20 +83,20 @@ def window_stds(
     ahead: Floats,
     correlation: Floats,
 ) -> Floats:
-    """Standard deviations for residuals of variance 1, by the recursion's own error equation.
+    """Standard deviations for residuals of variance 1, from the recursion's error equation.
 
-    With F = I - K aᵀ the error obeys e ← F e + K u. Its covariance needs what e shares with the
-    residual that comes next, which the correlation of the residuals carries along:
-    `ahead[j]` = cov(e, u of the sample j + 1 ahead).
+    With F = I - K aᵀ the error obeys e ← F e + K u. Its covariance needs the covariance of e with
+    the next residuals, which their correlation carries along: `ahead[j]` = cov(e, u of the sample j
+    + 1 ahead).
 
     Args:
         A: (n, p) regressor.
         window: samples in a window.
         index: (rows,) last samples of the accepted windows.
         forgetting: λ.
-        P: (p, p) at the end of the first window.
+        P: (p, p) covariance factor at the end of the first window.
         cover: (p, p) covariance of the first estimate.
-        ahead: (lags, p) its covariance with the residuals that follow.
+        ahead: (lags, p) its covariance with the following residuals.
         correlation: (lags,) residual autocorrelation, 1 first.
     """
     rows = index.size

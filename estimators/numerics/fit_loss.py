@@ -30,7 +30,7 @@ def _sum_products_by_arrays(Q: Floats, distances: int) -> Floats:
 
 @compiled_beside(_sum_products_by_arrays)
 def _products_at_distances(Q: Floats, distances: int) -> Floats:
-    """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, (p, p, distances)."""
+    """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, as (p, p, distances)."""
     n, p = Q.shape
     # zeros behind the end, so that all distances have as many terms
     columns = np.zeros((p, n + distances + 4))
@@ -56,6 +56,7 @@ def _products_at_distances(Q: Floats, distances: int) -> Floats:
 
 
 def _add_loss_by_arrays(Q: Floats, loss: Floats) -> None:
+    """Add the loss (lags, lags) of a fit with orthonormal basis Q (n, p), without loops over n."""
     n, p = Q.shape
     lags = len(loss)
     cross = _sum_products_by_arrays(Q, 2 * lags - 1)
@@ -127,7 +128,7 @@ def _add_loss(Q: Floats, loss: Floats) -> None:
 
 @compiled_ahead
 def orthonormal_basis(A: Floats) -> Floats:
-    """An orthonormal basis of the columns of A (n, p), without those that depend on others."""
+    """Orthonormal basis of the columns of A (n, p), without dependent columns."""
     n, p = A.shape
     Q = np.zeros((n, p))
     q, other = np.empty(n), np.empty(n)
@@ -151,7 +152,7 @@ def orthonormal_basis(A: Floats) -> Floats:
 
 
 def group_spans(group: Ints, groups: Ints) -> Ints:
-    """First and last sample of each of `some` (ascending) groups, (fits, 2)."""
+    """First and last sample of each of `groups` (ascending), (fits, 2)."""
     fit = np.minimum(np.searchsorted(groups, group), groups.size - 1)
     inside = np.flatnonzero(groups[fit] == group)
     spans = np.empty((groups.size, 2), np.int64)
@@ -173,7 +174,7 @@ def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Float
 
 @compiled_beside(_sum_loss_by_arrays)
 def _total_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
-    """Loss over pairs, (lags, lags), of the fits that lie in `spans`."""
+    """Loss (lags, lags) summed over the fits in `spans`, per pair of samples at each lag."""
     p = A.shape[1]
     loss = np.zeros((lags, lags))
     pairs = np.zeros(lags)
@@ -195,10 +196,10 @@ def _total_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
 
 
 def group_ids(group: Ints) -> Ints:
-    """List the groups of samples (fits, windows, segments) that occur, ascending.
+    """Numbers of the groups (fits, windows, segments) that occur, ascending.
 
     Args:
-        group: (n,) the group of each sample, negative for none.
+        group: (n,) group of each sample, negative for none.
     """
     used = group[group >= 0]
     steps = np.diff(used)
@@ -209,10 +210,10 @@ def group_ids(group: Ints) -> Ints:
 
 
 def group_rows(group: Ints) -> list[Ints]:
-    """List the samples of each group, in the order of `group_ids`.
+    """Samples of each group, in the order of `group_ids`.
 
     Args:
-        group: (n,) the group of each sample, negative for none.
+        group: (n,) group of each sample, negative for none.
     """
     rows = np.flatnonzero(group >= 0)
     of = group[rows]
@@ -225,12 +226,12 @@ def group_rows(group: Ints) -> list[Ints]:
 
 
 def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
-    """How much of each autocovariance the residuals have lost at each lag, (lags, lags).
+    """Loss of the residuals' autocovariance at each lag, (lags, lags).
 
     Args:
-        A: (n, p) regressor, fitted to each group by itself.
-        group: (n,) the fit that each sample belongs to, negative for none.
-        lags: how many lags, lag 0 included.
+        A: (n, p) regressor, fitted to each group separately.
+        group: (n,) fit that each sample belongs to, negative for none.
+        lags: number of lags, including lag 0.
 
     Returns:
         B with E[mean e_i e_{i+j}] = r_j - Σ_l B_jl r_l.

@@ -1,4 +1,4 @@
-"""The trailing mean inside groups: shorter where a group has only begun, never across its start."""
+"""Trailing means inside groups: shorter at the start of a group, never across it."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -10,7 +10,7 @@ from estimators.interpreted import compiled_beside
 
 
 def find_runs(group: Ints) -> Iterator[tuple[int, int]]:
-    """The first sample of each run of one group (n,), and the one behind its last."""
+    """First and end sample of each run of one group (n,)."""
     begins = np.flatnonzero(np.diff(group)) + 1
     bounds = [0, *begins.tolist(), group.size] if group.size else []
     return pairwise(bounds)
@@ -35,16 +35,16 @@ def _average_by_arrays(
 def trailing_group_means(
     columns: Floats, group: Ints, samples: int, rows: Ints
 ) -> tuple[Floats, Ints]:
-    """Average samples with up to `samples` - 1 before each that adjoin it in its group.
+    """Mean of each requested sample and up to `samples` - 1 before it in the same group.
 
     Args:
-        columns: (p, n) values; where the group is negative they are not looked at.
+        columns: (p, n) values; ignored where the group is negative.
         group: (n,) group of each sample, negative for none.
-        samples: most samples in a mean.
-        rows: (m,) samples of groups whose means are wanted, ascending.
+        samples: maximum samples in a mean.
+        rows: (m,) samples whose means are requested, ascending; all in groups.
 
     Returns:
-        (m, p) means, and (m,) how many samples each is of.
+        (m, p) means, and (m,) number of samples in each.
     """
     p, n = columns.shape
     mean, count = np.empty((rows.size, p)), np.empty(rows.size, np.int64)

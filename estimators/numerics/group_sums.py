@@ -1,4 +1,4 @@
-"""The normal equations by group of samples, and what noise of the columns adds to them."""
+"""Normal equations by group of samples, and the contribution of column noise to them."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -18,8 +18,8 @@ class NoiseMoments:
     """Noise terms of the normal equations, by group in ascending order.
 
     Attributes:
-        gram: (groups, p, p) added to AᵀA.
-        cross: (groups, p) added to Aᵀf, by noise that a column shares with the response.
+        gram: (groups, p, p) noise contribution to AᵀA.
+        cross: (groups, p) noise contribution to Aᵀf, from noise shared with the response.
     """
 
     gram: Floats
@@ -61,15 +61,15 @@ def noise_moments(
     group: Ints,
     shape: tuple[int, int],
 ) -> tuple[Floats, Floats]:
-    """Sum what noise of channels adds to the normal equations.
+    """Sum the contribution of channel noise to the normal equations.
 
     Args:
-        slopes: (slopes, n) derivatives of columns by channels, those that are not 0.
-        places: (slopes, 2) column and channel of each; the last channel is the response's.
-        covariances: (kinds, channels, channels) of the channels' noise.
-        which: (n,) the kind of each sample.
-        group: (n,) the group of each sample, from 0.
-        shape: groups and columns.
+        slopes: (slopes, n) nonzero derivatives of columns by channels.
+        places: (slopes, 2) column and channel of each; the last channel is the response.
+        covariances: (kinds, channels, channels) noise covariances of the channels.
+        which: (n,) kind of each sample.
+        group: (n,) group of each sample, from 0.
+        shape: number of groups and columns.
 
     Returns:
         (groups, p, p) and (groups, p): see `NoiseMoments`.
@@ -116,16 +116,16 @@ def noise_moments(
 
 
 def scaled_columns(A: Floats, f: Floats, group: Ints) -> tuple[Floats, Floats, Floats]:
-    """Columns of mean square 1, and 0 like the response where a sample has no group.
+    """Columns scaled to mean square 1; zero, like the response, for samples without a group.
 
     Args:
         A: (n, p) columns.
         f: (n,) response.
-        group: (n,) the group of each sample, negative for none.
+        group: (n,) group of each sample, negative for none.
 
     Returns:
-        The same columns and response, and (p,) what the columns were divided by: 1 for one that
-        is 0 throughout but for rounding, which is left to its prior.
+        The scaled columns, the response, and (p,) divisors: 1 for a column that is 0 except for
+        rounding, which is left to its prior.
     """
     scale = np.sqrt(_sum_squares(A, group) / max(int((group >= 0).sum()), 1))
     scale = np.where(scale**2 > NOTHING, scale, 1.0)
@@ -166,14 +166,14 @@ def _divide_columns_by_scale(
 
 @dataclass(frozen=True, slots=True)
 class GroupSums:
-    """The normal equations by group, in ascending order of their numbers.
+    """Normal equations by group, in ascending order.
 
     Attributes:
-        rows: of each group, its samples.
+        rows: samples of each group.
         grams: (groups, p, p) AᵀA.
         crosses: (groups, p) Aᵀf.
-        noise_gram: (groups, p, p) what noise added to the first.
-        noise_cross: (groups, p) likewise to the second.
+        noise_gram: (groups, p, p) noise contribution to `grams`.
+        noise_cross: (groups, p) noise contribution to `crosses`.
     """
 
     rows: list[Ints]
@@ -183,10 +183,10 @@ class GroupSums:
     noise_cross: Floats
 
     @classmethod
-    def of(
+    def from_groups(
         cls, A: Floats, f: Floats, group: Ints, noise: NoiseMoments | None, scale: Floats
     ) -> Self:
-        """Sum columns that were divided by a scale."""
+        """Sum the products of scaled columns by group."""
         rows = group_rows(group)
         own = [as_slice(part) for part in rows]
         grams = np.stack([A[part].T @ A[part] for part in own])
@@ -196,7 +196,7 @@ class GroupSums:
         return cls(rows, grams, crosses, noise.gram / np.outer(scale, scale), noise.cross / scale)
 
     def sum_by_unit(self, unit: Ints) -> Self:
-        """Add up the groups of one unit each, (groups,) from 0; the rows stay the groups'."""
+        """Sum over the groups of each unit, (groups,) from 0; `rows` stay by group."""
         if np.array_equal(unit, np.arange(len(self.rows))):
             return self
 
@@ -210,6 +210,6 @@ class GroupSums:
 
 
 def as_slice(rows: Ints) -> slice | Ints:
-    """Rows as a slice where they are consecutive, so that indexing makes no copy."""
+    """Rows as a slice if consecutive, so that indexing makes no copy."""
     first, last = int(rows[0]), int(rows[-1]) + 1
     return slice(first, last) if last - first == rows.size else rows

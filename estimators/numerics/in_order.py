@@ -1,4 +1,4 @@
-"""Sums and products whose bits depend on their order, for loops interpreted or compiled.
+"""Sums and products with a defined order of operations, for interpreted and compiled loops.
 
 Compiled, a sum goes from the first term to the last, where numpy's adds pairs of parts; a product
 of vectors is SciPy's, where numpy brings a library of its own.
@@ -14,7 +14,7 @@ from estimators.interpreted import Primitive
 
 
 def sum_axis_in_order(x: Floats, axis: int) -> Floats:
-    """Sums along an axis from zero on, each from the first term to the last."""
+    """Sum along an axis, from the first term to the last."""
     zero = np.zeros_like(x, shape=[1 if k == axis else size for k, size in enumerate(x.shape)])
     return np.asarray(np.cumsum(np.concatenate([zero, x], axis), axis).take(-1, axis))
 

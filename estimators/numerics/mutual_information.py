@@ -13,10 +13,10 @@ _NO_SPREAD = 1e-24
 
 
 def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Floats]:
-    """Pearson's ρ of x and y over every run of exactly `window` samples.
+    """Pearson's ρ of x and y over every window of exactly `window` samples.
 
-    From sums of deviations (see `estimators.numerics.rolling`), so that neither a large mean nor an
-    idle stretch costs digits.
+    Sums of deviations (see `estimators.numerics.rolling`) keep the digits despite a large mean or
+    an idle stretch.
 
     Args:
         x: (n,) first series.
@@ -43,11 +43,11 @@ def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Float
 def correlated_sums(
     A: Floats, f: Floats, window: int, index: Ints
 ) -> tuple[Floats, Floats, Floats]:
-    """`rolling.sum_windows`, and of the same sums the correlation of A's first column and f.
+    """`rolling.sum_windows`, plus the correlation of A's first column with f.
 
     Returns:
-        (entries, rows) packed products, (rows,) ρ and (rows,) relative variance, as
-        `window_correlation` has them.
+        (entries, rows) packed products, (rows,) ρ and (rows,) relative variance, as in
+        `window_correlation`.
     """
     q = A.shape[1] + 1
     work = make_workspace(q, window)
@@ -65,7 +65,7 @@ def correlated_sums(
 
 @compiled_ahead
 def correlation(moments: Floats, centre: Floats, window: int, rho: Floats, spread: Floats) -> None:
-    """ρ and relative variance (m,) of the first series and the last (see `rolling.Workspace`)."""
+    """Compute ρ and relative variance (m,) of first and last series (see `rolling.Workspace`)."""
     q = centre.size
     dx, dy, dxx = moments[0], moments[q - 1], moments[q]
     dxy, dyy = moments[q + q - 1], moments[q + packed_index(q - 1, q - 1, q)]

@@ -24,7 +24,7 @@ def _tabulate_digamma(upto: int) -> Floats:
 def window_mutual_information(
     x: Floats, y: Floats, window: int, index: Ints, neighbours: int
 ) -> Floats:
-    """I(x; y) of the windows that end at `index`, with no assumption on their distribution.
+    """I(x; y) of the windows that end at `index`, without a distribution assumption.
 
     I = ψ(k) + ψ(W) - <ψ(n_x + 1) + ψ(n_y + 1)>, where n_x counts the samples nearer in x than the
     k-th neighbour in the plane (maximum norm), both axes scaled to unit deviation first.
@@ -34,10 +34,10 @@ def window_mutual_information(
         y: (n,) second series.
         window: samples W in a window, more than `neighbours`.
         index: (rows,) last samples of the windows.
-        neighbours: k; larger is steadier and blunter.
+        neighbours: k; a larger value has less noise and less resolution.
 
     Returns:
-        (rows,) nat; may be slightly negative; NaN for a window without variance or with a NaN.
+        (rows,) in nat; may be slightly negative; NaN for a window without variance or with a NaN.
     """
     psi = _tabulate_digamma(window + 1)
     out = np.full(index.size, np.nan)

@@ -1,15 +1,15 @@
-"""The normal equations of many windows, from the summed products of the columns of [A f]."""
+"""Normal equations of many windows, from summed products of the columns of [A f]."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.numerics.small_systems import entry_rows, factor, substitute
+from estimators.numerics.small_systems import factor, packed_index_table, substitute
 
 
 class Solution(NamedTuple):
-    """Of m windows: θ (p, m), NaN where AᵀA is singular, its factors and the RSS (m,)."""
+    """Solution of m windows: θ (p, m), NaN where AᵀA is singular, its factors, and RSS (m,)."""
 
     theta: Floats
     L: Floats
@@ -23,11 +23,11 @@ def columns_of(products: Floats) -> int:
 
 
 def solve(products: Floats) -> Solution:
-    """Solve AᵀA θ = Aᵀf of m windows; products (entries, m) packed."""
+    """Solve AᵀA θ = Aᵀf of m windows, from packed products (entries, m)."""
     q = columns_of(products)
     p = q - 1
     L, inverse = factor(products, q, p)
-    *sides, square = entry_rows(q)[p]
+    *sides, square = packed_index_table(q)[p]
     theta = products[sides]
     substitute(L, inverse, theta)
     rss = products[square].copy()
@@ -37,9 +37,9 @@ def solve(products: Floats) -> Solution:
 
 
 def residual_squares(products: Floats, theta: Floats) -> Floats:
-    """Residual sums of squares (m,) of any θ (p, m): ff - 2 θᵀh + θᵀG θ."""
+    """Residual sums of squares (m,) for any θ (p, m): ff - 2 θᵀh + θᵀG θ."""
     p = len(theta)
-    rows = entry_rows(p + 1)
+    rows = packed_index_table(p + 1)
     rss = products[rows[p][p]].copy()
     for i in range(p):
         rss -= 2.0 * theta[i] * products[rows[i][p]]
@@ -49,6 +49,8 @@ def residual_squares(products: Floats, theta: Floats) -> Floats:
 
 
 def gram(products: Floats) -> Floats:
-    """AᵀA alone, packed (p(p+1)/2, m), out of the products of [A f]."""
+    """Packed AᵀA (p(p+1)/2, m) from the products of [A f]."""
     p = columns_of(products) - 1
-    return products[[entry for i, row in enumerate(entry_rows(p + 1)[:p]) for entry in row[i:p]]]
+    return products[
+        [entry for i, row in enumerate(packed_index_table(p + 1)[:p]) for entry in row[i:p]]
+    ]

@@ -1,4 +1,4 @@
-"""Shared by recursive estimators: the samples they are fed, and discounted sums.
+"""Shared code of recursive estimators: the order of samples, and discounted sums.
 
 Sliding windows share samples, so each sample is fed once, over the union of the accepted windows:
 first the whole first window, then after each accepted window the samples that it adds.
@@ -20,7 +20,7 @@ _AT_ONCE = 512
 
 @compiled_ahead
 def fed_samples(index: Ints, window: int) -> tuple[Ints, Ints]:
-    """Samples fed after the first window, (fed,), and how many each row has seen, (rows,)."""
+    """Samples fed after the first window, (fed,), and their number up to each row, (rows,)."""
     rows = index.size
     seen = np.zeros(rows, np.int64)
     for row in range(1, rows):
@@ -34,13 +34,13 @@ def fed_samples(index: Ints, window: int) -> tuple[Ints, Ints]:
 
 
 def sample_chunks(seen: Ints) -> Iterator[tuple[slice, slice, Ints]]:
-    """The samples fed after the first window, in chunks.
+    """Split the samples fed after the first window into chunks.
 
     Args:
-        seen: (rows,) how many of them each row has seen.
+        seen: (rows,) number of samples fed up to each row.
 
     Yields:
-        The samples of a chunk; the rows that stand at one of them; and at which, from its start.
+        The samples of a chunk, the rows that end in it, and the sample of each row from its start.
     """
     for begin in range(0, int(seen[-1]), CHUNK):
         end = min(begin + CHUNK, int(seen[-1]))
@@ -50,7 +50,7 @@ def sample_chunks(seen: Ints) -> Iterator[tuple[slice, slice, Ints]]:
 
 @compiled_ahead
 def end_of_stretch(fed: Ints, begin: int) -> int:
-    """The end of the stretch of consecutive samples from fed[begin] on, `_AT_ONCE` at most."""
+    """End of the run of consecutive samples from fed[begin] on, at most `_AT_ONCE`."""
     end = begin + 1
     while end < fed.size and end - begin < _AT_ONCE and fed[end] == fed[end - 1] + 1:
         end += 1
@@ -61,9 +61,9 @@ def end_of_stretch(fed: Ints, begin: int) -> int:
 def discount(
     terms: Floats, begin: int, end: int, forgetting: float, past: Floats, sums: Floats
 ) -> None:
-    """Put λ s + term into sums (lanes, ≥ end) from `begin` on, terms (lanes, ≥ end - begin) from 0.
+    """Compute s ← λ s + term into sums (lanes, ≥ end) from `begin` on; terms start at 0.
 
-    `past` (lanes,) is s before and after.
+    `past` (lanes,) holds s before and after.
     """
     count = end - begin
     for lane in range(0, past.size, 3):
@@ -81,7 +81,7 @@ def discount(
 
 
 def unpack_lanes(entries: Floats) -> Floats:
-    """A packed matrix (entries,) as the lanes of a discounted sum."""
+    """Lanes of a discounted sum, from a packed matrix (entries,)."""
     past = np.zeros(count_lanes(entries.size))
     past[: entries.size] = entries
     return past
@@ -99,18 +99,18 @@ def discounted_meats(
     correlation: Floats,
     past: Floats,
 ) -> Floats:
-    """The discounted Aᵀ R A of the past at each row: what the errors of Aᵀf vary by.
+    """Discounted Aᵀ R A of the past at each row: the covariance of the errors of Aᵀf.
 
     Args:
         A: (n, p) regressor.
-        first: (window, p) what stands for A in the first window, which enters undiscounted.
-        fed: (fed,) samples fed after it, and
-        seen: (rows,) how many of them each row has seen.
+        first: (window, p) regressor of the first window, which enters undiscounted.
+        fed: (fed,) samples fed after it.
+        seen: (rows,) number of samples fed up to each row.
         start: last sample of the first window.
-        forgetting: λ, the weight of a sample over that of the next.
-        decay: what the sum falls by a sample: λ², or λ for the weights' own sum.
+        forgetting: λ, weight of a sample relative to the next.
+        decay: decay of the sum per sample: λ², or λ for the weights' own sum.
         correlation: (lags,) residual autocorrelation, 1 first.
-        past: (lanes,) that of the first window, packed; it is used up.
+        past: (lanes,) packed sum of the first window; it is overwritten.
 
     Returns:
         (rows, entries) packed.
@@ -199,7 +199,7 @@ def feed_products(A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floa
 
 @compiled_ahead
 def discounted_counts(count: int, forgetting: float, weight: float) -> Floats:
-    """The discounted number of samples after each of `count` more."""
+    """Discounted number of samples after each of `count` further ones."""
     out = np.empty(count)
     for k in range(count):
         weight = forgetting * weight + 1.0

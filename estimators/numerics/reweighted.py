@@ -1,4 +1,4 @@
-"""Sums over windows with weights of the windows' own residuals: O(W) a window, but in step.
+"""Sums over windows weighted by each window's own residuals: O(W) per window, in batches.
 
 Consecutive windows share their samples, so one operation at a time is done on many windows.
 """
@@ -17,7 +17,7 @@ _IN_STEP = 4
 
 @compiled_ahead
 def batch_starts(index: Ints) -> Ints:
-    """Where in index (rows,) the batches of consecutive windows begin, (batches + 1,)."""
+    """Begins of the batches of consecutive windows in index (rows,), (batches + 1,)."""
     begins = np.empty(index.size + 1, np.int64)
     count = 0
     for row in range(index.size):
@@ -31,7 +31,7 @@ def batch_starts(index: Ints) -> Ints:
 
 @compiled_ahead
 def load_samples(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
-    """Lay samples of [A f] from `first` on out a row a column, z (p + 1, > samples), then zeros."""
+    """Copy samples of [A f] from `first` on into z (p + 1, > samples), then zeros."""
     load_columns(A, first, samples, z)
     copy_row(f, first, samples, z[A.shape[1]])
     for c in range(z.shape[0]):
@@ -41,7 +41,7 @@ def load_samples(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> N
 
 @compiled_ahead
 def copy_consecutive(theta: Floats, begin: int, end: int) -> Floats:
-    """Copy the estimates theta (p, rows) of the windows begin … end - 1."""
+    """Copy the estimates theta (p, rows) of windows begin … end - 1."""
     out = np.empty((theta.shape[0], end - begin))
     for c in range(theta.shape[0]):
         copy_row(theta[c], begin, end - begin, out[c])
@@ -57,7 +57,7 @@ def _add_weighted_by_arrays(weights: Floats, raw: Floats, sample: int, sums: Flo
 
 @compiled_beside(_add_weighted_by_arrays)
 def add_weighted(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
-    """Add `_IN_STEP` samples from `sample` + k on to sums (entries, m), but for the last entry."""
+    """Add `_IN_STEP` samples from `sample` + k on to sums (entries, m), except the last entry."""
     entries, m = sums.shape
     u, v, w, x = weights[0], weights[1], weights[2], weights[3]
     for entry in range(entries - 1):
@@ -76,7 +76,7 @@ def _subtract_fit_by_arrays(z: Floats, sample: int, theta: Floats, out: Floats) 
 
 @compiled_beside(_subtract_fit_by_arrays)
 def residuals(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
-    """Residuals (m,) of sample `sample` + k under estimate k of theta (p, m)."""
+    """Residuals (m,) of sample `sample` + k for estimate k of theta (p, m)."""
     p, m = theta.shape
     x, column, force = theta[0], z[0, sample : sample + m], z[p, sample : sample + m]
     for k in range(m):
@@ -91,16 +91,16 @@ def residuals(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
 def reweighted_sums(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, squared: bool
 ) -> Floats:
-    """Sum with weights limit / max(|r|, limit) of the residuals r, or its square.
+    """Sum with weights limit / max(|r|, limit) of the residuals r, or with their squares.
 
     Args:
         A: (n, p) regressor.
         f: (n,) force.
         window: samples in a window.
         index: (rows,) last samples of windows, ascending.
-        theta: (p, rows) the estimates that leave the residuals.
-        limit: (rows,) residuals up to this weigh fully; 0 only for a window without any.
-        squared: whether to weigh by the square.
+        theta: (p, rows) estimates that define the residuals.
+        limit: (rows,) largest residual with full weight; 0 only for a window without residuals.
+        squared: whether to square the weights.
 
     Returns:
         (entries, rows) packed, weighted products of the columns of [A f]; the last, fᵀf, is 0.

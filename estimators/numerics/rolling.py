@@ -19,19 +19,19 @@ from estimators.numerics.small_systems import packed_index
 
 
 def window_ends(accepted: Bools, window: int) -> Ints:
-    """The last samples of the accepted windows, ascending; a window must be complete."""
+    """Last samples of the accepted windows, ascending; incomplete windows are left out."""
     ends = np.flatnonzero(accepted).astype(np.int64)
     return ends[ends >= window - 1]
 
 
 class Workspace(NamedTuple):
-    """The arrays that a loop over pairs of blocks uses again and again, q columns in [A f].
+    """Reusable arrays of a loop over pairs of blocks, for q columns of [A f].
 
     Attributes:
         z: (q, 2 window) samples of the two blocks, a row a column of [A f].
-        centre: (q,) what is subtracted from them.
-        terms: (lanes, 2 window) what is summed: deviations, then their products, packed.
-        moments: (lanes, window) their sums over the windows asked for.
+        centre: (q,) values subtracted from the samples.
+        terms: (lanes, 2 window) summands: deviations, then their packed products.
+        moments: (lanes, window) sums of the terms over the requested windows.
     """
 
     z: Floats
@@ -42,13 +42,13 @@ class Workspace(NamedTuple):
 
 @compiled_ahead
 def count_lanes(quantities: int) -> int:
-    """Sums run three at a time, which keeps the adders busy: the next multiple of three."""
+    """Number of sums, rounded up to a multiple of three that run in parallel."""
     return -(-quantities // 3) * 3
 
 
 @compiled_ahead
 def make_workspace(q: int, window: int) -> Workspace:
-    """Room for windows over q columns."""
+    """Allocate the arrays for windows over q columns."""
     entries = q * (q + 1) // 2
     lanes = count_lanes(q + entries)
     return Workspace(
@@ -66,7 +66,7 @@ def _sum_suffixes_by_arrays(terms: Floats, count: int, sums: Floats) -> None:
 
 @compiled_beside(_sum_suffixes_by_arrays)
 def suffix_sums(terms: Floats, count: int, sums: Floats) -> None:
-    """Sums (lanes, ≥ count) of terms (lanes, ≥ count) from each to the last of `count`."""
+    """Sums (lanes, ≥ count) of terms (lanes, ≥ count) from each term to the last of `count`."""
     for lane in range(0, sums.shape[0], 3):
         a, b, c = terms[lane, :count], terms[lane + 1, :count], terms[lane + 2, :count]
         x, y, z = sums[lane, :count], sums[lane + 1, :count], sums[lane + 2, :count]
@@ -89,7 +89,7 @@ def _add_prefixes_by_arrays(terms: Floats, start: int, skip: int, count: int, su
 
 @compiled_beside(_add_prefixes_by_arrays)
 def add_prefix_sums(terms: Floats, start: int, skip: int, count: int, sums: Floats) -> None:
-    """Add to each sums[:, m], m < count, the `skip` + m terms from `start` on."""
+    """Add the `skip` + m terms from `start` on to each sums[:, m], m < count."""
     for lane in range(0, sums.shape[0], 3):
         s = t = u = 0.0
         for k in range(start, start + skip):
@@ -121,7 +121,7 @@ def _centre_by_arrays(z: Floats, centre: Floats, count: int, terms: Floats) -> N
 
 @compiled_beside(_centre_by_arrays)
 def centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
-    """The deviations of `count` samples from the centre, and their products."""
+    """Deviations of `count` samples from the centre, and their products."""
     q = z.shape[0]
     for i in range(q):
         deviation, x = terms[i], z[i]
@@ -168,7 +168,7 @@ def add_centre(
 
 @compiled_ahead
 def load_columns(A: Floats, start: int, count: int, z: Floats) -> None:
-    """Lay `count` samples of A (n, p) out a row a column: z (≥ p, ≥ count)."""
+    """Copy `count` samples of A (n, p) into z (≥ p, ≥ count), a row per column."""
     samples = A[start : start + count]
     for c in range(A.shape[1]):
         out = z[c]
@@ -178,14 +178,14 @@ def load_columns(A: Floats, start: int, count: int, z: Floats) -> None:
 
 @compiled_ahead
 def copy_row(f: Floats, start: int, count: int, out: Floats) -> None:
-    """Copy `count` samples from `start` on: a slice's assignment would take longer to compile."""
+    """Copy `count` samples from `start` on; a slice assignment would take longer to compile."""
     for k in range(count):
         out[k] = f[start + k]
 
 
 @compiled_ahead
 def pairs_of_blocks(window: int, index: Ints) -> Ints:
-    """Where in index (rows,) the windows of each pair of blocks begin, (pairs + 1,)."""
+    """Begins of each pair of blocks in index (rows,), (pairs + 1,)."""
     begins = np.empty(index.size + 1, np.int64)
     pairs = 0
     beyond = -1
@@ -200,7 +200,7 @@ def pairs_of_blocks(window: int, index: Ints) -> Ints:
 
 @compiled_ahead
 def keep_rows(sums: Floats, index: Ints, row: int, end: int) -> None:
-    """Keep the sums of the requested rows among those of all windows from index[row] on."""
+    """Keep the sums of the requested rows out of all windows from index[row] on."""
     if end - row < index[end - 1] - index[row] + 1:
         for lane in range(sums.shape[0]):
             kept = sums[lane]
@@ -212,7 +212,7 @@ def keep_rows(sums: Floats, index: Ints, row: int, end: int) -> None:
 def sum_pair(
     A: Floats, f: Floats, window: int, index: Ints, row: int, end: int, work: Workspace
 ) -> None:
-    """Moments of windows row … end - 1, which begin in one block, into `work`."""
+    """Compute the moments of windows row … end - 1, which begin in one block, into `work`."""
     p = A.shape[1]
     start = index[row] - window + 1
     samples = index[end - 1] + 1 - start

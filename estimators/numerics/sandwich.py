@@ -45,9 +45,9 @@ def _sum_meat_by_arrays(
 
 @compiled_beside(_sum_meat_by_arrays)
 def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Floats) -> Floats:
-    """Aᵀ R A over the samples first … last that belong to group `of`: (p, p).
+    """Aᵀ R A, (p, p), over the samples first … last of group `of`.
 
-    Each is paired with itself and those of its group before it, ahead of `first` as well.
+    Each sample is paired with itself and earlier ones of its group, including those before `first`.
     """
     p = A.shape[1]
     B = np.zeros((p, p))
@@ -83,12 +83,12 @@ def _add_up_by_arrays(own: Floats, correlation: Floats, tail: Floats) -> None:
 
 @compiled_beside(_add_up_by_arrays)
 def add_correlated_before(own: Floats, correlation: Floats, tail: Floats) -> None:
-    """Half of each sample, and those before it by their correlation with it.
+    """Add half of each sample and its correlated predecessors.
 
     Args:
-        own: samples, of which the first `correlation.size` - 1 are only before others.
-        correlation: (lags,) 1 first.
-        tail: (rows,) what is found.
+        own: samples; the first `correlation.size` - 1 are only predecessors.
+        correlation: (lags,) autocorrelation, 1 first.
+        tail: (rows,) output.
     """
     lags, rows = correlation.size, tail.size
     for k in range(rows):
@@ -102,7 +102,7 @@ def add_correlated_before(own: Floats, correlation: Floats, tail: Floats) -> Non
 def standard_deviations(G: Floats, B: Floats, rss: float, samples: float) -> Floats:
     """(p,) standard deviations from AᵀA, AᵀRA and the residual sum of squares.
 
-    Never smaller than the textbook's: a tapered correlation need not be positive definite.
+    They are never below the textbook's: a tapered correlation need not be positive definite.
     """
     meats = pack(B).reshape(-1, 1)
     return stds_from_bread(invert_packed(pack(G).reshape(1, -1)), meats, np.array([rss]), samples)[
@@ -115,9 +115,9 @@ def window_std(A: Floats, gram: Floats, residual: Floats, autocorrelation: Float
 
     Args:
         A: (n, p) regressor.
-        gram: (p, p) what stands for AᵀA.
+        gram: (p, p) AᵀA or its equivalent.
         residual: (n,) residuals, or pseudo-residuals of a robust fit.
-        autocorrelation: (lags,) of the residuals; from these alone where none is given.
+        autocorrelation: (lags,) autocorrelation of the residuals; estimated from them if None.
     """
     one = np.zeros(residual.size, np.int64)
     if autocorrelation is None:
@@ -134,7 +134,7 @@ def window_stds(
 
     Args:
         A: (n, p) regressor.
-        grams: (rows, p(p+1)/2) packed, what stands for AᵀA in each window.
+        grams: (rows, p(p+1)/2) packed AᵀA of each window, or its equivalent.
         rss: (rows,) residual sum of squares of each window.
         index: (rows,) last sample of each window.
         window: samples in a window.
@@ -170,7 +170,7 @@ def stds_from_bread(bread: Floats, meats: Floats, rss: Floats, samples: float) -
 
 
 def trace_of_product(bread: Floats, meats: Floats) -> Floats:
-    """tr(G⁻¹ M), (m,)."""
+    """Traces tr(G⁻¹ M), (m,)."""
     p = len(bread)
     total = np.zeros(meats.shape[1])
     for i in range(p):
@@ -180,7 +180,7 @@ def trace_of_product(bread: Floats, meats: Floats) -> Floats:
 
 
 def sandwich_variances(bread: Floats, meats: Floats) -> Floats:
-    """The diagonals (p, m) of G⁻¹ M G⁻¹, from inverses (p, p, m) and packed M (entries, m)."""
+    """Diagonals (p, m) of G⁻¹ M G⁻¹, from inverses (p, p, m) and packed M (entries, m)."""
     p = len(bread)
     out = np.zeros((p, meats.shape[1]))
     for i in range(p):
@@ -192,7 +192,7 @@ def sandwich_variances(bread: Floats, meats: Floats) -> Floats:
 
 @compiled_ahead
 def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Floats:
-    """Aᵀ R A of the windows that end at `index`, packed (entries, rows), for any length alike.
+    """Aᵀ R A of the windows that end at `index`, packed (entries, rows), for windows of any length.
 
     The pairs of correlated samples inside a window are those inside its part of the first block,
     those inside its part of the second, and those across; the latter are counted with the longer
@@ -258,10 +258,10 @@ def _add_neighbours_by_arrays(
 def sum_correlated_neighbours(
     z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
 ) -> None:
-    """Sum the correlated neighbours of each sample, each pair of samples counted once.
+    """Sum the correlated neighbours of each sample, counting each pair once.
 
-    Of a pair in the second block the later sample has it, in the first block the earlier one; of
-    a pair across, the later one if `across_later`.
+    A pair in the second block counts at its later sample, one in the first block at its earlier
+    sample, and one across at the later sample if `across_later`.
     """
     for c in range(z.shape[0]):
         for k in range(samples):
@@ -279,11 +279,11 @@ def sum_correlated_neighbours(
 
 
 def recursive_stds(grams: Floats, meats: Floats, white: Floats) -> Floats:
-    """Roots of diag G⁻¹ M G⁻¹, (rows, p), for residuals of variance 1; never below `white`'s.
+    """Roots of diag G⁻¹ M G⁻¹, (rows, p), for residuals of variance 1; at least those of `white`.
 
     Args:
         grams: (rows, entries) packed G.
-        meats: (rows, entries) packed M; a tapered correlation need not leave it positive.
+        meats: (rows, entries) packed M; a tapered correlation may make it indefinite.
         white: (rows, entries) packed M of uncorrelated residuals.
     """
     bread = invert_packed(grams)

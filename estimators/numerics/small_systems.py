@@ -23,13 +23,13 @@ _SWEEPS = 6
 
 
 def lstsq(A: Floats, f: Floats) -> Floats:
-    """The least-squares solution of A θ = f, (p,), by SVD: the readable forms' solver."""
+    """Least-squares solution of A θ = f, (p,), by SVD, for the readable forms."""
     return np.asarray(np.linalg.lstsq(A, f, rcond=None)[0], np.float64)
 
 
 @compiled_ahead
 def packed_index(i: int, j: int, size: int) -> int:
-    """The row of entry (i, j), i <= j, in a packed symmetric matrix of `size` columns."""
+    """Row of entry (i, j), i <= j, in a packed symmetric matrix of `size` columns."""
     return i * size - i * (i - 1) // 2 + j - i
 
 
@@ -54,12 +54,12 @@ def _factor_by_arrays(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
 def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     """Factor the leading p × p of m packed matrices, G = L D Lᵀ; NaN where one is singular.
 
-    Without square roots, and the same in whatever units the columns are.
+    It uses no square roots and does not depend on the columns' units.
 
     Args:
-        G: (entries, m) packed, of `size` columns.
+        G: (entries, m) packed matrices of `size` columns.
         size: columns of the packed matrices.
-        p: columns to factor.
+        p: number of columns to factor.
 
     Returns:
         (p, p, m) L, a unit lower triangle below its diagonal, and (p, m) 1 / D.
@@ -124,7 +124,7 @@ def substitute(L: Floats, inverse: Floats, x: Floats) -> None:
 
 
 def invert(L: Floats, inverse: Floats) -> Floats:
-    """The inverses (p, p, m) of m factored systems."""
+    """Inverses (p, p, m) of m factored systems."""
     p, m = inverse.shape
     out = np.zeros((p, p, m))
     for i in range(p):
@@ -155,12 +155,12 @@ def _find_conditions_by_arrays(G: Floats, size: int, p: int) -> Floats:
 def condition_numbers(G: Floats, size: int, p: int) -> Floats:
     """Condition numbers (m,) of A, columns scaled to unit norm, from m packed AᵀA.
 
-    The eigenvalues are those of Jacobi's rotations, of which 2 × 2 needs one.
+    The eigenvalues are from Jacobi rotations; a 2 × 2 matrix needs one.
 
     Args:
-        G: (entries, m) packed, of `size` columns.
+        G: (entries, m) packed matrices of `size` columns.
         size: columns of the packed matrices.
-        p: the leading columns that count.
+        p: number of leading columns to use.
     """
     m = G.shape[1]
     N = np.empty((p * (p + 1) // 2, m))
@@ -243,10 +243,10 @@ def _rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
 
 
 @cache
-def entry_rows(size: int) -> tuple[tuple[int, ...], ...]:
-    """The row of each entry (i, j) of a packed symmetric matrix of `size` columns, by i and j.
+def packed_index_table(size: int) -> tuple[tuple[int, ...], ...]:
+    """Packed index of each entry (i, j) of a symmetric matrix of `size` columns, by i and j.
 
-    On board they are asked for many times a step, where a call of a compiled loop each is dear.
+    On board they are needed many times per step; calling a compiled loop each time would be slow.
     """
     each = range(size)
     return tuple(tuple(packed_index(min(i, j), max(i, j), size) for j in each) for i in each)
@@ -259,27 +259,27 @@ def _upper_triangle(size: int) -> tuple[Ints, Ints]:
 
 
 def pack(G: Floats) -> Floats:
-    """One symmetric matrix (size, size), packed (entries,)."""
+    """Pack one symmetric matrix (size, size) into (entries,)."""
     return np.asarray(G[_upper_triangle(len(G))], np.float64)
 
 
 def unpack(entries: Floats, size: int, p: int) -> Floats:
-    """The leading (p, p) of one packed symmetric matrix of `size` columns."""
-    return entries[[row[:p] for row in entry_rows(size)[:p]]]
+    """Leading (p, p) of one packed symmetric matrix of `size` columns."""
+    return entries[[row[:p] for row in packed_index_table(size)[:p]]]
 
 
 def solve_spd(G: Floats, h: Floats) -> Floats:
-    """The solution (p,) of one system G (p, p) x = h (p,); NaN where G is singular."""
+    """Solution (p,) of one system G (p, p) x = h (p,); NaN if G is singular."""
     x = np.array(h, np.float64).reshape(-1, 1)
     substitute(*factor(pack(G).reshape(-1, 1), len(G), len(G)), x)
     return x[:, 0]
 
 
 def inverse_spd(G: Floats) -> Floats:
-    """The inverse of one symmetric positive definite matrix; NaN where it is singular."""
+    """Inverse of one symmetric positive definite matrix; NaN if it is singular."""
     return invert(*factor(pack(G).reshape(-1, 1), len(G), len(G)))[:, :, 0]
 
 
 def condition_number(G: Floats) -> float:
-    """The condition number of A from its Gram matrix G = AᵀA, columns scaled to unit norm."""
+    """Condition number of A from its Gram matrix G = AᵀA, columns scaled to unit norm."""
     return float(condition_numbers(pack(G).reshape(-1, 1), len(G), len(G))[0])

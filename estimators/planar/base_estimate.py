@@ -1,4 +1,4 @@
-"""A normal prior of parameters, and an estimate of whatever a motion determines."""
+"""Normal priors of parameters, and estimates of the parameters that a motion determines."""
 
 from dataclasses import dataclass
 
@@ -10,12 +10,12 @@ from estimators.planar.identifiability import Identifiability
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """A normal prior of some of the parameters.
+    """A normal prior for some of the parameters.
 
     Attributes:
-        names: (q,) which parameters.
-        mean: (k, q) their means, by the axis whose force they were found from: they add up.
-        covariance: (q, q) of them, positive definite.
+        names: (q,) names of the parameters.
+        mean: (k, q) contributions to the means by each axis' force; they add up.
+        covariance: (q, q) covariance, positive definite.
     """
 
     names: tuple[str, ...]
@@ -24,12 +24,12 @@ class Prior:
 
     @classmethod
     def around_zero(cls, std: dict[str, float], axes: int) -> "Prior":
-        """Independent parameters that are 0 but for these standard deviations."""
+        """Independent prior with mean 0 and the given standard deviations."""
         variance = np.square(list(std.values()))
         return cls(tuple(std), np.zeros((axes, len(std))), np.diag(variance))
 
     def joined_with(self, other: "Prior") -> "Prior":
-        """Both, of different parameters that are independent of each other."""
+        """Combine two independent priors of different parameters."""
         mine, size = len(self.names), len(self.names) + len(other.names)
         covariance = np.zeros((size, size))
         covariance[:mine, :mine], covariance[mine:, mine:] = self.covariance, other.covariance
@@ -42,14 +42,15 @@ class BaseEstimate:
     """Estimate of p parameters, as far as a motion determines them.
 
     Attributes:
-        identifiability: what is determined of the parameters that have no prior.
+        identifiability: which parameters without a prior are determined.
         parameters: (p,) names of all parameters.
-        theta: (p,) their values; NaN where the motion does not determine them.
-        by_axis: (k, p) what each axis' force adds to them, likewise: a gain of one axis acts on it.
-        covariance: (p, p) their covariance; NaN likewise.
-        responses: (q, p) what one standard deviation of each prior moves them by, likewise; the
-            priors as `Prior.covariance` has them if they are independent.
-        coefficients: (p,) what multiplies the columns of A in the fit, 0 for those left out.
+        theta: (p,) estimates; NaN where the motion does not determine them.
+        by_axis: (k, p) contributions of each axis' force, on which a gain of that axis acts; NaN
+            likewise.
+        covariance: (p, p) covariance; NaN likewise.
+        responses: (q, p) response to one standard deviation of each prior; NaN likewise. Correlated
+            priors are as in `Prior.covariance`.
+        coefficients: (p,) coefficients of the columns of A in the fit; 0 for those left out.
         combination: (c,) values of `identifiability.combinations`.
         combination_std: (c,) their standard deviations.
         residual_rms: (k,) r.m.s. of the residuals of each axis, in its unit.
@@ -72,9 +73,9 @@ class BaseEstimate:
         return np.sqrt(np.diagonal(self.covariance))
 
     def slope(self, numerator: str, denominator: str) -> tuple[float, Floats]:
-        """One parameter over another, and what it changes by with each parameter, (p,).
+        """Ratio of two parameters, and its derivatives by each parameter, (p,).
 
-        NaN where the other one is 0.
+        NaN if the denominator is 0.
         """
         i, j = self.parameters.index(numerator), self.parameters.index(denominator)
         gradient = np.zeros(len(self.parameters))
@@ -86,9 +87,9 @@ class BaseEstimate:
         return ratio, gradient
 
     def quotient(self, numerator: str, denominator: str) -> tuple[float, float]:
-        """One parameter over another and its first-order deviation: a centre of mass is mc_x / m.
+        """Ratio of two parameters with its first-order standard deviation, such as mc_x / m.
 
-        NaN where the motion does not determine both.
+        NaN if the motion does not determine both.
         """
         ratio, gradient = self.slope(numerator, denominator)
         both = np.flatnonzero(gradient)

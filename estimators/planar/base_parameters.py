@@ -1,4 +1,4 @@
-"""Least squares (6) for whatever a motion determines: a number for that, NaN for the rest.
+"""Least squares (6) for the parameters that a motion determines; the others are NaN.
 
 Rank-deficient least squares always has a solution, of least norm, whose numbers mean nothing. Here
 the base columns alone are fitted, A φ = A_base (C φ) (see `identifiability`), which is ordinary
@@ -53,29 +53,29 @@ def fit(
     noise: Floats | None = None,
     loading: Floats | None = None,
 ) -> BaseEstimate:
-    """Estimate what a motion, or several together, determine.
+    """Estimate the parameters that one or several motions determine.
 
-    The axes are weighted by their residuals, in rounds until the weights settle, and against the
-    priors by how long the residuals stay correlated: newtons and newton metres have no common
-    noise. Residuals of different axes are taken as independent.
+    The axes are weighted by their residuals, iterated until the weights settle, and relative to the
+    priors by the correlation time of the residuals: newtons and newton metres have no common noise.
+    Residuals of different axes are taken as independent.
 
     Args:
-        A: (n, k, p) regressor of k axes, samples in time order; an array, or made by the block.
+        A: (n, k, p) regressor of k axes, samples in time order; an array, or built in blocks.
         f: (n, k) force or torque.
         parameters: (p,) names of the columns.
         segment_id: (n,) stretch of the log that each sample is from, negative for samples to leave
-            out, which may be NaN; one stretch where none is given.
-        prior: of parameters that earlier stages have told, or that are small.
+            out, which may be NaN; one stretch if not given.
+        prior: prior of parameters from earlier stages, or of small ones.
         noise: (k, p) r.m.s. noise of the columns of each axis, of one source each within an axis.
-            What does not stand above it is not determined, see `identify`; what it draws the rest
-            towards zero by is taken off, part of it counted as uncertainty, see `attenuation`.
-            None takes A as exact.
-        loading: (k, p, p) by axis, what each column has of the noise of each, 1 of its own; where
-            it is not given each has its own alone. A term in proportion to a column shares its
-            noise, and what both are drawn by together is not what each would be.
+            Parameters below the noise are not determined, see `identify`; attenuation is corrected,
+            with part of the correction counted as uncertainty, see `attenuation`. None takes A as
+            exact.
+        loading: (k, p, p) by axis, loading of each column on the noise of each column, 1 on its
+            own; if not given, columns have independent noise. A term proportional to a column
+            shares its noise, and both are attenuated together.
 
     Raises:
-        DataError: shapes that do not go together, NaN, or an unknown name among the priors.
+        DataError: shapes that do not match, NaN, or an unknown name among the priors.
     """
     n, k, p = A.shape
     if f.shape != (n, k) or len(parameters) != p:
@@ -92,7 +92,7 @@ def fit(
     samples = int(used.sum())
     R = triangular_factors(A, f, used)
     if not np.isfinite(R[..., -1]).all() and np.isfinite(R[..., :-1]).all():
-        raise DataError("the forces hold NaN or infinity; leave out the samples that miss")
+        raise DataError("the forces hold NaN or infinity; exclude these samples")
 
     given = np.array([list(parameters).index(name) for name in prior.names], np.int64)
     free = np.setdiff1d(np.arange(p), given)
@@ -138,7 +138,7 @@ def fit(
 
 
 def scatter_parameters(values: Floats, at: Ints, p: int, other: float = 0.0) -> Floats:
-    """Values (…, r) in columns `at` of p."""
+    """Place values (…, r) in columns `at` of p columns; the others are `other`."""
     out = np.full((*values.shape[:-1], p), other)
     out[..., at] = values
     return out
@@ -146,18 +146,18 @@ def scatter_parameters(values: Floats, at: Ints, p: int, other: float = 0.0) -> 
 
 @dataclass(frozen=True, slots=True)
 class _FittedParameters:
-    """Weighted least squares of r columns, of which the last q have a prior.
+    """Weighted least squares of r columns, the last q of which have a prior.
 
     Attributes:
-        theta: (r,) the parameters, what noise draws them by taken off.
-        by_axis: (k, r) what each axis adds to them.
-        grams: (k, r, r) weighted AᵀA of each axis without its noise.
+        theta: (r,) estimates, corrected for attenuation.
+        by_axis: (k, r) contributions of each axis.
+        grams: (k, r, r) weighted AᵀA of each axis, without its noise.
         bread: (r, r) inverse of their sum with the priors.
-        doubt: (r, r) covariance of what was taken off.
-        responses: (q, r) what one standard deviation of each prior moves them by.
-        lasting: (k,) for how many samples the residuals were taken to be correlated.
+        doubt: (r, r) covariance of the attenuation correction.
+        responses: (q, r) response to one standard deviation of each prior.
+        lasting: (k,) assumed correlation time of the residuals, in samples.
         rms: (k,) r.m.s. of the residuals.
-        samples: of one axis.
+        samples: number of samples of one axis.
     """
 
     theta: Floats
@@ -172,7 +172,7 @@ class _FittedParameters:
 
     @property
     def weight(self) -> Floats:
-        """(k,) of the axes."""
+        """(k,) weights of the axes."""
         return 1.0 / (self.rms * np.sqrt(self.lasting))
 
 
@@ -191,7 +191,7 @@ class _System:
     samples: int
 
     def solve(self, lasting: Floats) -> _FittedParameters:
-        """Fit, each sample counting for one over how many its residual lasts (k,)."""
+        """Fit with each sample's weight divided by the correlation time of its residual (k,)."""
         k, _, r = self.A.shape
         q = len(self.prior.names)
         if self.samples == 0 or r == 0:
@@ -257,7 +257,7 @@ class _System:
     def _solve_regularised(
         self, rms: Floats, lasting: Floats, *, with_prior: bool = True
     ) -> Floats:
-        """Least squares (k, r), a row an axis' force, of columns scaled to unit norm."""
+        """Least squares (k, r), one row per axis' force, with columns scaled to unit norm."""
         k, s, r = self.A.shape
         q = len(self.prior.names)
         scale = 1.0 / (rms * np.sqrt(lasting))
@@ -276,12 +276,12 @@ class _System:
 
 
 def rms_of_axes(residual: Floats, samples: int) -> Floats:
-    """R.m.s. (k,) of the residuals whose triangular factor is (k, q)."""
+    """R.m.s. (k,) of residuals given by their triangular factor (k, q)."""
     return np.sqrt((residual**2).sum(axis=1) / samples)
 
 
 def fit_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
-    """Loss of autocovariance of each axis' residuals caused by the fit."""
+    """Loss of autocovariance of each axis' residuals, caused by the fit."""
     k, used = A.shape[1], segment_id >= 0
     if not used.any():
         return [np.zeros((0, 0))] * k
@@ -296,9 +296,9 @@ def fit_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
 def _autocorrelate_residuals(
     segment_id: Ints, residual: Floats, losses: list[Floats]
 ) -> list[Floats]:
-    """(lags,) autocorrelation of the residuals of each axis.
+    """Residual autocorrelation of each axis, (lags,) each.
 
-    A derivative's noise is correlated otherwise than a sensor's: each axis has its own.
+    A derivative's noise has another correlation than a sensor's.
     """
     return [
         pooled_autocorrelation(np.ascontiguousarray(axis), segment_id, None, loss)[0]
@@ -314,9 +314,10 @@ def _sandwich_covariance(
     fitted: _FittedParameters,
     prior: Prior,
 ) -> Floats:
-    """The sandwich (r, r) with the priors, and what is uncertain of the noise that was taken off.
+    """Sandwich covariance (r, r) with the priors and the uncertainty of the noise correction.
 
-    Never smaller than without correlation: a tapered correlation need not be positive definite.
+    It is never smaller than without correlation: a tapered correlation need not be positive
+    definite.
     """
     r, q, k = columns.size, len(prior.names), len(fitted.rms)
     if r == 0 or fitted.samples == 0 or not np.isfinite(fitted.theta).all():

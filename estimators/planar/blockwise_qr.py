@@ -1,4 +1,4 @@
-"""A tall regressor block by block: its triangular factors, and the residuals' covariance sandwich.
+"""QR of a tall regressor in blocks: triangular factors, and the sandwich of the residuals.
 
 A shift at 100 Hz has millions of rows, which least squares needs no two times: R of [R; next rows]
 is the R of all rows (TSQR), and R holds every product and, to rounding, every singular value.
@@ -17,7 +17,7 @@ BLOCK = 16_384
 
 
 class Blocks(Protocol):
-    """A regressor (n, k, p) of k axes that is made a slice of samples at a time; any array is."""
+    """A regressor (n, k, p) of k axes, built a slice of samples at a time; arrays qualify too."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -30,7 +30,7 @@ class Blocks(Protocol):
 
 
 def sample_blocks(used: Bools) -> Iterator[slice]:
-    """Slices that hold every used sample."""
+    """Slices that together contain every used sample."""
     for first in range(0, used.size, BLOCK):
         part = slice(first, min(first + BLOCK, used.size))
         if used[part].any():
@@ -38,12 +38,12 @@ def sample_blocks(used: Bools) -> Iterator[slice]:
 
 
 def triangular_factors(A: Blocks, f: Floats, used: Bools) -> Floats:
-    """The triangular factor of [A f] of each axis, (k, p + 1, p + 1), over the used samples.
+    """Triangular factor of [A f] of each axis, (k, p + 1, p + 1), over the used samples.
 
     Args:
         A: (n, k, p) regressor.
         f: (n, k) force or torque.
-        used: (n,) the samples to take; others may be NaN.
+        used: (n,) whether to use each sample; others may be NaN.
     """
     _, k, p = A.shape
     out = np.zeros((k, p + 1, p + 1))
@@ -69,14 +69,14 @@ def residuals(A: Blocks, f: Floats, used: Bools, theta: Floats) -> Floats:
 def sandwich_meat(
     A: Blocks, columns: Ints, segment_id: Ints, correlations: list[Floats], weight: Floats
 ) -> Floats:
-    """Σ w² Aᵀ R A over axes and stretches, (r, r); a stretch of an axis is a series of its own.
+    """Σ w² Aᵀ R A over axes and stretches, (r, r); each axis' stretch is its own series.
 
     Args:
         A: (n, k, p) regressor.
-        columns: (r,) which of its columns.
-        segment_id: (n,) the stretch of each sample, negative for those left out.
+        columns: (r,) selected columns.
+        segment_id: (n,) stretch of each sample, negative for those left out.
         correlations: k of (lags,), the residuals' autocorrelation of each axis.
-        weight: (k, r) what each axis' columns are multiplied by.
+        weight: (k, r) factors of each axis' columns.
     """
     total = np.zeros((columns.size, columns.size))
     before = max(each.size for each in correlations) - 1

@@ -1,4 +1,4 @@
-"""Which parameters a motion determines, and which combinations of the others.
+"""Identifiability: the parameters, and combinations of the others, that a motion determines.
 
 A motion's stacked regressor A = U S Vᵀ determines the part of φ in the span of the right singular
 vectors V_r whose singular values are not zero. Parameter i lies in it when (V_r V_rᵀ)_ii = 1. The
@@ -27,14 +27,14 @@ PIVOT_PREFERENCE = 100.0
 
 @dataclass(frozen=True, slots=True)
 class Identifiability:
-    """Which of p parameters, or combinations of them, a motion determines.
+    """Parameters, or combinations of p parameters, that a motion determines.
 
     Attributes:
-        parameters: (p,) their names.
-        rank: how many numbers the motion determines.
-        identifiable: (p,) which parameters are determined by themselves.
-        base: (rank,) the columns that are enough: pivots of `echelon`.
-        echelon: (rank, p) what is determined, in units of `base`: 1 at its pivot.
+        parameters: (p,) names of the parameters.
+        rank: number of parameters and combinations that the motion determines.
+        identifiable: (p,) whether each parameter is determined by itself.
+        base: (rank,) sufficient columns: pivots of `echelon`.
+        echelon: (rank, p) determined combinations, with coefficient 1 at their pivot in `base`.
         condition: condition number of the base columns, scaled to unit norm.
     """
 
@@ -47,26 +47,26 @@ class Identifiability:
 
     @property
     def combinations(self) -> Floats:
-        """(rank - identifiable, p) the rows of `echelon` that join several parameters."""
+        """(rank - identifiable, p) rows of `echelon` with several parameters."""
         return self.echelon[~self.identifiable[self.base]]
 
     def combination_texts(self) -> list[str]:
-        """The combinations as a person reads them: `mass_kg - 5 first_moment_x_kg_m`."""
+        """The combinations as text: `mass_kg - 5 first_moment_x_kg_m`."""
         return [_format_combination(row, self.parameters) for row in self.combinations]
 
 
 def identify(
     A: Floats, parameters: Sequence[str], noise: Floats | None = None, samples: int | None = None
 ) -> Identifiability:
-    """Find what a motion determines.
+    """Find the parameters and combinations that a motion determines.
 
     Args:
         A: (..., p) stacked regressor; all axes but the last are rows.
         parameters: (p,) names of the columns.
-        noise: (p,) r.m.s. noise of each measured column, in its unit. With it, only what stands
-            `NOISE_MARGIN` times above the noise counts, and what does not is left to the residuals;
-            without it A is taken as exact, and any noise then makes everything look determined.
-        samples: how many rows A stands for, where it is their triangular factors.
+        noise: (p,) r.m.s. noise of each measured column, in its unit. Directions below
+            `NOISE_MARGIN` times the noise do not count and are left to the residuals; without it A
+            is taken as exact, and noise makes everything appear determined.
+        samples: number of rows that A stands for, if A holds triangular factors.
 
     Raises:
         DataError: A holds NaN, or there is not one name and one noise a column, above zero unless
@@ -78,7 +78,7 @@ def identify(
     if len(parameters) != p:
         raise DataError(f"the regressor has {p} columns; {len(parameters)} parameters are named")
     if not np.isfinite(rows).all():
-        raise DataError("the regressor holds NaN or infinity; leave out the samples that miss")
+        raise DataError("the regressor holds NaN or infinity; exclude these samples")
     length = np.linalg.norm(rows, axis=0)
     if noise is None:
         scale = length
@@ -113,11 +113,11 @@ def identify(
 
 
 def row_echelon_form(rows: Floats, identifiable: Bools) -> tuple[Ints, Floats]:
-    """Pivots (r,) ascending and the reduced row echelon form (r, p) of r independent rows.
+    """Pivots (r,), ascending, and reduced row echelon form (r, p) of r independent rows.
 
-    What is determined by itself is a pivot. Of the others the earliest column that stands out far
-    enough is the next, not the one furthest out: a combination should be told of the mass where it
-    can be.
+    Parameters determined by themselves are pivots. Among the others the earliest column that stands
+    out is the next pivot, rather than the largest, so that combinations contain the mass if
+    possible.
     """
     rest = rows.copy()
     pivots: list[int] = []
@@ -134,7 +134,7 @@ def row_echelon_form(rows: Floats, identifiable: Bools) -> tuple[Ints, Floats]:
 
 
 def condition_of_base(R: Floats, base: Ints) -> float:
-    """The condition number of the base columns scaled to unit norm; infinite where none is."""
+    """Condition number of the base columns scaled to unit norm; infinite without any."""
     if base.size == 0:
         return np.inf
     columns = R[:, base]
@@ -143,7 +143,7 @@ def condition_of_base(R: Floats, base: Ints) -> float:
 
 
 def _format_combination(row: Floats, parameters: tuple[str, ...]) -> str:
-    """A linear combination, its coefficients to four digits."""
+    """Text of a linear combination, with coefficients to four digits."""
     text = ""
     for i in np.flatnonzero(row):
         size = f"{abs(row[i]):.4g} ".removeprefix("1 ")

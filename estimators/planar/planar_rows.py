@@ -108,11 +108,11 @@ def regressor(
     yaw_rate: Floats,
     yaw_acceleration: Floats,
 ) -> Floats:
-    """All three stages in one, for any motion in the plane.
+    """Regressor of all three stages, for any motion in the plane.
 
     Args:
-        specific_force_x: (n,) of the origin, in m/s².
-        specific_force_y: (n,) of the origin, in m/s²; ω v where wheels that do not slip tell it.
+        specific_force_x: (n,) at the origin, in m/s².
+        specific_force_y: (n,) at the origin, in m/s²; ω v for wheels that do not slip.
         speed: (n,) v in m/s.
         yaw_rate: (n,) ω in rad/s.
         yaw_acceleration: (n,) ω̇ in rad/s².
@@ -128,10 +128,10 @@ def regressor(
 
 @dataclass(frozen=True, slots=True)
 class PlanarRegressor:
-    """The regressor of a motion in the plane, made a slice at a time: a shift's takes gigabytes.
+    """Regressor of a planar motion, built a slice at a time; a shift's would take gigabytes.
 
     Attributes:
-        specific_force_x: (n,) and so on, as `regressor` takes them.
+        specific_force_x: (n,) and the others as `regressor` takes them.
     """
 
     specific_force_x: Floats
@@ -152,19 +152,19 @@ class PlanarRegressor:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Shape of the regressor."""
+        """Shape (n, 2, 6) of the regressor."""
         return self.speed.size, len(ROWS), len(PARAMETERS)
 
     def __getitem__(self, part: slice) -> Floats:
-        """The regressor of a slice of samples, (m, 2, 6)."""
+        """Regressor of a slice of samples, (m, 2, 6)."""
         return regressor(*(x[part] for x in self._channels))
 
     def cut(self, part: slice) -> "PlanarRegressor":
-        """A slice of the samples, which shares their memory."""
+        """Slice of the samples, sharing their memory."""
         return PlanarRegressor(*(x[part] for x in self._channels))
 
     def complete_samples(self) -> Bools:
-        """(n,) the samples of which no channel is missing."""
+        """(n,) whether every channel of a sample is known."""
         return np.logical_and.reduce([np.isfinite(x) for x in self._channels])
 
 
@@ -176,18 +176,18 @@ def column_noise(
     yaw_rate: float,
     yaw_acceleration: float,
 ) -> Floats:
-    """Noise of each column of each row by the channels' noise, for `base_parameters.fit`.
+    """Noise of each column of each row from that of the channels, for `base_parameters.fit`.
 
     Args:
-        yaw_rate_rms: r.m.s. of ω itself, in rad/s.
-        specific_force_x: r.m.s. noise as it is in A, after any smoothing, in m/s².
-        specific_force_y: likewise; about v times that of ω where it was made of ω v.
+        yaw_rate_rms: r.m.s. of ω, in rad/s.
+        specific_force_x: r.m.s. noise in A, after smoothing, in m/s².
+        specific_force_y: likewise; about v times that of ω if computed as ω v.
         speed: likewise, in m/s.
         yaw_rate: likewise, in rad/s.
         yaw_acceleration: likewise, in rad/s².
 
     Returns:
-        (2, 6) r.m.s.; within a row each column is of another channel.
+        (2, 6) r.m.s.; within a row each column has another channel.
     """
     omega_squared = 2.0 * yaw_rate_rms * yaw_rate
     force_x = [specific_force_x, 0.0, omega_squared, yaw_acceleration, speed, 0.0]

@@ -68,16 +68,16 @@ def regressor(
     velocity: Floats,
     specific_force: Floats,
 ) -> Floats:
-    """A of (5), whose product with `PARAMETERS` is the spatial force named by `ROWS`.
+    """Matrix A of (5); its product with `PARAMETERS` is the spatial force named by `ROWS`.
 
     Args:
         angular_velocity: (n, 3) ω in rad/s.
         angular_acceleration: (n, 3) ω̇ in rad/s².
-        velocity: (n, 3) v of the origin in m/s.
-        specific_force: (n, 3) d̈ - g of the origin in m/s²: (0, 0, 9.81) at rest on level ground.
+        velocity: (n, 3) v at the origin in m/s.
+        specific_force: (n, 3) d̈ - g at the origin in m/s²: (0, 0, 9.81) at rest on level ground.
 
     Returns:
-        (n, 6, 16). One such block is never invertible: stack a motion.
+        (n, 6, 16). A single block is never invertible; stack those of a motion.
     """
     spin = skew(angular_velocity)
     A = np.zeros((*angular_velocity.shape[:-1], len(ROWS), len(PARAMETERS)))

@@ -1,1 +1,1 @@
-"""Evidence of a calibration: a folder that an auditor can check without trusting who made it."""
+"""Evidence of a calibration: a folder that an auditor can verify without trusting its maker."""

@@ -1,4 +1,4 @@
-"""Check the folder of a bundle, as whoever trusts neither its maker nor us would.
+"""Check the folder of a bundle without trusting its maker or this program's earlier output.
 
 Its files are those that were signed, its statement is about them, and signed by whom it should be.
 """
@@ -72,17 +72,17 @@ def check_bundle(
     keyring: Keyring | None = None,
     authorities: "Sequence[Certificate]" = (),
 ) -> CheckedBundle:
-    """Check everything that a bundle says by itself.
+    """Check a bundle by itself: files, signature, chain and recomputation.
 
     Args:
-        folder: the bundle; nothing in it is run, no link followed, nothing outside read.
-        key: whose signature is asked for.
-        previous: the machine's evidence before it, checked likewise; its signer is named.
-        keyring: the keys that the user keeps; None for none.
-        authorities: root certificates of time-stamp authorities that the user trusts.
+        folder: the bundle; nothing in it is executed, no link is followed, nothing outside is read.
+        key: public key of the required signer.
+        previous: the machine's previous evidence, which is checked as well.
+        keyring: keys kept by the user; None for none.
+        authorities: root certificates of trusted time-stamp authorities.
 
     Raises:
-        EvidenceError: there is no such folder, or it is no bundle at all.
+        EvidenceError: the folder does not exist, or is not a bundle.
     """
     checked = _check_without_earlier(folder, key, keyring or Keyring(Path()), authorities)
     document = checked.document
@@ -106,7 +106,7 @@ def _check_without_earlier(
     keyring: Keyring,
     authorities: "Sequence[Certificate]",
 ) -> CheckedBundle:
-    """Check a bundle, without the one before it."""
+    """Check a bundle without its previous evidence."""
     checked = CheckedBundle()
     held = check_bundle_files(folder, checked)
     if EVIDENCE not in held:
@@ -138,14 +138,14 @@ def _check_without_earlier(
 
 
 def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
-    """Read every file that a bundle may hold, and compare it with SHA256SUMS.
+    """Read every file of a bundle, and compare it with SHA256SUMS.
 
     Args:
         folder: the bundle.
-        checked: gets what is wrong.
+        checked: receives the findings.
 
     Returns:
-        The files that could be read, by name.
+        Files that could be read, by name.
     """
     names, strange = list_bundle(folder)
     for name, what in strange[:_MOST_NAMED]:
@@ -189,7 +189,7 @@ def _check_file_sums(
 def _check_recordings(
     checked: CheckedBundle, document: EvidenceDocument, digests: Mapping[str, str]
 ) -> None:
-    """Whether the recordings of runs are those that the evidence names."""
+    """Check that the recordings of runs are those that the evidence names."""
     named = {log.recording for log in document.logs if log.recording}
     for name in sorted(named - set(digests)):
         checked.add(BundleOutcome.INCOMPLETE, name, "is missing, and the evidence names it")
@@ -203,7 +203,7 @@ def _check_recordings(
 def read_checked_tables(
     checked: CheckedBundle, held: Mapping[str, BundleFile], document: EvidenceDocument
 ) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
-    """Readings and points; None of what cannot be read."""
+    """Readings and points; None for each that cannot be read."""
     digests = {
         READINGS: document.tables.readings_sha256,
         POINTS: document.tables.points_sha256,
@@ -233,15 +233,15 @@ def check_signature(
     key: PublicKey | None,
     keyring: Keyring,
 ) -> None:
-    """Who signed, and whether it is these files.
+    """Check who signed, and that the signature covers these files.
 
     Args:
-        checked: gets what is found, and whose signature it is.
+        checked: receives the findings and the signer.
         held: files of the bundle.
-        digests: of those that are signed, by name.
-        document: the evidence; None where it cannot be read.
-        key: the key that the user gave, if any.
-        keyring: the keys that the user keeps.
+        digests: digests of the signed files, by name.
+        document: the evidence; None if it cannot be read.
+        key: key given by the user, if any.
+        keyring: keys kept by the user.
     """
     named = document.signer if document is not None else None
     if STATEMENT not in held:
@@ -292,7 +292,7 @@ def identify_signer(
     key: PublicKey | None,
     keyring: Keyring,
 ) -> None:
-    """Whose key it is, by the user's own knowledge."""
+    """Identify the owner of a key by the user's keyring."""
     claimed = "" if document.signer is None else document.signer.name
     known = keyring.find(stated.key_id)
     owner = "" if known is None else known.owner
@@ -317,7 +317,7 @@ def _check_signer(
     stated: PublicKey | None,
     document: EvidenceDocument,
 ) -> None:
-    """Whether envelope and evidence name one key."""
+    """Check that envelope and evidence name the same key."""
     if stated is None or document.signer is None:
         checked.add(
             BundleOutcome.TAMPERED, EVIDENCE, "signer: names nobody, and there is a signature"
@@ -335,7 +335,7 @@ def _check_statement(
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
 ) -> None:
-    """Whether the statement is about these files."""
+    """Check that the statement covers these files."""
     said = signed.statement
     if said.get("_type") != STATEMENT_TYPE or said.get("predicateType") != PREDICATE_TYPE:
         checked.add(BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind")

@@ -1,4 +1,4 @@
-"""The folder of a bundle as a stranger may have left it: names, sizes and digests, nothing run.
+"""Safe reading of a bundle's folder: names, sizes and digests; no link is followed.
 
 No link is followed, no name leads outside, and every file is opened once.
 """
@@ -46,8 +46,8 @@ class BundleFile:
     """A file of a bundle.
 
     Attributes:
-        sha256: in hexadecimal digits.
-        data: its bytes; None of a recording or a PDF, which are only hashed.
+        sha256: SHA-256 in hexadecimal.
+        data: content; None for a recording or a PDF, which are only hashed.
     """
 
     sha256: str
@@ -55,18 +55,18 @@ class BundleFile:
 
 
 def is_bundle_file(name: str) -> bool:
-    """Whether a bundle may hold a file of that name."""
+    """Whether a file name may occur in a bundle."""
     return name in (*REQUIRED, PDF, NOTARY, *UNLISTED) or _RUN.fullmatch(name) is not None
 
 
 def list_bundle(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
-    """What lies in the folder of a bundle.
+    """List the folder of a bundle.
 
     Returns:
-        Names of regular files that a bundle may hold, sorted; and (name, fault) of all else.
+        Sorted names of regular files that a bundle may contain; and (name, fault) of all others.
 
     Raises:
-        EvidenceError: it is no folder, holds none of a bundle's files, or more entries than any.
+        EvidenceError: it is not a folder, has no file of a bundle, or too many entries.
     """
     if not folder.is_dir():
         fault = "is no folder; name that of the bundle" if folder.exists() else "no such folder"
@@ -75,7 +75,10 @@ def list_bundle(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
     bad: list[tuple[str, str]] = []
     for number, (name, mode) in enumerate(folder_entries(folder)):
         if number >= _MOST_FILES:
-            raise EvidenceError(f"{folder}: more than {_MOST_FILES} entries are no bundle")
+            raise EvidenceError(
+                f"{folder}: more than {_MOST_FILES} entries, so it is not a bundle; name the "
+                "folder of one bundle"
+            )
         if stat.S_ISLNK(mode):
             bad.append((name, "is a link, which no bundle has; it was not followed"))
         elif stat.S_ISDIR(mode):
@@ -93,7 +96,7 @@ def list_bundle(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
 
 
 def folder_entries(folder: Path) -> Iterator[tuple[str, int]]:
-    """Names and modes in the folder and its runs/, as they are without following a link."""
+    """Names and modes in the folder and its runs/, without following links."""
     try:
         for place, prefix in ((folder, ""), (folder / RUNS, f"{RUNS}/")):
             if prefix and (place.is_symlink() or not place.is_dir()):
@@ -107,10 +110,10 @@ def folder_entries(folder: Path) -> Iterator[tuple[str, int]]:
 
 
 def read_file(folder: Path, name: str) -> BundleFile:
-    """Read a file that `listing` named, once, without following a link.
+    """Read a file from `list_bundle` once, without following a link.
 
     Raises:
-        EvidenceError: it cannot be read, or is larger than such a file may be.
+        EvidenceError: it cannot be read, or is too large.
     """
     keep = name not in (RECORDING, PDF) and not name.startswith(f"{RUNS}/")
     digest, size = hashlib.sha256(), 0
@@ -126,7 +129,7 @@ def read_file(folder: Path, name: str) -> BundleFile:
 
 
 def copy_file(folder: Path, name: str, to: Path) -> str:
-    """Copy a file that `listing` named, and give the SHA-256 of the copy.
+    """Copy a file from `list_bundle`; returns the SHA-256 of the copy.
 
     Raises:
         EvidenceError: it cannot be read.
@@ -140,7 +143,7 @@ def copy_file(folder: Path, name: str, to: Path) -> str:
 
 
 def read_in_parts(folder: Path, name: str) -> Iterator[bytes]:
-    """Read a file from its beginning to its end, without following a link."""
+    """Read a file in parts, without following a link."""
     try:
         number = os.open(folder / name, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
         with os.fdopen(number, "rb") as file:
@@ -151,15 +154,15 @@ def read_in_parts(folder: Path, name: str) -> Iterator[bytes]:
 
 
 def sums_text(digests: dict[str, str]) -> str:
-    """`SHA256SUMS` as `sha256sum -c` reads it."""
+    """Text of `SHA256SUMS` in the format of `sha256sum -c`."""
     return "".join(f"{digests[name]}  {name}\n" for name in sorted(digests))
 
 
 def parse_sums(data: bytes) -> dict[str, str]:
-    """Digests by name.
+    """Digests by file name.
 
     Raises:
-        EvidenceError: it is not what `sums_text` writes.
+        EvidenceError: it is not in the format of `sums_text`.
     """
     try:
         lines = data.decode("ascii").splitlines()
@@ -169,8 +172,10 @@ def parse_sums(data: bytes) -> dict[str, str]:
     for number, line in enumerate(lines[:_MOST_FILES], start=1):
         match = _SUM.fullmatch(line)
         if match is None or not is_bundle_file(match[2]) or match[2] in UNLISTED:
-            raise EvidenceError(f"{SUMS}: line {number} is no digest of a file of a bundle")
+            raise EvidenceError(f"{SUMS}: line {number} is not the digest of a file of this bundle")
         found[match[2]] = match[1]
     if sums_text(found).encode() != data:
-        raise EvidenceError(f"{SUMS}: is not as it was written: sorted, each file once")
+        raise EvidenceError(
+            f"{SUMS}: was changed: its lines are not sorted, or a file appears twice"
+        )
     return found

@@ -1,4 +1,4 @@
-"""The tables of a bundle as Parquet, and the careful reading of a stranger's.
+"""Tables of a bundle as Parquet, and safe reading of untrusted ones.
 
 A few bytes of Parquet can ask for gigabytes, and Arrow's reader ends the whole process on some
 damaged files. So ours are neither compressed nor coded, and another process with bounds reads them.
@@ -40,7 +40,7 @@ Schema = Mapping[str, type[pl.DataType]]
 
 
 def write_table(frame: pl.DataFrame) -> bytes:
-    """A frame as Parquet: not compressed, no dictionaries."""
+    """Frame as Parquet, without compression and dictionaries."""
     import pyarrow.parquet as pq
 
     buffer = io.BytesIO()
@@ -57,11 +57,11 @@ def write_table(frame: pl.DataFrame) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class UntrustedTable:
-    """A table of a stranger.
+    """A table from an untrusted source.
 
     Attributes:
-        data: its bytes.
-        schema: the columns that it must have, in order.
+        data: content.
+        schema: required columns in order.
     """
 
     data: bytes
@@ -69,10 +69,10 @@ class UntrustedTable:
 
 
 def read_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
-    """Read what `write_table` wrote, of a stranger.
+    """Read untrusted tables in the format of `write_table`.
 
     Returns:
-        The frame of each; or its fault: other columns, compressed or coded, too many rows, a number
+        The frame of each, or its fault: other columns, compressed or coded, too many rows, a number
         that is not finite, or damaged.
     """
     said = _read_in_process(tables)
@@ -84,7 +84,7 @@ def read_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
 
 
 def _read_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
-    """What the reader's process says of each; None where it ended without a word."""
+    """Results of the reader's process for each table; None if it crashed."""
     asked = json.dumps(
         [
             {
@@ -101,7 +101,7 @@ def _read_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] |
 
 
 def start_reader(asked: str, data: bytes) -> bytes | None:
-    """Start the reader; its JSON, or None where it ended without a word."""
+    """Run the reader's process; its JSON output, or None if it crashed."""
     # the process writes JSON, and is told nothing but what columns to expect
     child = subprocess.Popen(
         [sys.executable, "-I", str(_READER), asked],
@@ -133,7 +133,7 @@ def _make_frame(said: dict[str, Any], schema: Schema) -> pl.DataFrame | str:
 
 
 def _convert_to_plain_arrow(frame: pl.DataFrame) -> "pa.Table":
-    """The frame as Arrow of plain types."""
+    """Frame as Arrow with plain types."""
     import pyarrow as pa
 
     table = frame.to_arrow()

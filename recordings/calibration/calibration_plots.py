@@ -1,4 +1,4 @@
-"""The four figures of a report on a calibration."""
+"""The four figures of a calibration report."""
 
 from typing import Final
 
@@ -18,7 +18,7 @@ _ROW: Final = 18.0
 
 
 def draw_report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> list[Drawing]:
-    """The figures that this evidence has something to show in."""
+    """Figures for which the evidence has data."""
     fitted, points = document.calibration, readings_about_mean(document, readings)
     found: list[Drawing] = []
     if fitted is not None and document.kind == "calibration":
@@ -28,8 +28,11 @@ def draw_report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> 
     return found
 
 
-def calibrated_band(fitted: Calibration) -> list[tuple[float, float, float]]:
-    """(reference, low, high) of the calibrated mass of a run like the campaign's, in kg."""
+def calibrated_intervals_kg(fitted: Calibration) -> list[tuple[float, float, float]]:
+    """Interval of the calibrated mass over the range of references.
+
+    Each is (reference, low, high) in kg, for a run like those of the campaign.
+    """
     low, high = fitted.range_kg
     readings = fitted.budget_at[1]
     found: list[tuple[float, float, float]] = []
@@ -42,7 +45,7 @@ def calibrated_band(fitted: Calibration) -> list[tuple[float, float, float]]:
 
 def _draw_line(fitted: Calibration) -> Drawing:
     known = [point for point in fitted.points if point.calibrated_kg is not None]
-    edges = calibrated_band(fitted)
+    edges = calibrated_intervals_kg(fitted)
     low, high = fitted.range_kg
     percent = f"{fitted.confidence_1:.0%}".replace("%", " %")
     picture = Drawing(
@@ -66,7 +69,7 @@ def _draw_line(fitted: Calibration) -> Drawing:
 
 
 def _draw_residuals(fitted: Calibration) -> Drawing:
-    edges = [(mass, low - mass, high - mass) for mass, low, high in calibrated_band(fitted)]
+    edges = [(mass, low - mass, high - mass) for mass, low, high in calibrated_intervals_kg(fitted)]
     errors = [(p, p.error_kg, "point") for p in fitted.points if p.error_kg is not None]
     left = [
         (p, p.error_left_out_kg, "left") for p in fitted.points if p.error_left_out_kg is not None
@@ -152,7 +155,7 @@ def _draw_band(picture: Drawing, axes: Axes, edges: list[tuple[float, float, flo
 
 
 def readings_about_mean(document: EvidenceDocument, readings: pl.DataFrame) -> pl.DataFrame:
-    """Readings with a mass, and how far each is off the mean of those in use of its run."""
+    """Readings with a mass, and their deviations from the mean of their run."""
     order = {run.id: number for number, run in enumerate(document.campaign.runs)}
     mean = pl.col("mass_kg").filter("used").mean().over("run_id")
     return (

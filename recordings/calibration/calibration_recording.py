@@ -1,4 +1,4 @@
-"""`calibration.rrd`: the evidence in the viewer, with a link to each run's recording."""
+"""`calibration.rrd`: the evidence for the viewer, with links to the recordings of runs."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ def write_calibration(
 def calibration_run(
     document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> Run:
-    """What the recording of a bundle holds; it follows from the evidence.
+    """Run with the frames of a bundle's recording, computed from the evidence.
 
     Args:
         document: the evidence.

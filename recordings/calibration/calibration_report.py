@@ -1,4 +1,4 @@
-"""The report of a bundle: one page that a person reads, made of the evidence and nothing else.
+"""Report of a bundle: one page for readers, made from the evidence only.
 
 The same evidence gives the same bytes, so that whoever checks a bundle makes the page anew and
 compares. It has no script, and forbids itself to load anything.
@@ -42,12 +42,12 @@ _NONE: Final = "–"
 
 
 def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame) -> str:
-    """Write the report.
+    """HTML of the report.
 
     Args:
-        document: the evidence; every text in it is escaped.
+        document: the evidence; all its texts are escaped.
         readings: frame `readings`.
-        points: frame of the points, a row a run.
+        points: frame of the points, a row per run.
     """
     return report_template().render(
         e=document,
@@ -75,7 +75,7 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
 
 @cache
 def report_template() -> "Template":
-    """The page's template; compiling it takes longer than filling it in."""
+    """Compiled template of the page."""
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(
@@ -90,7 +90,7 @@ def report_pdf(html: str, path: Path) -> str:
     """Write the report as a PDF.
 
     Returns:
-        Nothing; or in one line why there is none: WeasyPrint or its system library is missing.
+        Empty, or why there is no PDF: WeasyPrint or its system library is missing.
     """
     try:
         from weasyprint import HTML
@@ -107,14 +107,14 @@ def report_pdf(html: str, path: Path) -> str:
 
 
 def report_title(document: EvidenceDocument) -> str:
-    """The heading of the report."""
+    """Heading of the report."""
     what = "Calibration" if document.kind == "calibration" else "Check"
     name = document.campaign.campaign.title
     return name or f"{what} of {document.machine.machine.name} {document.campaign.machine.id}"
 
 
 def report_facts(document: EvidenceDocument) -> list[tuple[str, str]]:
-    """What a reader looks for first, name and value."""
+    """Key facts of the report as (name, value)."""
     fitted = document.calibration
     found: list[tuple[str, str]] = []
     if fitted is not None:
@@ -149,7 +149,7 @@ def report_facts(document: EvidenceDocument) -> list[tuple[str, str]]:
 
 
 def kilograms_text(value: float | None, digits: int = 1) -> str:
-    """A number of kg, or a dash."""
+    """Number of kg as text, or a dash."""
     return _NONE if value is None or not math.isfinite(value) else f"{value:,.{digits}f}"
 
 
@@ -163,7 +163,7 @@ def _format_with_interval(
 
 
 def estimate_as_mass(kg: float | None, fitted: Calibration) -> str:
-    """Kilograms of m̂ as kilograms of mass."""
+    """Convert kilograms of m̂ to kilograms of mass, as text."""
     return "unknown" if kg is None else f"{kilograms_text(kg / abs(fitted.c1_1))} kg"
 
 
@@ -240,7 +240,7 @@ def _make_reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
 
 
 def _describe_certificate(mass: ReferenceMass) -> str:
-    """The certificate of a mass, or who says the mass; of a digital one who signed it."""
+    """Certificate of a mass or its source; for a digital one also its signer."""
     if mass.stated_by:
         return f"stated by the {mass.stated_by}"
     signed = f" ({mass.certificate_signature})" if mass.certificate_signature else ""

@@ -1,4 +1,4 @@
-"""What a report says in sentences."""
+"""Sentences of a calibration report."""
 
 import math
 from collections.abc import Iterator
@@ -46,7 +46,7 @@ _UNSEEN: Final = (
 def report_paragraphs(
     document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> list[str]:
-    """What the numbers mean, a paragraph each."""
+    """Paragraphs that explain the numbers."""
     fitted = document.calibration
     found: list[str] = []
     if fitted is None:
@@ -67,7 +67,7 @@ def report_paragraphs(
 
 
 def undetectable_faults(document: EvidenceDocument) -> list[str]:
-    """What no check of a bundle can find."""
+    """Faults that no check of a bundle can find, a sentence each."""
     first = (
         ("Whether this machine has earlier evidence: this bundle names none before it.",)
         if document.chain.previous is None
@@ -97,7 +97,7 @@ def undetectable_faults(document: EvidenceDocument) -> list[str]:
 
 
 def _describe_unlisted_runs(document: EvidenceDocument) -> str:
-    """Which runs may have been left out."""
+    """Sentence on runs that may have been left out."""
     stretch = document.campaign.notary
     if stretch is None:
         return _UNLISTED
@@ -110,7 +110,7 @@ def _describe_unlisted_runs(document: EvidenceDocument) -> str:
 
 
 def _describe_notary_logs(document: EvidenceDocument) -> list[str]:
-    """Which logs of the recorder are in the campaign."""
+    """Sentences on the recorder's logs in the campaign."""
     stretch = document.campaign.notary
     if stretch is None:
         return []
@@ -124,7 +124,7 @@ def _describe_notary_logs(document: EvidenceDocument) -> list[str]:
 
 
 def _unseen_machine(document: EvidenceDocument) -> Iterator[str]:
-    """Whose the logs are."""
+    """Sentences on which machine recorded the logs."""
     without = logs_without_machine(document.logs)
     told = len(document.logs) - len(without)
     if without:
@@ -142,7 +142,7 @@ def _unseen_machine(document: EvidenceDocument) -> Iterator[str]:
 
 
 def _describe_outcome(document: EvidenceDocument) -> list[str]:
-    """Limits and drift, with their risks."""
+    """Sentences on limits and drift, with their risks."""
     found: list[str] = []
     if document.limits is not None:
         found.append(f"{_capitalise_first_letter(document.limits.statement)}. {_NO_CONFORMITY}")
@@ -166,7 +166,7 @@ def _describe_outcome(document: EvidenceDocument) -> list[str]:
 
 
 def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
-    """Which priors are the campaign's own."""
+    """Sentences on the priors learnt by the campaign."""
     learnt = document.learnt
     if learnt is None:
         return []
@@ -178,7 +178,7 @@ def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
 
 
 def limits_of_one_day_evidence(document: EvidenceDocument) -> list[str]:
-    """What evidence of one day lacks; that of format 1 does not have the sentence."""
+    """Sentence on the limits of evidence from one day; none for format 1."""
     fitted = document.calibration
     if fitted is None or not fitted.responses or not fitted.is_of_one_day:
         return []
@@ -190,7 +190,7 @@ def limits_of_one_day_evidence(document: EvidenceDocument) -> list[str]:
 
 
 def _unlike_driving_lines(fitted: Calibration) -> list[str]:
-    """What a log pays that is driven unlike these runs, and which runs would spare it most."""
+    """Sentences on the uncertainty of logs driven unlike these runs, and how to reduce it."""
     if not fitted.responses:
         return []
     most = max(fitted.responses, key=lambda each: abs(each.level_kg))
@@ -202,7 +202,7 @@ def _unlike_driving_lines(fitted: Calibration) -> list[str]:
 
 
 def _advise_next_load(fitted: Calibration) -> list[str]:
-    """Which load to run next."""
+    """Sentence on the load to run next."""
     best = rank_next_loads(fitted)[0]
     return [
         f"Next load: of those of this campaign, one more run with '{best.load_id}' on another day "
@@ -212,7 +212,7 @@ def _advise_next_load(fitted: Calibration) -> list[str]:
 
 
 def constant_share_text(fitted: Calibration) -> str:
-    """How much of the output is a constant."""
+    """Sentence on the constant fraction of the output."""
     middle_kg = sum(fitted.range_kg) / 2.0
     share = fitted.beta_kg / middle_kg if middle_kg else 0.0
     begin = (
@@ -253,7 +253,7 @@ def _describe_campaign_without_line(
 def _describe_offset(
     document: EvidenceDocument, load_id: str, readings: pl.DataFrame, points: pl.DataFrame
 ) -> str:
-    """How far the estimate of one load is from its reference."""
+    """Sentence on the error of one load's estimate."""
     reference = next(each for each in document.references if each.load_id == load_id)
     used = readings.filter((pl.col("load_id") == load_id) & pl.col("used"))
     known = points.filter((pl.col("load_id") == load_id) & pl.col("mean_kg").is_not_null())
@@ -276,7 +276,7 @@ def _describe_offset(
 
 
 def describe_earlier_line(document: EvidenceDocument) -> list[str]:
-    """The line before this one, and what it made of these runs."""
+    """Sentences on the previous line, and its errors on these runs."""
     found, link, fitted = document.as_found, document.chain.previous, document.calibration
     if found is None or link is None:
         return []

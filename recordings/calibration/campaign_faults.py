@@ -1,4 +1,4 @@
-"""A campaign against its logs, its machine file and the day when evidence was made: its faults."""
+"""Contradictions between a campaign and its logs, machine file and date."""
 
 import datetime as dt
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ _BEGINS: Final = "%Y-%m-%d %H:%M:%S UTC"
 
 
 def log_begin(log: EvidenceLog) -> dt.datetime | None:
-    """When a log begins; None where it has no absolute time."""
+    """Begin of a log; None without absolute time."""
     try:
         return dt.datetime.strptime(log.begins, _BEGINS).replace(tzinfo=dt.UTC)
     except ValueError:
@@ -25,13 +25,13 @@ def log_begin(log: EvidenceLog) -> dt.datetime | None:
 def find_day_faults(
     campaign: CalibrationCampaign, logs: Sequence[EvidenceLog], zone: ZoneInfo, made: dt.datetime
 ) -> Iterator[str]:
-    """Yield what contradicts the days that a campaign gives, a sentence each.
+    """Yield contradictions to the days of a campaign, a sentence each.
 
     Args:
-        campaign: its runs.
-        logs: what their replay gave.
-        zone: of the machine.
-        made: when the evidence was made.
+        campaign: the campaign.
+        logs: logs as replayed.
+        zone: time zone of the machine.
+        made: time at which the evidence was made.
     """
     by_name = {each.log: each for each in logs}
     for run in campaign.runs:
@@ -58,13 +58,13 @@ def find_day_faults(
 
 
 def runs_without_date(document: EvidenceDocument) -> list[CampaignRun]:
-    """The runs whose logs have no absolute time: nothing proves their days."""
+    """Runs whose logs have no absolute time, so that their days are unproven."""
     without = {each.log for each in document.logs if log_begin(each) is None}
     return [run for run in document.campaign.runs if run.log in without]
 
 
 def creation_time(document: EvidenceDocument) -> dt.datetime:
-    """When the evidence was made, as it says itself."""
+    """Time at which the evidence was made, by its own statement."""
     return dt.datetime.fromisoformat(document.made)
 
 
@@ -77,12 +77,12 @@ def _run_span(
 
 
 def machine_faults(wanted: str, machine: Machine, logs: Sequence[EvidenceLog]) -> Iterator[str]:
-    """Yield what contradicts that a campaign is of one machine, a sentence each.
+    """Yield contradictions to the machine of a campaign, a sentence each.
 
     Args:
-        wanted: the serial number of the campaign.
-        machine: its machine file.
-        logs: what their replay gave.
+        wanted: serial number in the campaign.
+        machine: machine file.
+        logs: logs as replayed.
     """
     named = machine.machine.id
     if named not in (None, wanted):
@@ -96,5 +96,5 @@ def machine_faults(wanted: str, machine: Machine, logs: Sequence[EvidenceLog]) -
 
 
 def logs_without_machine(logs: Sequence[EvidenceLog]) -> list[str]:
-    """The logs that do not say which machine recorded them."""
+    """Logs that do not name the machine that recorded them."""
     return [log.log for log in logs if not log.machine_id]

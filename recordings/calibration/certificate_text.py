@@ -1,4 +1,4 @@
-"""What ISO/IEC 17025:2017, 7.8 asks a certificate to say, in rows and sentences of the report."""
+"""Statements that ISO/IEC 17025:2017, 7.8 requires of a certificate, for the report."""
 
 import datetime as dt
 from collections.abc import Iterator, Mapping
@@ -20,7 +20,7 @@ _MIN_E: Final = {"OIML R 51 Y(a)": 20.0, "OIML R 51 Y(b)": 10.0}
 
 
 def certificate_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
-    """What stands on page 1: whose, where, of what, when, by whom; name and text."""
+    """Rows of page 1: customer, place, object, time and author, as (name, text)."""
     campaign = document.campaign
     about, machine = campaign.campaign, campaign.machine
     days = sorted(run.day for run in campaign.runs)
@@ -53,7 +53,7 @@ def _format_person(name: str, function: str) -> str:
 
 
 def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
-    """The conditions of the runs, each with every value that it had."""
+    """Rows of the conditions of the runs, with all their values."""
     shown = {
         "temperature_degC": ("air temperature", "{:g} °C"),
         "slope_deg": ("slope of the ground", "{:g}°"),
@@ -72,13 +72,13 @@ def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
 
 
 def traceability_warnings(document: EvidenceDocument) -> list[str]:
-    """What a reader must see first: references that are not traceable."""
+    """Warnings about references that are not traceable."""
     untraceable = document.campaign.untraceable_references
     return [f"NOT TRACEABLE: {'; '.join(untraceable)}."] if untraceable else []
 
 
 def list_missing_statements(document: EvidenceDocument) -> list[str]:
-    """What the campaign file leaves open of what a certificate says."""
+    """Statements of a certificate that the campaign file lacks."""
     keys = document.campaign.missing_statements
     if not keys:
         return []
@@ -88,7 +88,7 @@ def list_missing_statements(document: EvidenceDocument) -> list[str]:
 def weighings_by_load(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> list[Mapping[str, Any]]:
-    """Number of weighings of each load, their mean error and standard deviation, in kg.
+    """Number of weighings of each load, with mean error and standard deviation in kg.
 
     The limit is that of a single error: categories Y of R 51 and classes of R 134 have none of a
     mean or of a standard deviation (R 51 has those of category X, which checks packages).
@@ -128,7 +128,7 @@ def _count_loads_within_limits(errors: list[float], limit_kg: float) -> str:
 
 
 def range_sentences(document: EvidenceDocument) -> Iterator[str]:
-    """Max and Min of a class with a scale interval, and what the limits of each class are of."""
+    """Sentences on Max and Min of a class, and what its limits apply to."""
     limits = document.limits
     if limits is None:
         return
@@ -155,5 +155,5 @@ def range_sentences(document: EvidenceDocument) -> Iterator[str]:
 
 
 def issue_day(document: EvidenceDocument) -> dt.date:
-    """The day of issue."""
+    """Date of issue."""
     return dt.date.fromisoformat(document.made[:10])

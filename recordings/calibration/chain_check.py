@@ -1,4 +1,4 @@
-"""Whether the evidence of a machine is one chain: each after the one before, none twice."""
+"""Check that the evidence of a machine forms one chain without gaps and forks."""
 
 import datetime as dt
 import hashlib
@@ -13,7 +13,7 @@ from recordings.calibration.evidence_document import EvidenceDocument
 
 
 def check_counter(checked: CheckedBundle, document: EvidenceDocument) -> None:
-    """Whether the counter is that after the link's."""
+    """Check that the counter is one more than that of the link."""
     link = document.chain.previous
     if document.chain.counter != (1 if link is None else link.counter + 1):
         checked.add(
@@ -26,12 +26,12 @@ def check_counter(checked: CheckedBundle, document: EvidenceDocument) -> None:
 def check_chain(
     checked: CheckedBundle, document: EvidenceDocument, before: CheckedBundle | None
 ) -> None:
-    """Whether this evidence follows that before it.
+    """Check that evidence follows its previous evidence.
 
     Args:
-        checked: gets what is found.
+        checked: receives the findings.
         document: the evidence.
-        before: that before it, checked; None where it was not given.
+        before: the previous evidence, checked; None if not given.
     """
     chain, item = document.chain, f"{EVIDENCE}: chain"
     link = chain.previous
@@ -74,18 +74,18 @@ def check_chain(
 
 
 def digest_chain_link(checked: CheckedBundle) -> str:
-    """What a link to evidence holds of it."""
+    """Digest by which a link refers to evidence."""
     return hashlib.sha256(checked.sums).hexdigest()
 
 
 def chain_findings(bundles: Sequence[CheckedBundle]) -> tuple[list[BundleFinding], list[str]]:
-    """What the evidence of one machine comes to together.
+    """Check several bundles of a machine as a chain.
 
     Args:
-        bundles: each checked by itself, in any order; those that cannot be read are passed over.
+        bundles: bundles checked by themselves, in any order; unreadable ones are skipped.
 
     Returns:
-        Gaps, forks and links that do not fit; and who signed which number, a sentence each.
+        Gaps, forks and wrong links; and a sentence on the signer of each number.
     """
     by_digest = {digest_chain_link(each): each for each in bundles}
     known = [(each.document, each) for each in by_digest.values() if each.document is not None]
@@ -121,7 +121,7 @@ def chain_findings(bundles: Sequence[CheckedBundle]) -> tuple[list[BundleFinding
 
 
 def _signer_sentences(ordered: Sequence[tuple[EvidenceDocument, CheckedBundle]]) -> Iterator[str]:
-    """Who signed each, and where the chain begins."""
+    """Sentences on the signer of each, and the begin of the chain."""
     if not ordered:
         return
     machine, first = ordered[0][0].campaign.machine.id, ordered[0][0].chain
@@ -138,7 +138,7 @@ def _signer_sentences(ordered: Sequence[tuple[EvidenceDocument, CheckedBundle]])
 
 
 def _check_kept(checked: CheckedBundle, document: EvidenceDocument, last: EvidenceDocument) -> None:
-    """What a check takes over from the evidence that it is a check of."""
+    """Check the parts that a single-mass check copies from the calibration."""
     for name in ("calibration", "expires", "machine", "learnt", "options"):
         if getattr(document, name) != getattr(last, name):
             what = "is not that of the evidence before, which it is a check of"

@@ -1,4 +1,4 @@
-"""What a check of a bundle may find, and the exit status of each."""
+"""Possible findings of checking a bundle, with their exit status."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from estimators.errors import counted
 
 
 class BundleOutcome(IntEnum):
-    """What is wrong; the value is the exit status of `payscope verify`."""
+    """Kind of a finding; the value is the exit status of `payscope verify`."""
 
     TAMPERED = 3
     IRREPRODUCIBLE = 4
@@ -45,12 +45,12 @@ _NAMES: Final = {
 
 @dataclass(frozen=True, slots=True)
 class BundleFinding:
-    """Something that is wrong with a bundle.
+    """An error in a bundle.
 
     Attributes:
-        outcome: of which kind.
-        item: the file, and the place in it.
-        what: in a few words.
+        outcome: kind of the error.
+        item: file, and place in it.
+        what: short description.
     """
 
     outcome: BundleOutcome
@@ -59,7 +59,7 @@ class BundleFinding:
 
     @property
     def kind(self) -> str:
-        """The outcome in words."""
+        """Name of the outcome."""
         return _NAMES[self.outcome]
 
     def __str__(self) -> str:
@@ -67,18 +67,18 @@ class BundleFinding:
 
 
 def worst_outcome(findings: Sequence[BundleFinding]) -> BundleOutcome | None:
-    """The outcome that is the exit status; None where nothing was found."""
+    """Outcome for the exit status; None without findings."""
     found = {each.outcome for each in findings}
     return next((outcome for outcome in ORDER if outcome in found), None)
 
 
 def verdict_text(place: Path, findings: Sequence[BundleFinding], holds: str) -> str:
-    """The outcome of a check in a sentence.
+    """Result of a check in a sentence.
 
     Args:
         place: what was checked.
-        findings: what was found.
-        holds: what is said where that is nothing.
+        findings: the findings.
+        holds: text for no findings.
     """
     outcome = worst_outcome(findings)
     if outcome is None:

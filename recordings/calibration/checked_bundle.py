@@ -1,4 +1,4 @@
-"""What a check of a bundle has found so far."""
+"""Intermediate result of checking a bundle."""
 
 import datetime as dt
 from collections.abc import Mapping
@@ -15,18 +15,18 @@ from recordings.signatures.signed_by import SignedBy
 
 @dataclass(slots=True)
 class CheckedBundle:
-    """What a check found.
+    """Result of checking a bundle.
 
     Attributes:
-        findings: what is wrong.
-        notes: what a reader should know besides.
-        document: the evidence; None where it cannot be read.
-        readings: frame `readings`, likewise.
-        points: frame of the points, likewise.
-        sums: the bytes of SHA256SUMS.
-        signed_by: whose signature it is, as far as the reader can know.
-        notarised_by: who keeps the list of logs that the campaign names; None where it names none.
-        proven_day: the day by which a time stamp proves that the signature was there, if any.
+        findings: errors.
+        notes: notes for the reader.
+        document: the evidence; None if unreadable.
+        readings: frame `readings`; None if unreadable.
+        points: frame of the points; None if unreadable.
+        sums: content of SHA256SUMS.
+        signed_by: signer, as far as known.
+        notarised_by: notary of the campaign's list; None without one.
+        proven_day: day by which a time stamp proves the signature, if any.
     """
 
     findings: list[BundleFinding] = field(default_factory=list)
@@ -41,7 +41,7 @@ class CheckedBundle:
 
     @property
     def faults(self) -> list[BundleFinding]:
-        """What makes the evidence worth nothing, or less: not what it says of a good machine."""
+        """Findings that invalidate evidence, without those about the machine itself."""
         return [each for each in self.findings if each.outcome in FAULTS]
 
     def add(self, outcome: BundleOutcome, item: str, what: str) -> None:
@@ -50,12 +50,12 @@ class CheckedBundle:
 
 
 def held_bytes(held: Mapping[str, BundleFile], name: str) -> bytes:
-    """The bytes of a file that is held in memory."""
+    """Content of a file held in memory."""
     data = held[name].data
     assert data is not None
     return data
 
 
 def fault_without_name(name: str, fault: EvidenceError) -> str:
-    """The fault without the name that the finding has already."""
+    """Error text without the file name that the finding already has."""
     return str(fault).removeprefix(f"{name}: ")

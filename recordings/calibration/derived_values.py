@@ -1,4 +1,4 @@
-"""What evidence holds that follows from its campaign, machine file and line before alone."""
+"""Values of evidence that follow from campaign, machine file and previous line alone."""
 
 import hashlib
 import math
@@ -33,13 +33,13 @@ def estimator_with_digest(
     absent: Container[str] = (),
     form: str = FORMAT,
 ) -> Estimator:
-    """The estimator by name, and the digest of what defines it: channels, settings, priors.
+    """Estimator with the digest of its definition: channels, settings, priors.
 
     Args:
-        campaign: its method.
-        machine: with the priors that were learnt. When it was empty is no part of how it weighs.
-        absent: dotted names of the machine's settings that came after the evidence.
-        form: of the evidence; earlier ones digest more.
+        campaign: campaign with its method.
+        machine: machine with the learnt priors. When it was empty is not part of the definition.
+        absent: dotted names of settings newer than the evidence.
+        form: format of the evidence; earlier ones digest more.
     """
     own = _restore_defaults(machine) if form in _WHOLE_FORMATS else mass_definition(machine)
     if absent:
@@ -52,7 +52,7 @@ def estimator_with_digest(
 
 
 def mass_definition(machine: Machine) -> dict[str, Any]:
-    """The settings of a machine that define its mass, as plain values."""
+    """Settings of a machine that define its mass, as JSON-compatible values."""
     values = machine.model_dump(mode="json")
     for name in _NO_PART_BODY:
         values["machine"].pop(name, None)
@@ -62,7 +62,7 @@ def mass_definition(machine: Machine) -> dict[str, Any]:
 
 
 def _restore_defaults(machine: Machine) -> dict[str, Any]:
-    """The mass definition of formats up to 3, which includes time zone and place."""
+    """Mass definition of formats up to 3, which includes time zone and place."""
     values = machine.model_dump(mode="json")
     values["machine"].pop("id", None)
     del values["settings"]["loads"]
@@ -72,7 +72,7 @@ def _restore_defaults(machine: Machine) -> dict[str, Any]:
 def remove_dotted_names(
     values: Mapping[str, Any], names: Container[str], at: str = ""
 ) -> dict[str, Any]:
-    """Remove some dotted names from plain values."""
+    """Values without some dotted names."""
     return {
         name: remove_dotted_names(value, names, f"{at}{name}.")
         if isinstance(value, dict)
@@ -85,7 +85,7 @@ def remove_dotted_names(
 def reference_loads(
     campaign: CalibrationCampaign, machine: Machine
 ) -> tuple[tuple[ReferenceLoad, ...], tuple[tuple[float, ...], ...]]:
-    """The reference loads as written into the evidence, and their covariance in kg²."""
+    """Reference loads of the evidence, and their covariance in kg²."""
     known, covariance_kg2 = load_references(campaign, machine.machine)
     loads = tuple(
         ReferenceLoad(load_id=row["load_id"], reference_kg=row["reference_kg"], u_kg=float(v**0.5))
@@ -100,13 +100,13 @@ def check_earlier_line(
     estimator: Estimator,
     points: pl.DataFrame,
 ) -> AsFound | None:
-    """The line before, and its errors on these points; None where there is no line.
+    """The previous line with its errors on these points; None without one.
 
     Args:
-        before: the evidence before.
-        of_before: its estimator; earlier formats digest it otherwise.
-        estimator: of this campaign; a line of another one says nothing of its points.
-        points: of this campaign, a row a run.
+        before: previous evidence.
+        of_before: its estimator; earlier formats digest it differently.
+        estimator: estimator of this campaign; a line of another one does not apply.
+        points: points of this campaign, a row per run.
     """
     if before is None or before.calibration is None:
         return None
@@ -120,7 +120,7 @@ def check_earlier_line(
 
 
 def rms_error_kg(line: AsFound, points: pl.DataFrame) -> float | None:
-    """Root mean square of calibrated less reference mass of the points by this line."""
+    """Root mean square error of the calibrated masses of the points by this line."""
     errors = [
         line.alpha_1 * row["mean_kg"] + line.beta_kg - row["reference_kg"]
         for row in points.drop_nulls("mean_kg").iter_rows(named=True)

@@ -294,14 +294,18 @@ def parse_document(data: bytes, what: str) -> EvidenceDocument:
                 f"it ({where}: {first['msg']}): digests and signature were checked, and nothing in "
                 "it can be recomputed here"
             ) from None
-        raise EvidenceError(f"{what}: {where}: {first['msg']}, which its schema refuses") from None
+        raise EvidenceError(
+            f"{what}: {where}: {first['msg']}, which the schema of evidence does not allow"
+        ) from None
     if document.data != data:
-        raise EvidenceError(f"{what}: holds a value in a form that its schema does not have")
+        raise EvidenceError(
+            f"{what}: holds a value of a type that the schema of evidence does not allow"
+        )
     return document.fill_in_released_defaults(values)
 
 
 def version_of_maker(values: Any) -> str:
-    """Which other version a document says that it is of; "" for this one, or where it says none."""
+    """Other version that a document states as its own; "" if it is this one, or none."""
     if not isinstance(values, dict) or not isinstance(values.get("software"), dict):
         return ""
     made, form = values["software"].get("payscope"), values.get("format")
@@ -312,7 +316,7 @@ def version_of_maker(values: Any) -> str:
 
 
 def schema_text() -> str:
-    """The schema as it is published: JSON Schema, draft 2020-12."""
+    """Published schema as text: JSON Schema, draft 2020-12."""
     schema: dict[str, Any] = EvidenceDocument.model_json_schema(mode="serialization")
     schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

@@ -1,4 +1,4 @@
-"""What a calibration learnt beside its line, in words: the nuisances of the joint fit."""
+"""Tables of what a calibration learnt besides its line: the nuisances of the joint fit."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -35,10 +35,10 @@ RUNS: Final[Mapping[LearnableTerm, str]] = {
 
 
 def make_learnt_term_rows(learnt: LearntPriors | None) -> list[Mapping[str, Any]]:
-    """A row a term: what it is, mean and its uncertainty, width, in how many logs.
+    """Rows on learnt terms: term, unit, mean and its uncertainty, width, number of logs.
 
     Args:
-        learnt: of the evidence; None where nothing was.
+        learnt: learnt priors of the evidence; None if there are none.
     """
     if learnt is None:
         return []

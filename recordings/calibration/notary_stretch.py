@@ -1,4 +1,4 @@
-"""The stretch of a notary's list that a campaign names: every log in it is accounted for."""
+"""Check that a campaign accounts for every log in its part of a notary list."""
 
 import datetime as dt
 from collections.abc import Iterator, Sequence
@@ -19,11 +19,11 @@ _CLOCK: Final = dt.timedelta(seconds=CLOCK_S)
 
 
 def stretch_bytes(data: bytes, stretch: NotaryStretch) -> bytes:
-    """The head of a list and the lines of a stretch of it, as a bundle keeps them.
+    """Head of a list and the lines of a part of it, for a bundle.
 
     Args:
-        data: the whole list, which was checked.
-        stretch: counters; a line that is not there is left out, and found.
+        data: the whole list, checked.
+        stretch: counters of the part; missing lines are found by the check.
     """
     whole, _ = split_lines(data)
     return b"".join(line + b"\n" for line in (*whole[:1], *whole[stretch.first : stretch.last + 1]))
@@ -32,13 +32,13 @@ def stretch_bytes(data: bytes, stretch: NotaryStretch) -> bytes:
 def check_notary(
     checked: CheckedBundle, document: EvidenceDocument, data: bytes | None, keyring: Keyring
 ) -> None:
-    """Check the stretch that a bundle keeps, and what its campaign makes of it.
+    """Check the part of a list in a bundle, and that its campaign agrees with it.
 
     Args:
-        checked: of the bundle; gets what is found, and who keeps the list.
+        checked: the bundle; receives findings and notary.
         document: its evidence.
-        data: the stretch; None where there is none.
-        keyring: the keys that the user keeps.
+        data: the part of the list; None without one.
+        keyring: keys kept by the user.
     """
     stretch = document.campaign.notary
     if stretch is None:
@@ -63,7 +63,7 @@ def check_notary(
 def stretch_findings(
     document: EvidenceDocument, stretch: NotaryStretch, kept: CheckedList
 ) -> Iterator[BundleFinding]:
-    """Yield what is wrong with a stretch, or with what the campaign makes of it."""
+    """Yield errors in a part of a list, or in the campaign's account of it."""
     for fault in kept.faults:
         if fault.forged:
             yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, fault.what)
@@ -90,7 +90,7 @@ def stretch_findings(
 def find_unaccounted_logs(
     stretch: NotaryStretch, logs: Sequence[EvidenceLog], entries: Sequence[NotaryEntry]
 ) -> Iterator[str]:
-    """Yield which logs are neither in the campaign nor left out, and which are in no line."""
+    """Yield logs that are neither used nor left out, and used logs without a line."""
     for entry in entries:
         if not stretch.first <= entry.counter <= stretch.last:
             yield f"number {entry.counter} is not of the numbers that the campaign names"
@@ -107,14 +107,14 @@ def find_unaccounted_logs(
 
 
 def _is_entry_of_log(log: EvidenceLog, entry: NotaryEntry) -> bool:
-    """Whether a line is of this log: all files that were read are among its files."""
+    """Whether a line is of this log: its files include all that were read."""
     return {file.sha256 for file in log.files} <= {file.sha256 for file in entry.files}
 
 
 def find_contradictions(
     document: EvidenceDocument, stretch: NotaryStretch, entries: Sequence[NotaryEntry]
 ) -> Iterator[BundleFinding]:
-    """Yield what cannot be true of both list and evidence."""
+    """Yield contradictions between list and evidence."""
     made, machine = creation_time(document), document.campaign.machine.id
     for entry in entries:
         number = entry.counter
@@ -137,7 +137,7 @@ def find_contradictions(
 
 
 def begins_within_entry(log: EvidenceLog, entry: NotaryEntry) -> bool:
-    """Whether a log begins within the time that its line has."""
+    """Whether a log begins within the time of its line."""
     begin, first, last = log_begin(log), parse_stamp(entry.begins), parse_stamp(entry.ends)
     if begin is None or first is None or last is None:
         return begin is None or first is None
@@ -147,7 +147,7 @@ def begins_within_entry(log: EvidenceLog, entry: NotaryEntry) -> bool:
 def list_keeper(
     checked: CheckedBundle, document: EvidenceDocument, kept: CheckedList, keyring: Keyring
 ) -> SignedBy:
-    """Who keeps the list, by the user's own knowledge."""
+    """Identity of the notary, by the user's keyring."""
     key = kept.key
     if key is None or any(fault.forged for fault in kept.faults):
         return SignedBy("broken")

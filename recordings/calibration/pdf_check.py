@@ -1,4 +1,4 @@
-"""Whether the PDF of a bundle has the words of its page."""
+"""Compare the words of a bundle's PDF with its page."""
 
 import hashlib
 import re
@@ -23,19 +23,19 @@ _NUMBER: Final = re.compile(r"[-+−±]?\d[\d,.]*")
 
 
 def pdf_fault(folder: Path, sha256: str, html: str) -> tuple[str, str]:
-    """Compare the PDF of a bundle with one that is made anew of its page.
+    """Compare the PDF of a bundle with one made from its page.
 
-    Where fonts or WeasyPrint are others, pages break elsewhere, and parts may come in another
-    order: heads of tables, which are then repeated, bullets and page numbers are no difference; of
-    another order it is only compared which numbers there are.
+    With other fonts or another WeasyPrint, pages break elsewhere and parts may be in another order:
+    repeated table heads, bullets and page numbers do not count, and in another order only the
+    numbers are compared.
 
     Args:
         folder: the bundle.
-        sha256: of its PDF.
+        sha256: digest of its PDF.
         html: its page.
 
     Returns:
-        What is wrong, and why it could not be compared; each "" where nothing is.
+        The error, and why it could not be compared; "" each if there is none.
     """
     if find_spec("pypdf") is None:
         return "", "pypdf is not installed (pip install 'payscope[pdf]')"
@@ -60,11 +60,11 @@ def pdf_fault(folder: Path, sha256: str, html: str) -> tuple[str, str]:
 
 
 def text_without_spaces(words: Iterable[str], heads: Iterable[str]) -> str:
-    """Words without the spaces between them, and without what page breaks repeat.
+    """Concatenate words, without heads repeated at page breaks.
 
     Args:
-        words: of all pages.
-        heads: of tables, likewise without spaces.
+        words: words of all pages.
+        heads: table heads, without spaces.
     """
     text = "".join(word for word in words if word != _BULLET)
     for head in sorted(heads, key=len, reverse=True):
@@ -73,14 +73,14 @@ def text_without_spaces(words: Iterable[str], heads: Iterable[str]) -> str:
 
 
 def count_numbers(words: Iterable[str], heads: Iterable[str]) -> Counter[str]:
-    """How often each number is there, in whatever order the pages have them."""
+    """Number of occurrences of each number, in any order."""
     in_heads = {number for head in heads for number in _NUMBER.findall(head)}
     plain = (word.strip("()[]:;,.%") for word in words)
     return Counter(word for word in plain if _NUMBER.fullmatch(word) and word not in in_heads)
 
 
 def describe_first_difference(wanted: str, found: str) -> str:
-    """The first difference of two texts, in words; "" where there is none."""
+    """First difference of two texts, in words; "" if equal."""
     if wanted == found:
         return ""
     pairs = enumerate(zip(wanted, found, strict=False))
@@ -91,7 +91,7 @@ def describe_first_difference(wanted: str, found: str) -> str:
 
 
 class _Heads(HTMLParser):
-    """Collects the text of each `thead`."""
+    """HTML parser that collects the text of each `thead`."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -113,7 +113,7 @@ class _Heads(HTMLParser):
 
 
 def table_heads(html: str) -> set[str]:
-    """The heads of the tables of a page, without spaces."""
+    """Table heads of a page, without spaces."""
     parser = _Heads()
     parser.feed(html)
     return {head for head in parser.found if head}

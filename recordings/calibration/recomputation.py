@@ -1,4 +1,4 @@
-"""Everything in a bundle that follows from the rest of it, computed anew and compared."""
+"""Recompute everything in a bundle that follows from the rest, and compare."""
 
 import datetime as dt
 import warnings
@@ -52,16 +52,16 @@ def compare_recomputed(
     points: pl.DataFrame | None,
     report: bytes | None,
 ) -> tuple[list[BundleFinding], list[str]]:
-    """Compare what the bundle says with what follows from it.
+    """Compare the bundle with values recomputed from it.
 
     Args:
         document: the evidence.
         readings: frame `readings`.
-        points: frame of the points; None where it cannot be read.
-        report: the bytes of the page; None where there is none.
+        points: frame of the points; None if unreadable.
+        report: content of the page; None without one.
 
     Returns:
-        What differs, and notes for the reader.
+        Differences, and notes for the reader.
     """
     # what is nothing by default is no setting that a mass was found with
     named = [
@@ -84,7 +84,7 @@ def compare_recomputed(
 
 
 def _run_check_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[BundleFinding]:
-    """What a step finds; that it cannot be done with these numbers is a finding as well."""
+    """Findings of a step; a failure of the step is a finding as well."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -100,7 +100,7 @@ def compare_report_page(
     points: pl.DataFrame | None,
     report: bytes | None,
 ) -> Findings:
-    """The report, which follows from the evidence byte by byte."""
+    """Compare the report with one made from the evidence, byte by byte."""
     if report is None or points is None:
         return
     if report_html(document, readings, points).encode() == report:
@@ -118,7 +118,7 @@ def compare_report_page(
 
 
 def find_differences(stored: Any, computed: Any, place: str = "") -> list[tuple[str, bool]]:
-    """Where two JSON values differ: the place, and whether it is in the last bits alone."""
+    """Places where two JSON values differ, and whether only by rounding."""
     if isinstance(stored, dict) and isinstance(computed, dict):
         found: list[tuple[str, bool]] = []
         for name in sorted(set(stored) | set(computed)):
@@ -141,7 +141,7 @@ def find_differences(stored: Any, computed: Any, place: str = "") -> list[tuple[
 
 
 def differ_by_rounding(stored: Any, computed: Any) -> bool:
-    """Whether two numbers differ in their last bits alone."""
+    """Whether two numbers differ only in their last bits."""
     if not all(type(value) in (int, float) for value in (stored, computed)):
         return False
     return abs(stored - computed) <= _LAST_BITS * max(abs(stored), abs(computed))
@@ -152,7 +152,7 @@ def _irreproducible_finding(place: str, what: str) -> BundleFinding:
 
 
 def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
-    """What follows from the campaign and machine files."""
+    """Check values that follow from campaign and machine file."""
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.expires:
         yield _irreproducible_finding(
@@ -194,7 +194,7 @@ def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
 
 
 def compare_learnt_priors(document: EvidenceDocument) -> Findings:
-    """The priors that the logs' own words come to."""
+    """Compare the learnt priors with those pooled from the logs."""
     learnt, campaign = document.learnt, document.campaign
     if learnt is None:
         return
@@ -212,7 +212,7 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
 
 
 def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
-    """Whether each run is there, with a reason for whatever of it counts for nothing."""
+    """Check that each run is present, with a reason for every unused reading."""
     runs = {run.id: run for run in document.campaign.runs}
     weighs = {log.log: log.can_weigh for log in document.logs}
     seen: dict[str, int] = {}
@@ -263,7 +263,7 @@ def compare_fit(
     points: pl.DataFrame | None,
     notes: list[str],
 ) -> Findings:
-    """The fit, its budget and verdict, and the points."""
+    """Compare fit, budget, verdict and points."""
     fitted, drift = _refit_line_to_readings(document, readings)
     stored = document.calibration
     pairs: tuple[tuple[str, Any, Any], ...] = (
@@ -296,7 +296,7 @@ def compare_fit(
 def _refit_line_to_readings(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> tuple[CampaignFit, DriftCheck | None]:
-    """What the readings come to; of a check, under the line that it is a check of."""
+    """Refit the readings; for a single-mass check, under the calibration's line."""
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
         return check_known_mass(campaign, body, readings, document.calibration)
@@ -305,12 +305,12 @@ def _refit_line_to_readings(
 
 
 def _convert_to_json(value: Any) -> Any:
-    """A dataclass as JSON has it."""
+    """Dataclass as JSON-compatible values."""
     return None if value is None else to_jsonable_python(value)
 
 
 def compare_verdicts(document: EvidenceDocument) -> Findings:
-    """What the evidence itself says is not within limits."""
+    """Findings for limits that the evidence itself reports as exceeded."""
     limits, drift = document.limits, document.drift
     if limits is not None and limits.verdict != WITHIN:
         yield BundleFinding(BundleOutcome.OUTSIDE, f"{EVIDENCE}: limits", limits.statement)
@@ -324,7 +324,7 @@ def compare_verdicts(document: EvidenceDocument) -> Findings:
 
 
 def compare_earlier_line(document: EvidenceDocument, points: pl.DataFrame) -> Findings:
-    """Errors of the line before on these points, which its own α and β give."""
+    """Compare the previous line's errors on these points."""
     found = document.as_found
     if found is not None and found.rms_error_kg is not None:
         computed = rms_error_kg(found, points)

@@ -1,4 +1,4 @@
-"""The default that each setting had in each released version, for evidence from before it.
+"""Default of each setting in each released version, for evidence older than the setting.
 
 `released_defaults.json` has them by version: `python -m recordings.calibration.released_defaults`
 prints those of this version. What is kept of a released version stays as it is.
@@ -26,11 +26,11 @@ PARTS: Final[Mapping[str, type[BaseModel]]] = {"machine": Machine, "campaign": C
 
 
 def model_defaults(model: type[BaseModel], at: str) -> Iterator[tuple[str, Any]]:
-    """Yield each setting of a model that has a default, dotted, with that as plain JSON.
+    """Yield each setting of a model with its default, by dotted name.
 
     Args:
         model: the model.
-        at: what the names begin with.
+        at: prefix of the names.
     """
     for name, field in model.model_fields.items():
         place = f"{at}.{name}"
@@ -44,7 +44,7 @@ def model_defaults(model: type[BaseModel], at: str) -> Iterator[tuple[str, Any]]
 
 
 def model_of_field(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
-    """The model that a field holds, and whether it holds several."""
+    """Model of a field, and whether the field holds several."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation, False
     for each in get_args(annotation):
@@ -55,22 +55,22 @@ def model_of_field(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
 
 
 def present_defaults() -> dict[str, Any]:
-    """The defaults of this version, by their dotted names."""
+    """Defaults of this version, by dotted name."""
     return {name: value for at, part in PARTS.items() for name, value in model_defaults(part, at)}
 
 
 @cache
 def released_defaults() -> Mapping[str, Mapping[str, Any]]:
-    """The defaults of each released version, the oldest first."""
+    """Defaults of each released version, the oldest first."""
     text = files("recordings.calibration").joinpath(_FILE).read_text(encoding="utf-8")
     return json.loads(text)
 
 
 def first_released_default(name: str, kept: Mapping[str, Mapping[str, Any]]) -> tuple[bool, Any]:
-    """The default that a setting had when it came; evidence from before it is to take that.
+    """Default with which a setting was introduced, for evidence older than it.
 
     Args:
-        name: dotted, as in evidence: `machine.channels.speed_x_m_s.delay_s`.
+        name: dotted name, as in evidence: `machine.channels.speed_x_m_s.delay_s`.
         kept: `released_defaults`.
 
     Returns:
@@ -93,11 +93,11 @@ def _matches_pattern(pattern: str, name: str) -> bool:
 
 
 def find_absent_settings(kept: BaseModel, at: str = "") -> dict[str, Any]:
-    """What came after evidence was made: dotted names, and the value that each has here.
+    """Settings newer than the evidence: dotted names with their present values.
 
     Args:
         kept: a part of the evidence.
-        at: what its names begin with.
+        at: prefix of the names.
     """
     there = kept.model_dump(mode="json", exclude_unset=True)
     return dict(_find_absent(kept.model_dump(mode="json"), there, at))
@@ -119,14 +119,14 @@ def _find_absent(whole: Any, there: Any, at: str) -> Iterator[tuple[str, Any]]:
 def changed_defaults(
     absent: Mapping[str, Any], kept: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """Settings missing in evidence whose default has changed since they were released.
+    """Settings missing in evidence whose default has changed since their release.
 
     Args:
-        absent: as `absent_settings` gives them.
+        absent: settings from `find_absent_settings`.
         kept: `released_defaults`.
 
     Returns:
-        By dotted name, what evidence from before them is to be read with.
+        Value to read the evidence with, by dotted name.
     """
     found: dict[str, Any] = {}
     for name, default in absent.items():
@@ -137,7 +137,7 @@ def changed_defaults(
 
 
 def _first_released_default(name: str, default: Any, kept: Mapping[str, Mapping[str, Any]]) -> Any:
-    """The first default of a setting, or of a whole part of them."""
+    """First default of a setting, or of a section of settings."""
     known, first = first_released_default(name, kept)
     if known:
         return first
@@ -150,7 +150,7 @@ def _first_released_default(name: str, default: Any, kept: Mapping[str, Mapping[
 
 
 def insert_dotted_values(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
-    """Plain values with some of them put in, by dotted names."""
+    """Values with some replaced, by dotted name."""
     whole: dict[str, Any] = json.loads(json.dumps(values))
     for name, value in changed.items():
         inside, last = locate_value(whole, name)
@@ -159,7 +159,7 @@ def insert_dotted_values(values: Mapping[str, Any], changed: Mapping[str, Any]) 
 
 
 def remove_dotted_values(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
-    """The values without some of them, which are there, by dotted names."""
+    """Values without some existing ones, by dotted name."""
     for name in names:
         inside, last = locate_value(values, name)
         del inside[last]
@@ -167,7 +167,7 @@ def remove_dotted_values(values: dict[str, Any], names: Iterable[str]) -> dict[s
 
 
 def locate_value(values: Any, name: str) -> tuple[Any, str]:
-    """What a dotted name is in, and its last part."""
+    """Parent of a dotted name's value, and the last part of the name."""
     *path, last = name.split(".")
     for part in path:
         values = values[int(part)] if isinstance(values, list) else values[part]

@@ -1,4 +1,4 @@
-"""A stranger's recordings and PDF, read by processes of their own, which damage may end."""
+"""Read untrusted recordings and PDFs in separate processes, which may crash."""
 
 import json
 import subprocess
@@ -22,14 +22,14 @@ _DAMAGED: Final = "is damaged so that no reader survives it"
 
 @dataclass(frozen=True, slots=True)
 class RecordingDigests:
-    """What a recording holds, by digests.
+    """Digests of a recording's content.
 
     Attributes:
-        inputs: SHA-256 of each file that was replayed.
+        inputs: SHA-256 of each input file.
         settings: digest of machine and settings.
         results: digest of all frames.
-        frames: of each frame, by name.
-        notes: its notes.
+        frames: digest of each frame, by name.
+        notes: notes of the recording.
     """
 
     inputs: tuple[str, ...]
@@ -40,14 +40,14 @@ class RecordingDigests:
 
 
 def recording_digests(folder: Path, sums: Mapping[str, str]) -> dict[str, RecordingDigests | str]:
-    """Digest the frames of recordings of a bundle.
+    """Digests of the recordings of a bundle.
 
     Args:
         folder: the bundle.
-        sums: the SHA-256 that each file has to have, by its name.
+        sums: required SHA-256 of each file, by name.
 
     Returns:
-        Of each its digests, or why there are none.
+        Digests of each, or why there are none, by name.
     """
     said = read_in_process("recording", folder, sums)
     return {
@@ -65,7 +65,7 @@ def recording_digests(folder: Path, sums: Mapping[str, str]) -> dict[str, Record
 
 
 def pdf_words(folder: Path, name: str, sha256: str) -> list[str] | str:
-    """The words of a PDF in the order of its pages; or why there are none."""
+    """Words of a PDF in the order of its pages, or why there are none."""
     said = read_in_process("pdf", folder, {name: sha256})[name]
     return said if isinstance(said, str) else [str(word) for word in said["words"]]
 
@@ -73,7 +73,7 @@ def pdf_words(folder: Path, name: str, sha256: str) -> list[str] | str:
 def read_in_process(
     kind: str, folder: Path, sums: Mapping[str, str]
 ) -> dict[str, dict[str, Any] | str]:
-    """What a process reads in copies of files, which nobody else can change meanwhile."""
+    """Results of a process that reads copies of the files, so that nobody can change them."""
     found: dict[str, dict[str, Any] | str] = {}
     with tempfile.TemporaryDirectory(prefix="payscope-") as place:
         copies: dict[str, Path] = {}
@@ -92,7 +92,7 @@ def read_in_process(
 
 
 def _run_reader(kind: str, copies: Sequence[Path]) -> list[dict[str, Any]] | None:
-    """What it says of each; None where it ended without a word."""
+    """Results of the process for each copy; None if it crashed."""
     if not copies:
         return []
     child = subprocess.Popen(

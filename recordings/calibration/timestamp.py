@@ -1,4 +1,4 @@
-"""Time stamps (RFC 3161): an authority's word that the signature of evidence was there by a time.
+"""Time stamps (RFC 3161): proof by an authority that a signature existed at a time.
 
 Everything is offline: the request is a file that the user sends, the response one that comes back.
 """
@@ -34,10 +34,10 @@ _LONGEST: Final = 200
 
 
 def refuse_without_library() -> None:
-    """Refuse what needs rfc3161-client, before the work that it is for.
+    """Raise an error before the work begins if rfc3161-client is missing.
 
     Raises:
-        EvidenceError: it is not installed.
+        EvidenceError: rfc3161-client is not installed.
     """
     try:
         import rfc3161_client  # noqa: F401  # pyright: ignore[reportUnusedImport]
@@ -46,10 +46,10 @@ def refuse_without_library() -> None:
 
 
 def timestamp_request(statement: bytes) -> bytes:
-    """The query to send to a time-stamp authority, in DER (application/timestamp-query).
+    """Query for a time-stamp authority, in DER (application/timestamp-query).
 
     Args:
-        statement: the bytes of `statement.dsse.json`.
+        statement: content of `statement.dsse.json`.
 
     Raises:
         EvidenceError: rfc3161-client is not installed.
@@ -67,10 +67,10 @@ def timestamp_request(statement: bytes) -> bytes:
 
 
 def authority_certificates(path: Path) -> "tuple[Certificate, ...]":
-    """The root certificates of time-stamp authorities that the user trusts.
+    """Root certificates of trusted time-stamp authorities, from a file.
 
     Raises:
-        EvidenceError: the file cannot be read, or holds no certificate in PEM.
+        EvidenceError: the file cannot be read, or contains no certificate in PEM.
     """
     from cryptography.x509 import load_pem_x509_certificates
 
@@ -92,13 +92,13 @@ def check_timestamp(
     document: EvidenceDocument,
     authorities: "Sequence[Certificate]",
 ) -> None:
-    """Whether the time stamp, if there is one, is of this signature, and by whom.
+    """Check that the time stamp, if any, is of this signature, and by whom.
 
     Args:
-        checked: gets what is found, and the day that is proven.
+        checked: receives the findings and the proven day.
         held: files of the bundle.
         document: the evidence.
-        authorities: root certificates that the user trusts; none leaves the day unproven.
+        authorities: trusted root certificates; without any the day stays unproven.
     """
     if TIMESTAMP not in held:
         if authorities:
@@ -147,7 +147,7 @@ def check_timestamp(
 def timestamp_fault(
     response: "TimeStampResponse", statement: bytes, authorities: "Sequence[Certificate]"
 ) -> str:
-    """Why the stamp is by none of the authorities; "" where it is."""
+    """Why the stamp is by none of the authorities; "" if it is."""
     from rfc3161_client import VerificationError, VerifierBuilder
 
     verifier = VerifierBuilder(roots=list(authorities)).build()

@@ -1,4 +1,4 @@
-"""Write a bundle into a folder: tables, document, report, recording, digests, signature."""
+"""Write a bundle: tables, document, report, recording, digests and signature."""
 
 import hashlib
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ from recordings.signatures.signing import SigningKey, make_envelope, make_statem
 def encode_tables(
     readings: pl.DataFrame, points: pl.DataFrame
 ) -> tuple[dict[str, bytes], EvidenceTables]:
-    """The tables as they are written, and their digests."""
+    """Encoded tables, and their digests."""
     written = {READINGS: write_table(readings), POINTS: write_table(points)}
     return written, EvidenceTables(
         readings_sha256=hashlib.sha256(written[READINGS]).hexdigest(),
@@ -45,19 +45,19 @@ def write_bundle(
     key: SigningKey | None,
     stretch: bytes | None = None,
 ) -> list[str]:
-    """Write what the folder of a bundle lacks; its recordings are in it already.
+    """Complete the folder of a bundle, which already contains the recordings of runs.
 
     Args:
-        folder: where the recordings are.
+        folder: folder with the recordings.
         document: the evidence.
         readings: frame `readings`.
         points: frame of the points.
-        tables: both, by file name, as `encode_tables` gives them.
-        key: signs; None leaves the bundle unsigned.
-        stretch: of the recorder's list, if the campaign names one.
+        tables: both frames by file name, from `encode_tables`.
+        key: signing key; None leaves the bundle unsigned.
+        stretch: part of the recorder's notary list, if the campaign names one.
 
     Returns:
-        Remarks for whoever makes it, a line each.
+        Remarks for the user, a line each.
 
     Raises:
         EvidenceError: a number or text that canonical JSON cannot hold.
@@ -82,7 +82,7 @@ def write_bundle(
 
 
 def make_statement_predicate(document: EvidenceDocument) -> dict[str, object]:
-    """What the statement says of the files: which evidence, of which machine, after which."""
+    """Predicate of the statement: id, machine and previous evidence."""
     previous = document.chain.previous
     return {
         "id": document.id,

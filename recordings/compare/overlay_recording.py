@@ -1,6 +1,6 @@
-"""Two replays in one recording: A and B over each other, B less A below, and what differs.
+"""Recording of two replays: A and B overlaid, B less A below, and the differences in words.
 
-The viewer shows one recording at a time, so both are drawn into a third one. It keeps no frames.
+The viewer shows one recording at a time, so both are drawn into a third one, which keeps no frames.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -39,7 +39,7 @@ _MOST: Final = 12
 
 @dataclass(frozen=True)
 class _OverlaidRun:
-    """One of the runs with what is drawn of it, under a name of its own."""
+    """Run with its drawn columns and its own name."""
 
     name: str
     run: Run
@@ -48,7 +48,7 @@ class _OverlaidRun:
     def columns_drawn_in_view(self, view: View) -> tuple[DisplayColumn, ...]:
         return drawn_columns_of_view(view, self.run, self.shown)
 
-    def frames_by_place(self) -> dict[str, pl.DataFrame]:
+    def frames_by_entity(self) -> dict[str, pl.DataFrame]:
         return {entity_under_side(self.name, frame): rows for frame, rows in self.shown.items()}
 
 
@@ -60,12 +60,12 @@ def write_overlay(
     Views in which nothing differs are left out, but for the speed.
 
     Args:
-        a: the run that differences are counted from; the columns that are drawn suffice.
-        b: the other.
+        a: reference run; the drawn columns suffice.
+        b: other run.
         path: the `.rrd` file to write.
-        text: what differs, in Markdown.
-        one_log: whether both are replays of one log; else their manoeuvres are matched in order.
-        force: whether to replace a file that is there already.
+        text: differences, in Markdown.
+        one_log: whether both replay the same log; otherwise manoeuvres are matched in order.
+        force: whether to replace an existing file.
 
     Raises:
         OutputError: as `write_recording`.
@@ -82,7 +82,7 @@ def write_overlay(
         ]
         return Scene(
             name="A and B",
-            shown={name: rows for side in sides for name, rows in side.frames_by_place().items()},
+            shown={name: rows for side in sides for name, rows in side.frames_by_entity().items()},
             layout=lay_out_tabs(_overlay_pages(*sides), unix_span_ns(a)),
             texts={COMPARED: text},
         )
@@ -126,7 +126,7 @@ def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list
 
 
 def panel_of_run_a(view: View, a: _OverlaidRun) -> Panel | None:
-    """A view in which both are alike."""
+    """Panel of a view in which both runs are equal."""
     drawn = tuple(
         replace(each, frame=entity_under_side(_A, each.frame))
         for each in a.columns_drawn_in_view(view)
@@ -135,7 +135,7 @@ def panel_of_run_a(view: View, a: _OverlaidRun) -> Panel | None:
 
 
 def has_difference(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
-    """Whether anything that a view draws is otherwise in B."""
+    """Whether anything drawn by a view differs in B."""
     mine, theirs = a.columns_drawn_in_view(view), b.columns_drawn_in_view(view)
     if [(each.frame, each.column) for each in mine] != [(o.frame, o.column) for o in theirs]:
         return True
@@ -147,7 +147,7 @@ def has_difference(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
 
 
 def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | None:
-    """Both over each other; lanes of states one below the other."""
+    """Panel with both runs overlaid; lanes of states are one below the other."""
     mine, theirs = a.columns_drawn_in_view(view), b.columns_drawn_in_view(view)
     if not (mine or theirs):
         return None
@@ -168,13 +168,13 @@ def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | 
 def _shorten_shared_names(
     mine: Sequence[DisplayColumn], theirs: Sequence[DisplayColumn], *, lone: bool
 ) -> set[str]:
-    """Names that A and B share in a legend, which would have too many otherwise."""
+    """Labels that A and B share and show without their side."""
     both = {each.label for each in mine} & {each.label for each in theirs}
     return {each.label for each in mine if not lone or each.column == "threshold"} & both
 
 
 def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Panel | None:
-    """B less A, below both over each other; None where no number differs, and of states."""
+    """Panel of B less A; None if no number differs, or for states."""
     if view.kind is Kind.STATES:
         return None
     plain = replace(
@@ -203,14 +203,14 @@ def _has_changed_numbers(numbers: pl.Series) -> bool:
 
 
 def count_named_lines(drawn: Sequence[DisplayColumn]) -> int:
-    """Lines with a name of their own: neither extremes nor thresholds."""
+    """Number of lines with their own name: neither extremes nor thresholds."""
     return sum(not each.faint and each.column != "threshold" for each in drawn)
 
 
 def _style_lines_of_run(
     drawn: Sequence[DisplayColumn], side: str, alike: set[str], *, lone: bool
 ) -> list[DisplayColumn]:
-    """A in the usual colours and wide, so that it shows under B; B in another colour, or paler."""
+    """Style A with usual colours and wide lines, visible under B; B with other or paler colours."""
     found: list[DisplayColumn] = []
     for each in drawn:
         colour = each.colour
@@ -230,17 +230,17 @@ def _style_lines_of_run(
 
 
 def entity_under_side(side: str, frame: str) -> str:
-    """`display/gate` as `A/gate`, and its lane `display/states/gate` as `A/states/gate`."""
+    """Entity path `display/gate` as `A/gate`, and `display/states/gate` as `A/states/gate`."""
     return f"{side}/{frame.removeprefix(f'{ROOT}/')}"
 
 
 def comparison_text(found: Comparison, a: str, b: str) -> str:
-    """Say what differs, settings first, then what they moved.
+    """Text of the differences, settings first, then their effects.
 
     Args:
         found: the comparison.
-        a: what A is called.
-        b: what B is called.
+        a: name of A.
+        b: name of B.
     """
     parts = [
         "# A and B" if not found.equal else "# A and B are equal",

@@ -1,1 +1,1 @@
-"""Digital calibration certificates (DCC): read with their signature, and written."""
+"""Digital calibration certificates (DCC): reading, checking signatures, and writing."""

@@ -1,4 +1,4 @@
-"""A digital calibration certificate of a stranger: bounded, without DTD, of one version."""
+"""Parser of untrusted digital calibration certificates: bounded, without DTD, one version."""
 
 import re
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ _CORE: Final = {
 
 
 def refuse_without_libraries() -> None:
-    """Refuse certificates where the libraries that they need are not installed.
+    """Raise an error if the libraries for certificates are not installed.
 
     Raises:
         EvidenceError: lxml or signxml is missing.
@@ -44,7 +44,7 @@ def refuse_without_libraries() -> None:
 
 
 def parse_dcc(data: bytes, what: str) -> "_Element":
-    """Parse a certificate, and check its frame; nothing outside of it is read.
+    """Parse a certificate and check its frame, without access to other files.
 
     Args:
         data: its bytes.
@@ -94,7 +94,7 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
 
 
 def schema_faults(root: "_Element") -> Iterator[str]:
-    """What keeps the frame from being a certificate's."""
+    """Faults of the frame against the schema of certificates."""
     seen: set[str] = set()
     for count, element in enumerate(root.iter()):
         if count > _MOST_ELEMENTS:
@@ -113,7 +113,7 @@ def schema_faults(root: "_Element") -> Iterator[str]:
 
 
 def _frame_faults(root: "_Element") -> Iterator[str]:
-    """What of the parts that every certificate has once is there twice, or not."""
+    """Required single parts that are missing or repeated."""
     names = [child.tag for child in root]
     for name in ("administrativeData", "measurementResults"):
         if names.count(f"{{{DCC}}}{name}") != 1:
@@ -132,14 +132,14 @@ def _frame_faults(root: "_Element") -> Iterator[str]:
 
 
 def dcc_bytes(root: "_Element") -> bytes:
-    """A certificate as it is written."""
+    """Certificate as the bytes of an XML file."""
     from lxml import etree
 
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8")
 
 
 def leaf_text(element: "_Element | None") -> str | None:
-    """The text of an element without others in it, stripped; None where it has any or is not there.
+    """Stripped text of an element; None if it is missing or has child elements.
 
     Text that is cut by an element would be read by one program to its end and by another not.
     """

@@ -1,7 +1,7 @@
-"""Reference masses out of a digital calibration certificate (DKD-E 7-2 for weights, and others).
+"""Reference masses in digital calibration certificates (DKD-E 7-2 for weights, and others).
 
-A list names its weights (`si:labelXMLList`, or a `dcc:charsXMLList` or `dcc:noQuantity` beside it),
-or it has as many values as there are items that its result is of, and then it has their order.
+A list names its weights (`si:labelXMLList`, or a `dcc:charsXMLList` or `dcc:noQuantity` beside it);
+otherwise it must have as many values as its result has items, in the items' order.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,7 +30,7 @@ _MOST_NAMED: Final = 12
 
 @dataclass(frozen=True, slots=True)
 class CertifiedMass:
-    """A mass as a certificate has it.
+    """Mass from a certificate.
 
     Attributes:
         item_id: xml id of the item, or its identification.
@@ -51,8 +51,8 @@ def read_certified_masses(root: "_Element", item: str, what: str) -> list[Certif
     """Read the masses of a certificate.
 
     Args:
-        root: of the certificate, as far as it is signed.
-        item: which one, by its id or an identification; "" for all.
+        root: signed part of the certificate.
+        item: id or identification of the item; "" for all.
         what: the certificate's name, for errors.
 
     Raises:
@@ -68,7 +68,7 @@ def read_certified_masses(root: "_Element", item: str, what: str) -> list[Certif
         choices = ", ".join(names[0] for _, names in named if names)[:400] or "none with an id"
         raise EvidenceError(f"{what}: has no item '{item}'; its items: {choices}")
     if item and len(wanted) > 1:
-        raise EvidenceError(f"{what}: has {len(wanted)} items '{item}'")
+        raise EvidenceError(f"{what}: has {len(wanted)} items named '{item}'")
     core = admin.find(f"{{{DCC}}}coreData")
     assert core is not None
     certificate = leaf_text(core.find(f"{{{DCC}}}uniqueIdentifier")) or ""
@@ -92,7 +92,7 @@ def _list_item_names(item: "_Element") -> list[str]:
 
 
 class _CertificateMasses:
-    """The quantities of a certificate that may be masses, each with its item."""
+    """Quantities of a certificate that may be masses, each with its item."""
 
     def __init__(self, root: "_Element", items: Sequence[NamedItem], what: str) -> None:
         self._items = items
@@ -101,7 +101,7 @@ class _CertificateMasses:
         self._weights: dict[_Element, list[_Element]] = {}
 
     def value_and_u_kg(self, item: "_Element", what: str) -> tuple[float, float]:
-        """Value and standard uncertainty of the one quantity that is the item's mass."""
+        """Value and standard uncertainty of the only quantity that is the item's mass."""
         for kind in _KINDS:
             chosen = [
                 (quantity, place)
@@ -137,7 +137,7 @@ class _CertificateMasses:
     def _find_places_in_list(
         self, item: "_Element", quantity: "_Element", refers: Sequence[str] | None
     ) -> list[int | None]:
-        """Where in the quantity's list the item is; None of one value that is the item's."""
+        """Positions of the item in the quantity's list; None for a single value of the item."""
         if value_count(quantity, self._what) is None:
             shared = [each for each, _ in self._items if each.get("id") in (refers or ())]
             if len(shared) > 1:
@@ -150,12 +150,12 @@ class _CertificateMasses:
 
 
 def quantity_kinds(quantity: "_Element") -> list[str]:
-    """What a quantity calls itself: its refTypes without what they are prefixed with."""
+    """Kinds of a quantity: its refTypes without prefixes."""
     return [name.rpartition("_")[2] for name in quantity.get("refType", "").split()]
 
 
 def _iter_quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] | None]]:
-    """The quantities of results, with the ids of what each is of; None where none is named."""
+    """Yield the quantities of results with the ids of their items; None if none is named."""
     results = root.find(f"{{{DCC}}}measurementResults")
     assert results is not None
     for quantity in results.iterfind(f".//{{{DCC}}}results//{{{DCC}}}quantity"):
@@ -170,12 +170,12 @@ def _iter_quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] |
 def weights_of_list(
     quantity: "_Element", items: Sequence[NamedItem], named_by: Sequence[str] | None, what: str
 ) -> list["_Element"]:
-    """The items that the values of a list are of, in the order of the values.
+    """Items that the values of a list belong to, in the order of the values.
 
     Args:
-        quantity: has a `si:realListXMLList`.
-        items: of the certificate.
-        named_by: ids that the result refers to (`refId`); None of a result that is of all items.
+        quantity: quantity with a `si:realListXMLList`.
+        items: items of the certificate.
+        named_by: ids that the result refers to (`refId`); None for a result on all items.
         what: the certificate's name, for errors.
 
     Raises:
@@ -190,7 +190,7 @@ def weights_of_list(
     for texts in _name_lists(quantity, what):
         found = _find_named_items(texts, scope, count, what)
         if found is not None and by_name is not None and found != by_name:
-            raise EvidenceError(f"{what}: two lists of names beside a list of masses disagree")
+            raise EvidenceError(f"{what}: a list of masses has two lists of names that disagree")
         by_name = found or by_name
     if by_name is not None:
         return by_name
@@ -209,7 +209,7 @@ def weights_of_list(
 
 
 def _name_lists(quantity: "_Element", what: str) -> Iterator[list[str]]:
-    """What may be names of weights: labels of the list, and texts beside it."""
+    """Yield lists that may name weights: labels of the list, and texts beside it."""
     values = quantity.find(f"{{{SI}}}realListXMLList")
     assert values is not None
     if values.find(f"{{{SI}}}labelXMLList") is not None:
@@ -227,7 +227,7 @@ def _name_lists(quantity: "_Element", what: str) -> Iterator[list[str]]:
 def _find_named_items(
     texts: Sequence[str], scope: Sequence[NamedItem], count: int, what: str
 ) -> list["_Element"] | None:
-    """The items that a list of texts names; None where it names none, as a list of classes."""
+    """Items named by a list of texts; None if it names none, such as a list of classes."""
     called: dict[str, list[_Element]] = {}
     for each, names in scope:
         for name in set(names):

@@ -1,4 +1,4 @@
-"""Quantities of a certificate in D-SI: a mass and its uncertainty are read, reals are written."""
+"""Quantities of certificates in D-SI: masses with uncertainty are read, reals are written."""
 
 import math
 import re
@@ -35,12 +35,12 @@ MOST_VALUES: Final = 1000
 
 @dataclass(frozen=True, slots=True)
 class DsiValue:
-    """One value of a quantity: a si:real, or an entry of a si:realListXMLList.
+    """Value of a quantity: a si:real, or an entry of a si:realListXMLList.
 
     Attributes:
-        element: the si:real, or the list.
-        place: of the entry in the list; 0 of a si:real.
-        count: of the entries; 0 of a si:real.
+        element: XML element of the si:real or the list.
+        place: index of the entry in the list; 0 for a si:real.
+        count: number of entries; 0 for a si:real.
     """
 
     element: "_Element"
@@ -48,11 +48,11 @@ class DsiValue:
     count: int = 0
 
     def element_name(self, name: str) -> str:
-        """Name of an element, which in lists has an ending."""
+        """Name of an element, with the suffix that lists have."""
         return f"{name}XMLList" if self.count else name
 
     def entry_texts(self, inside: "_Element", name: str, what: str) -> list[str]:
-        """What an element has: one text, or in lists one for all entries or one for each.
+        """Texts of an element: one, or in lists one for all entries or one per entry.
 
         Raises:
             EvidenceError: none, or another number than that.
@@ -68,14 +68,14 @@ class DsiValue:
         return texts
 
     def entry_number(self, inside: "_Element", name: str, what: str) -> float:
-        """The entry's own number. All numbers of a list have to be numbers."""
+        """Number of this entry; all numbers of a list must be valid."""
         texts = self.entry_texts(inside, name, what)
         numbers = [_parse_number(text, self.element_name(name), what) for text in texts]
         return numbers[self.place if len(numbers) > 1 else 0]
 
 
 def value_count(quantity: "_Element", what: str) -> int | None:
-    """Number of values of a quantity that is a list; None of one that is a si:real.
+    """Number of values of a list quantity; None for a si:real.
 
     Raises:
         EvidenceError: neither, or both, or too long a list.
@@ -96,9 +96,9 @@ def read_value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> t
     """Value and standard uncertainty of a mass.
 
     Args:
-        quantity: that has it.
-        place: of the value in the quantity's list; None of a quantity of one value.
-        what: names certificate and item, for errors.
+        quantity: quantity of the mass.
+        place: index of the value in the quantity's list; None for a single value.
+        what: names of certificate and item, for errors.
 
     Raises:
         EvidenceError: not a mass, not with one uncertainty, or numbers that no weight has.
@@ -118,7 +118,7 @@ def read_value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> t
     value_kg = value.entry_number(element, "value", what) * unit_kg
     u_kg = _standard_u(value, what, several_units=len(set(units)) > 1) * unit_kg
     if not 0.0 < value_kg <= _MOST_KG:
-        raise EvidenceError(f"{what}: {value_kg:g} kg is no mass of a weight")
+        raise EvidenceError(f"{what}: {value_kg:g} kg is not a possible mass of a weight")
     if not 0.0 < u_kg <= _MOST_U_1 * value_kg:
         raise EvidenceError(
             f"{what}: a standard uncertainty of {u_kg:g} kg is none of {value_kg:g} kg"
@@ -149,7 +149,7 @@ def _standard_u(value: DsiValue, what: str, *, several_units: bool) -> float:
 
 
 def required_text(inside: "_Element", name: str, what: str) -> str:
-    """The text of the one child of a name.
+    """Text of the only child with a name.
 
     Raises:
         EvidenceError: there is none, or several.
@@ -162,7 +162,7 @@ def required_text(inside: "_Element", name: str, what: str) -> str:
 
 
 def list_texts(inside: "_Element", name: str, what: str) -> list[str]:
-    """The entries of the one child of a name.
+    """Entries of the only child with a name.
 
     Raises:
         EvidenceError: there is no such child, or several.
@@ -180,12 +180,12 @@ def _parse_number(text: str, name: str, what: str) -> float:
 
 
 def decimal_text(value: float) -> str:
-    """A number as D-SI has it, every digit kept."""
+    """Number in D-SI's notation with all digits."""
     return repr(float(value))
 
 
 def factor_text(value: float) -> str:
-    """A coverage factor or probability, which D-SI has without an exponent."""
+    """Coverage factor or probability in D-SI's notation, without an exponent."""
     return f"{value:.12f}".rstrip("0").ljust(3, "0")
 
 
@@ -196,7 +196,7 @@ def add_real(
     expanded: tuple[float, float, float] | None = None,
     interval: tuple[float, float, float, float] | None = None,
 ) -> None:
-    """A D-SI real; `expanded` is U, k, p, and `interval` is u, min, max, p."""
+    """Add a D-SI real; `expanded` is U, k, p, and `interval` is u, min, max, p."""
     from lxml import etree
 
     def add(inside: "_Element", name: str, text: str | None = None) -> "_Element":

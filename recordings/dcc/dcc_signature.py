@@ -1,4 +1,4 @@
-"""The XML signature of a certificate: of the whole of it, by a public key, checked and made."""
+"""XML signature over a whole certificate by a public key: check and create."""
 
 import hashlib
 from collections.abc import Collection
@@ -33,21 +33,21 @@ _RSA_BITS_MIN: Final = 2048
 
 @dataclass(frozen=True, slots=True)
 class SignedDcc:
-    """A certificate as far as it is signed.
+    """Signed part of a certificate.
 
     Attributes:
-        root: what is to be read of it: where there is a signature, only what that is of.
-        key_id: SHA-256 of the key that signed; "" where it is unsigned.
+        root: element to read: if there is a signature, only what it covers.
+        key_id: SHA-256 of the signing key; "" if unsigned.
     """
 
     root: "_Element"
     key_id: str
 
     def describe_signature(self, trusted: Collection[str]) -> str:
-        """In words, who signed.
+        """Describe in words who signed.
 
         Args:
-            trusted: ids of the keys that the user gives.
+            trusted: ids of keys given by the user.
         """
         if not self.key_id:
             return UNSIGNED
@@ -61,11 +61,11 @@ TRUSTED: Final = "signed by a key of dcc_keys,"
 
 
 def check_signature(root: "_Element", what: str) -> SignedDcc:
-    """Check the signature of a certificate, where it has one.
+    """Check the signature of a certificate, if it has one.
 
     Args:
-        root: of the certificate.
-        what: its name, for errors.
+        root: root element of the certificate.
+        what: name of the certificate, for errors.
 
     Raises:
         EvidenceError: a signature that does not hold, of a part only, at another place, a second
@@ -100,7 +100,7 @@ def check_signature(root: "_Element", what: str) -> SignedDcc:
 def _verify_signed_info(
     root: "_Element", signature: "_Element", what: str
 ) -> tuple["_Element", bytes]:
-    """What is signed, and the public key that signed, as PEM or DER."""
+    """Signed element, and public key of the signer as PEM or DER."""
     from cryptography import x509
     from signxml.algorithms import DigestAlgorithm, SignatureMethod
     from signxml.exceptions import SignXMLException
@@ -136,7 +136,7 @@ def _verify_signed_info(
 
 
 def _key_id(pem: bytes, what: str) -> str:
-    """SHA-256 of a public key: of its SubjectPublicKeyInfo in DER."""
+    """SHA-256 of a public key's SubjectPublicKeyInfo in DER."""
     from cryptography import x509
     from cryptography.hazmat.primitives import serialization
     from cryptography.hazmat.primitives.asymmetric import ec, rsa
@@ -159,7 +159,7 @@ def _key_id(pem: bytes, what: str) -> str:
 
 
 def trusted_key_id(path: Path) -> str:
-    """The id of a key that the user gives, in PEM: a public key, or a certificate of one.
+    """Id of a key given by the user in PEM: a public key, or a certificate with one.
 
     Raises:
         EvidenceError: it cannot be read.
@@ -172,7 +172,7 @@ def trusted_key_id(path: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class DccKey:
-    """A private key that signs certificates, and its own certificate, if any; both in PEM."""
+    """Private key that signs certificates, and its own certificate, if any; both in PEM."""
 
     private: bytes
     certificate: bytes | None
@@ -182,7 +182,7 @@ class DccKey:
 def dcc_key(path: Path, certificate: Path | None = None) -> DccKey:
     """Read the key that signs certificates.
 
-    XML signatures by Ed25519 are known to few programs, so this is a key of its own.
+    It is separate from the Ed25519 key, since few programs support XML signatures by Ed25519.
 
     Raises:
         EvidenceError: it cannot be read, is neither ECDSA nor RSA, or is not the certificate's.
@@ -216,7 +216,7 @@ def dcc_key(path: Path, certificate: Path | None = None) -> DccKey:
 
 
 def sign_dcc(root: "_Element", key: DccKey) -> "_Element":
-    """The certificate with a signature of the whole of it."""
+    """Certificate with a signature over the whole of it."""
     from signxml import methods
     from signxml.algorithms import CanonicalizationMethod
     from signxml.signer import XMLSigner

@@ -39,7 +39,7 @@ _CONDITIONS: Final = (
 
 
 def refuse_incomplete(campaign: CalibrationCampaign, source: object) -> None:
-    """Refuse a certificate that lacks what the schema or ISO/IEC 17025, 7.8 asks for.
+    """Refuse a campaign without the data that the schema or ISO/IEC 17025, 7.8 requires.
 
     Raises:
         EvidenceError: names every key that is not stated.
@@ -51,11 +51,11 @@ def refuse_incomplete(campaign: CalibrationCampaign, source: object) -> None:
 
 
 def make_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element":
-    """The certificate of a calibration, unsigned.
+    """Certificate of a calibration, unsigned.
 
     Args:
-        document: the evidence; everything in the certificate is of it.
-        sums_sha256: of the SHA256SUMS of its bundle, which binds the two.
+        document: evidence, the only source of the certificate's contents.
+        sums_sha256: SHA-256 of the SHA256SUMS of its bundle, which binds the two.
 
     Raises:
         EvidenceError: it is no calibration with a line, or lacks what a certificate needs.
@@ -127,7 +127,7 @@ def _add_software(parent: "_Element", document: EvidenceDocument) -> None:
 
 
 def _add_ref_types(parent: "_Element", document: EvidenceDocument) -> None:
-    """Where the words of the attributes refType stand."""
+    """Add where the values of the attribute refType are defined."""
     for namespace, name, link, release in (
         ("basic", "Terms for every certificate", "https://dccwiki.ptb.de", ""),
         (
@@ -277,7 +277,7 @@ def _add_results(parent: "_Element", document: EvidenceDocument) -> None:
 
 
 def add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> None:
-    """A mass with its expanded uncertainty."""
+    """Add a mass with its expanded uncertainty."""
     fitted = document.calibration
     assert fitted is not None
     at_kg, readings = fitted.budget_at
@@ -289,7 +289,7 @@ def add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -
 
 
 def _add_errors_of_indication(result: "_Element", document: EvidenceDocument) -> None:
-    """Reference, calibrated mass and error of each run."""
+    """Add reference, calibrated mass and error of each run."""
     fitted = document.calibration
     assert fitted is not None
     references = {each.load_id: each for each in document.references}
@@ -315,7 +315,7 @@ def _add_errors_of_indication(result: "_Element", document: EvidenceDocument) ->
 
 
 def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
-    """The reference masses; certificates by hash where the evidence has that."""
+    """Add the reference masses, with hashes of their certificates if known."""
     campaign = document.campaign
     machine = document.machine.machine
     for mass in campaign.masses:

@@ -1,4 +1,4 @@
-"""The picture of an explanation: force against acceleration, the signals, how the mass settles."""
+"""Picture of an explanation: force against acceleration, signals, and convergence of the mass."""
 
 from pathlib import Path
 from textwrap import wrap
@@ -31,13 +31,13 @@ _AROUND_S: Final = 15.0
 
 
 def plot_explanation(run: Run, explained: Explanation, path: Path, *, force: bool = False) -> Path:
-    """Draw an explanation.
+    """Plot an explanation.
 
     Args:
-        run: what was explained.
+        run: explained run.
         explained: the explanation.
-        path: the picture; its suffix says the format.
-        force: whether to replace a file that is there already.
+        path: picture to write; the suffix sets the format.
+        force: whether to replace an existing file.
 
     Raises:
         OutputError: the picture cannot be written.
@@ -77,9 +77,9 @@ def draw_explanation(run: Run, explained: Explanation) -> "Figure":
 
 
 def _worst_moment_s(explained: Explanation, run: Run) -> float | None:
-    """Where the first finding is that is somewhere, or the manoeuvre that stands out most.
+    """Moment of the first finding that has one, or of the worst manoeuvre.
 
-    None, for all of it, where the run is not much longer than what would be drawn.
+    None, for the whole run, if the run is not much longer than the drawn stretch.
     """
     span = span_ns(run)
     if span is None or span[1] - span[0] < 4 * _AROUND_S * NS_PER_S:
@@ -93,7 +93,7 @@ def _worst_moment_s(explained: Explanation, run: Run) -> float | None:
 
 
 def _cut_run_around(run: Run, at_s: float) -> Run:
-    """The samples around a moment; frames without samples whole."""
+    """Samples around a moment; frames without samples are kept whole."""
     begin, end = (round((at_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
     frames = {
         name: _rows_between(frame, begin, end) if "t_ns" in frame.columns else frame
@@ -103,14 +103,14 @@ def _cut_run_around(run: Run, at_s: float) -> Run:
 
 
 def _rows_between(frame: pl.DataFrame, begin: int, end: int) -> pl.DataFrame:
-    """The samples of a stretch: they are in order, and a shift has millions."""
+    """Samples of a stretch of a sorted frame, found by binary search."""
     t = frame["t_ns"].to_numpy()
     first, last = np.searchsorted(t, begin, "left"), np.searchsorted(t, end, "right")
     return frame.slice(int(first), int(last - first))
 
 
 def _restrict_run_to_load_at(run: Run, at_s: float | None) -> Run:
-    """The rows of the load at a moment; the whole run where there is none."""
+    """Rows of the load at a moment; the whole run if there is none."""
     loads = run.frames.get("loads")
     if at_s is None or loads is None:
         return run

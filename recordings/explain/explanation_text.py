@@ -1,4 +1,4 @@
-"""An explanation in words: the verdict in a sentence, then why, line by line."""
+"""Explanation in words: the answer in one sentence, then the reasons line by line."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -34,7 +34,7 @@ _APART: Final = 3.0
 
 
 def verdict_sentence(explained: Explanation) -> str:
-    """The verdict in one sentence: the answer, and the likeliest cause of an error."""
+    """The answer and the likeliest cause of an error, in one sentence."""
     said = answer_headline(explained.said).removesuffix(".")
     here = (
         "" if explained.at_s is None else f"; at {explained.at_s:g} s {_describe_moment(explained)}"
@@ -80,7 +80,7 @@ def _describe_decision(stretch: GateStretch) -> str:
 
 
 def describe_findings(explained: Explanation) -> Iterator[str]:
-    """Every finding, ranked, with what follows from it."""
+    """Yield lines on every finding by rank, with its consequence."""
     for each in explained.findings or ():
         where = ", ".join(filter(None, (each.channel, finding_span_text(each))))
         yield f"{each.rank}. {cause_name(each.cause)}{f' ({where})' if where else ''}: {each.says}"
@@ -96,7 +96,7 @@ def describe_findings(explained: Explanation) -> Iterator[str]:
 
 
 def describe_gate(explained: Explanation) -> Iterator[str]:
-    """The gate's reasons: around the moment in order, else by share."""
+    """Yield lines on the gate's reasons: around the moment in order, otherwise by share."""
     if explained.at_s is not None:
         for each in explained.gate:
             reason = each.reason.replace("_", " ")
@@ -108,7 +108,7 @@ def describe_gate(explained: Explanation) -> Iterator[str]:
 
 
 def determined_parameter_lines(found: DeterminedParameters | None) -> Iterator[str]:
-    """What the motion determines, and what it leaves open."""
+    """Yield lines on which parameters the motion determines and which it does not."""
     if found is None:
         return
     alone = ", ".join(_PARAMETERS[name] for name in found.alone)
@@ -130,7 +130,7 @@ def determined_parameter_lines(found: DeterminedParameters | None) -> Iterator[s
 
 
 def manoeuvre_line(seen: ManoeuvreReport) -> str:
-    """A manoeuvre beside its load, or why it has no mass."""
+    """Line on a manoeuvre's mass and that of its load, or why it has no mass."""
     span = f"{seen.start_s:,.1f} to {seen.end_s:,.1f} s"
     if seen.mass_kg is None:
         return f"{span}: no mass ({seen.reason.replace('_', ' ')})"

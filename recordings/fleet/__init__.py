@@ -1,1 +1,1 @@
-"""The page of a fleet: machines and weeks, drift, what needs a look."""
+"""Page of a fleet: machines and weeks, drift, and recordings to look at."""

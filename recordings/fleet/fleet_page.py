@@ -1,4 +1,4 @@
-"""The page of a fleet: one file over machines and weeks."""
+"""Page of a fleet: one HTML file over machines and weeks."""
 
 import datetime as dt
 import math
@@ -41,20 +41,20 @@ _DUE_DAYS: Final = 30
 
 @dataclass(frozen=True)
 class FleetPage:
-    """Contents of a page.
+    """Contents of a fleet's page.
 
     Attributes:
-        name: of the fleet.
+        name: name of the fleet.
         results: table `results`.
-        days: of `daily`.
-        weeks: of `weekly`.
-        charts: of `machine_charts`.
-        calibrations: of all machines.
-        changes: between them.
-        looks: of `rank_concerns`, with column `command`.
+        days: frame of `daily`.
+        weeks: frame of `weekly`.
+        charts: charts of `machine_charts`.
+        calibrations: calibrations of all machines.
+        changes: changes between successive calibrations.
+        looks: frame of `rank_concerns`, with column `command`.
         failed: recordings without a result, and why.
-        today: the last day of the fleet, by which calibrations are due.
-        friction: when each machine's friction reaches a limit, in sentences, where it was asked.
+        today: last day of the fleet, against which expiry dates are checked.
+        friction: sentences on when each machine's friction reaches a limit, if requested.
     """
 
     name: str
@@ -71,7 +71,7 @@ class FleetPage:
 
 
 def fleet_html(page: FleetPage) -> str:
-    """Write the page; every text in it is escaped, and it asks nothing of anybody."""
+    """HTML of the page, with all texts escaped and no external requests."""
     machines = sum_results(page.results, ["machine"])
     total = sum_machines(machines)
     flagged = sorted(
@@ -109,7 +109,7 @@ def fleet_html(page: FleetPage) -> str:
 
 
 def summarise_fleet(total: Mapping[str, float], machines: int) -> str:
-    """The answer in a line."""
+    """Answer for a fleet in one line."""
     if not total["loads"]:
         return f"No tonnes: no cycle of {counted(machines, 'machine')} has a mass"
     return (
@@ -207,14 +207,14 @@ def _make_machine_row(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, A
 
 
 def format_cell(value: float | None, form: str) -> tuple[str, str]:
-    """Text of a cell to show, and to sort by."""
+    """Displayed text and sorting key of a cell."""
     if value is None or not math.isfinite(value):
         return "–", ""
     return f"{value:{form}}", f"{value:.6g}"
 
 
 def _significance_order(chart: MachineChart) -> tuple[float, str, str]:
-    """The change that is largest beside its deviation comes first."""
+    """Sorting key that puts the change with the largest ratio to its deviation first."""
     change, std = abs(chart.change), chart.change_std
     known = math.isfinite(change) and std > 0.0
     return -(change / std if known else 0.0), chart.machine, chart.signal.name
@@ -237,7 +237,7 @@ def _make_drift_cells(chart: MachineChart) -> tuple[str, ...]:
 
 
 def _make_calibration_rows(page: FleetPage) -> list[tuple[str, ...]]:
-    """The latest of every machine, the one that ends first above."""
+    """Rows of the latest calibration of each machine, the earliest to expire first."""
     latest: dict[str, FleetCalibration] = {}
     for each in sorted(page.calibrations, key=lambda c: c.first):
         latest[each.machine] = each
@@ -269,7 +269,7 @@ def _weekly_tonnes_of_fleet(weeks: pl.DataFrame) -> pl.DataFrame:
 
 
 def _week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
-    """Tonnes by machine, a column a week."""
+    """Table of tonnes by machine, with one column per week."""
     if weeks.is_empty():
         return {"heads": [], "rows": []}
     table = weeks.sort("week", "machine").pivot("week", index="machine", values="payload_kg")
@@ -285,7 +285,7 @@ def _week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
 
 
 def tonnes_picture(weeks: pl.DataFrame) -> Drawing | None:
-    """Tonnes of all machines by week; None where there are none.
+    """Picture of the tonnes of all machines by week; None without weeks.
 
     Args:
         weeks: week (Date), payload_kg, payload_u_kg, in time.
@@ -316,7 +316,7 @@ def tonnes_picture(weeks: pl.DataFrame) -> Drawing | None:
 
 
 def drift_picture(number: int, shown: MachineChart) -> Drawing:
-    """A machine's signal by week, against the limits of its baseline."""
+    """Picture of a machine's quantity by week, with the limits of its baseline."""
     flagged, since = shown.chart.flagged, shown.chart.since
     assert flagged is not None
     assert since is not None
@@ -355,7 +355,7 @@ def drift_picture(number: int, shown: MachineChart) -> Drawing:
 
 
 def _average_by_week(days: Sequence[dt.date], values: np.ndarray) -> list[tuple[float, float, int]]:
-    """The number since the first day, the mean and the count of each week that has values."""
+    """Number since the first day, mean and count of each week with values."""
     number = np.array([(day - days[0]).days // _WEEK for day in days])
     return [
         (float(n), float(values[number == n].mean()), int((number == n).sum()))

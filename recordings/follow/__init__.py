@@ -1,1 +1,1 @@
-"""The recording of a log that is followed: written as it goes, whole at any time."""
+"""Recording of a followed log, complete at any time while it grows."""

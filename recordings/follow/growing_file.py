@@ -1,8 +1,8 @@
-"""The bytes of a Rerun recording that grows by whole messages, and goes on where it was cut.
+"""Rerun recording file that grows by whole messages and can be continued after a cut.
 
-The file has the head of a recording, then messages: kind and length, 8 bytes each, and content.
-Its end (a message of kind 0 and the index of all before) is left out, since more may come: viewers
-read without, and a file that ends behind any message is a recording.
+The file has the header of a recording, then messages: kind and length, 8 bytes each, and content.
+Its end (a message of kind 0 and the index of all messages) is left out, since more may follow:
+viewers do not need it, and a file cut after any message is a recording.
 """
 
 import struct
@@ -28,7 +28,7 @@ _KINDS: Final = (_OF_STORE, 2, 3)
 
 
 class RecordingMessage(NamedTuple):
-    """Where a message of a recording begins and ends."""
+    """Begin and end of a message of a recording."""
 
     begin: int
     end: int
@@ -36,7 +36,7 @@ class RecordingMessage(NamedTuple):
 
 
 def find_messages(data: "bytes | mmap") -> Iterator[RecordingMessage]:
-    """Find the whole messages in the bytes of a recording, its head before them."""
+    """Yield the whole messages in the bytes of a recording with its header."""
     at = HEAD_BYTES
     while at + _MESSAGE_HEAD.size <= len(data):
         kind, length = _MESSAGE_HEAD.unpack_from(data, at)
@@ -48,7 +48,7 @@ def find_messages(data: "bytes | mmap") -> Iterator[RecordingMessage]:
 
 
 def append_part(file: AppendedFile, part: bytes) -> None:
-    """Append the messages of a recording of their own.
+    """Append the messages of a separate recording.
 
     Raises:
         OSError: they do not fit on the disc.

@@ -1,7 +1,7 @@
 """Recording of a followed log, second by second; each is on disc before it is reported.
 
-A part of a second is one append, whose last chunk is that of the excitation: where that is there,
-all of the second is. A recording that was cut goes on behind its last whole second.
+A second's part is written in one append whose last chunk is the excitation: if that is present, the
+second is complete. A recording that was cut is continued after its last complete second.
 """
 
 import math
@@ -70,7 +70,8 @@ class FollowedLog:
     """The log, machine file and noise that a growing recording belongs to.
 
     Attributes:
-        identity: of the log, the machine file and the noise; recordings of one are continued.
+        identity: digest of log, machine file and noise; a recording with the same identity is
+            continued.
         t0_unix_ns: unix time of the first row.
         recording_id: shared by all parts, so that viewers show one recording.
     """
@@ -91,7 +92,7 @@ class _RowsToSend:
 
 
 class GrowingRecording:
-    """A recording of what is followed: a file, and viewers that look on."""
+    """Recording of a followed log, in a file and in connected viewers."""
 
     def __init__(
         self,
@@ -102,14 +103,14 @@ class GrowingRecording:
         file: AppendedFile | None = None,
         server: str | None = None,
     ) -> None:
-        """Begin, or go on where a file ends.
+        """Begin a recording, or continue it at the end of a file.
 
         Args:
-            about: what is followed.
-            settings: of the replay, with the rate of the grid.
-            name: that viewers list it by.
-            file: where it is written; None: nowhere.
-            server: the address of a server of viewers; None: none.
+            about: followed log.
+            settings: settings of the replay, with the grid rate.
+            name: name shown in viewers.
+            file: output file; None for none.
+            server: address of a server for viewers; None for none.
         """
         import rerun as rr
 
@@ -146,7 +147,7 @@ class GrowingRecording:
         self._append_to_file()
 
     def add(self, rows: Sequence[FollowedRow]) -> None:
-        """Take the next rows; `flush` writes them."""
+        """Add the next rows, which `flush` writes."""
         for row in rows:
             if row.gate is not None:
                 self._add_followed_row(row)
@@ -175,7 +176,7 @@ class GrowingRecording:
                 self._state[lane] = state
 
     def flush(self, text: str) -> None:
-        """Write what was taken, and what there is to say now, in Markdown.
+        """Write the added rows, and the present answer in Markdown.
 
         Raises:
             OSError: it does not fit on the disc; the file ends with what was written before.
@@ -188,7 +189,7 @@ class GrowingRecording:
         self._append_to_file()
 
     def give_up_file(self) -> None:
-        """Write no further; viewers go on."""
+        """Stop writing to the file; viewers continue."""
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -228,7 +229,7 @@ class GrowingRecording:
                 stream.send_record_batch(batch, index=[TIME, SINCE_START])
 
     def close(self) -> None:
-        """Leave the file whole, and let viewers keep what they have."""
+        """Close the file complete, and leave viewers their data."""
         for stream in self._streams:
             stream.disconnect()
         if self._file is not None:
@@ -240,13 +241,13 @@ def _make_numeric_frame(rows: Sequence[Mapping[str, Any]], columns: Sequence[str
 
 
 def growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprint"]:
-    """Lay out what will come.
+    """Layout of the views for the coming rows.
 
     Args:
-        settings: methods and thresholds.
+        settings: settings with methods and thresholds.
 
     Returns:
-        The levels of thresholds, by the frame that draws them; and the blueprint.
+        Values of thresholds by the frame that draws them, and the blueprint.
     """
     run = empty_columns(settings)
     shown = display_frames(run)
@@ -264,7 +265,7 @@ def growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprint"]:
 
 
 def empty_columns(settings: Settings) -> Run:
-    """A run of a few rows without numbers, which tells the views what they will draw."""
+    """Run of a few rows without numbers, from which the views take their columns."""
     period_ns = round(1e9 / settings.align.rate_hz)
     frames = {
         "excitation": _make_empty_rows(EXCITATION, period_ns).with_columns(
@@ -286,12 +287,12 @@ def _make_empty_rows(columns: "tuple[str, ...] | list[str]", apart_ns: int) -> p
 
 @dataclass(frozen=True, slots=True)
 class RecordingEnd:
-    """The end of a recording that grew.
+    """End of a growing recording.
 
     Attributes:
-        about: what it is of.
+        about: log that it belongs to.
         until_ns: `t_ns` of its last row.
-        size: bytes up to there.
+        size: size in bytes up to that row.
     """
 
     about: FollowedLog
@@ -300,7 +301,7 @@ class RecordingEnd:
 
 
 def read_recording_end(path: Path) -> RecordingEnd | None:
-    """Read how far a recording came; None where it has not come to its first row.
+    """Read the end of a recording; None if it has no rows yet.
 
     Raises:
         RecordingError: it is none that `follow` wrote.
@@ -329,7 +330,7 @@ def read_recording_end(path: Path) -> RecordingEnd | None:
 
 
 def _iter_chunks(data: bytes) -> "Iterator[Chunk]":
-    """The chunks of whole messages."""
+    """Yield the chunks of whole messages."""
     import rerun as rr
     from rerun.error_utils import RerunWarning
 

@@ -1,4 +1,4 @@
-"""Whether the list of a notary, or a stretch of it, is whole: signed, chained, in order of time."""
+"""Check of a notary's list, or part of it: signatures, chain and order of time."""
 
 import datetime as dt
 from collections.abc import Iterator, Sequence
@@ -28,13 +28,13 @@ _MOST_NAMED: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class ListFault:
-    """Something that is wrong with a list.
+    """Fault of a list.
 
     Attributes:
-        forged: whether no honest notary writes such a list; else something happened to its clock or
-            to a log.
-        counter: of the line that it is about, if it is one log's; 0 where it is the list's.
-        what: in words.
+        forged: whether no honest notary writes such a list; otherwise its clock or a log is at
+            fault.
+        counter: counter of the line of the faulty log; 0 if the fault concerns the list.
+        what: description of the fault.
     """
 
     forged: bool
@@ -44,13 +44,13 @@ class ListFault:
 
 @dataclass(slots=True)
 class CheckedList:
-    """A list that was checked.
+    """Result of checking a list.
 
     Attributes:
-        head: its first line; None where it has none that can be read.
-        lines: of its logs, as far as they can be read.
-        faults: what is wrong.
-        notes: what a reader should know besides.
+        head: first line; None if it cannot be read.
+        lines: readable lines of logs.
+        faults: faults of the list.
+        notes: further notes for the reader.
     """
 
     head: NotaryHead | None = None
@@ -60,26 +60,26 @@ class CheckedList:
 
     @property
     def entries(self) -> list[NotaryEntry]:
-        """The logs."""
+        """Entries of the logs."""
         return [line.content for line in self.lines if isinstance(line.content, NotaryEntry)]
 
     @property
     def key(self) -> PublicKey | None:
-        """The key that its head names."""
+        """Public key named in the head."""
         return None if self.head is None else PublicKey.from_text(self.head.public_key)
 
     def add_forgery(self, what: str, counter: int = 0) -> None:
-        """Add what no honest notary writes."""
+        """Add a fault that no honest notary causes."""
         self.faults.append(ListFault(True, counter, what))
 
 
 def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
-    """Check a list, or the head and a stretch of one, of a stranger.
+    """Check an untrusted list, or the head and a part of one.
 
     Args:
-        data: the bytes.
-        now: that no time may be after.
-        first: number that the lines after the head begin with.
+        data: bytes of the list.
+        now: present time, which no time of the list may exceed.
+        first: counter of the first line after the head.
     """
     checked = CheckedList()
     if len(data) > MOST_LIST_BYTES:
@@ -109,7 +109,7 @@ def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
 
 
 def _check_first_line(checked: CheckedList, lines: Sequence[NotaryLine]) -> None:
-    """Check the signature of the first line by the key that the line names."""
+    """Check the signature of the first line with the key that the line names."""
     if not lines or not isinstance(lines[0].content, NotaryHead):
         checked.add_forgery("does not begin with the head of a list")
         return
@@ -130,7 +130,7 @@ def _check_first_line(checked: CheckedList, lines: Sequence[NotaryLine]) -> None
 
 
 def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) -> None:
-    """Each line after the one before."""
+    """Check that each line refers to the line before it."""
     head = lines[0].digest
     for line in checked.lines:
         entry = line.content
@@ -160,7 +160,7 @@ def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) 
 
 
 def _time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[ListFault]:
-    """Contradictions between clocks and times."""
+    """Yield contradictions between clocks and times."""
     clock = dt.timedelta(seconds=CLOCK_S)
     latest: NotaryEntry | None = None
     ended: NotaryEntry | None = None
@@ -209,7 +209,7 @@ def _time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[L
 
 
 def list_notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
-    """Notes that are no faults."""
+    """Notes that are not faults."""
     seen: dict[tuple[str, ...], NotaryEntry] = {}
     late: dict[int, float] = {}
     undated: list[int] = []
@@ -234,12 +234,12 @@ def list_notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
 
 
 def _line_numbers_text(counters: Sequence[int]) -> str:
-    """Which lines, the first of them by number."""
+    """Numbers of the affected lines as text; only the first ones are listed."""
     named = ", ".join(map(str, counters[:_MOST_NAMED]))
     more = f" and {len(counters) - _MOST_NAMED} more" if len(counters) > _MOST_NAMED else ""
     return f"number {named}{more}"
 
 
 def parse_stamp(stamp: str) -> dt.datetime | None:
-    """A time of a list; None where it does not tell."""
+    """Parse a time of a list; None if it is empty."""
     return dt.datetime.fromisoformat(stamp) if stamp else None

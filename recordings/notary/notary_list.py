@@ -1,9 +1,9 @@
-"""The list of a recorder's notary: one line a finished log, each signed and chained to the last.
+"""List of a recorder's notary: one line per finished log, signed and chained to the line before.
 
-A line is canonical JSON (RFC 8785) with its own Ed25519 signature. The first line is the head of
-the list: whose it is and by which key. Every other one has a counter that grows by one, the digest
-of the line before it and of the head, and the log: its files with their SHA-256, when it begins and
-ends, and when it was listed.
+A line is canonical JSON (RFC 8785) with its own Ed25519 signature. The first line is the head: it
+names the machine and the key. Every other line has a counter that grows by one, the digests of the
+head and the previous line, and the log: its files with their SHA-256, its begin and end, and the
+time of listing.
 """
 
 import base64
@@ -35,7 +35,7 @@ Counter = Annotated[int, Field(ge=0, lt=2**53)]
 
 
 class NotaryHead(BaseModel):
-    """The first line."""
+    """First line of a list."""
 
     model_config = STRICT
 
@@ -49,7 +49,7 @@ class NotaryHead(BaseModel):
 
 
 class NotaryFile(BaseModel):
-    """A file of a log."""
+    """File of a log."""
 
     model_config = STRICT
 
@@ -60,19 +60,19 @@ class NotaryFile(BaseModel):
 
 
 class NotaryEntry(BaseModel):
-    """A finished log.
+    """Entry of a finished log.
 
     Attributes:
         head: digest of the first line.
-        previous: of the line before.
-        log: its name, from the folder that is watched.
-        files: what it is made of.
-        begins: its first message; "" where its format or its clock does not tell.
-        ends: its last.
-        listed: when it was listed, by the clock of the computer.
-        machine_id: what its metadata call its machine; "" where they do not tell.
-        replaces: counter of the line that listed a log of that name before, whose files are others
-            now; None where it is new.
+        previous: digest of the previous line.
+        log: name of the log, relative to the watched folder.
+        files: files of the log.
+        begins: time of its first message; "" if its format or clock gives none.
+        ends: time of its last message.
+        listed: time of listing, by the computer's clock.
+        machine_id: machine named in its metadata; "" if they name none.
+        replaces: counter of an earlier entry of the same name with other files; None if the name is
+            new.
     """
 
     model_config = STRICT
@@ -91,11 +91,11 @@ class NotaryEntry(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class NotaryLine:
-    """A line that was read.
+    """Line read from a list.
 
     Attributes:
-        data: its bytes, without the newline.
-        content: what it says.
+        data: bytes without the newline.
+        content: head or entry.
         signature: 64 bytes.
     """
 
@@ -105,11 +105,11 @@ class NotaryLine:
 
     @property
     def digest(self) -> str:
-        """Digest by which the next line refers to this one."""
+        """Digest with which the next line refers to this one."""
         return hashlib.sha256(self.data).hexdigest()
 
     def is_signed_by(self, key: PublicKey) -> bool:
-        """Whether this key signed it."""
+        """Whether this key signed the line."""
         return key.has_signed(self.signature, _bytes_to_sign(self.content))
 
 
@@ -118,7 +118,7 @@ def _bytes_to_sign(content: NotaryHead | NotaryEntry) -> bytes:
 
 
 def signed_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
-    """A line with its signature."""
+    """Line with its signature."""
     signature = key.sign(_bytes_to_sign(content))
     text = base64.b64encode(signature).decode()
     data = canonical_bytes({**content.model_dump(mode="json"), "signature": text})
@@ -129,8 +129,8 @@ def parse_line(data: bytes, what: str) -> NotaryLine:
     """Read a line of a stranger; nothing in it is to be believed before `NotaryLine.by`.
 
     Args:
-        data: without the newline.
-        what: for the error.
+        data: bytes without the newline.
+        what: name of the line, for the error.
 
     Raises:
         EvidenceError: it is no line as `signed_line` writes it.
@@ -148,7 +148,7 @@ def parse_line(data: bytes, what: str) -> NotaryLine:
     except (binascii.Error, ValueError) as fault:
         raise EvidenceError(f"{what}: {_format_validation_fault(fault)}") from None
     if canonical_bytes({**content.model_dump(mode="json"), "signature": text}) != data:
-        raise EvidenceError(f"{what}: holds a value in a form that a notary does not write")
+        raise EvidenceError(f"{what}: holds a value of a type that a notary does not write")
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
         raise EvidenceError(f"{what}: its signature is not base64 of 64 bytes")
     return NotaryLine(data, content, signature)
@@ -162,11 +162,11 @@ def _format_validation_fault(fault: Exception) -> str:
 
 
 def split_lines(data: bytes) -> tuple[list[bytes], bytes]:
-    """The whole lines of a list, and what is left behind the last newline: a torn tail."""
+    """Whole lines of a list, and the torn tail after the last newline."""
     *whole, tail = data.split(b"\n")
     return whole, tail
 
 
 def list_bytes(lines: Iterable[NotaryLine]) -> bytes:
-    """Lines as a file has them."""
+    """Lines as the bytes of a file."""
     return b"".join(line.data + b"\n" for line in lines)

@@ -1,4 +1,4 @@
-"""The paper found anew, as files: a Markdown page or CSV files, and a picture a figure.
+"""Reproduction of the paper as files: a Markdown page or CSV files, and pictures of figures.
 
-`items` is the table of all there is; `page` writes what was found.
+`items` lists all items; `page` writes the results.
 """

@@ -30,7 +30,7 @@ _SHORT_STARTS: Final = {
 
 
 def label_claims(found: Claims) -> pl.DataFrame:
-    """The findings with claim, case and printed number in words."""
+    """Findings with claim, case and printed number as text."""
     rows = list(found.frame.iter_rows(named=True))
     words = pl.DataFrame(
         {
@@ -66,7 +66,7 @@ def _describe_case(row: Mapping[str, Any]) -> str:
 
 
 def _format_printed_number(row: Mapping[str, Any]) -> str:
-    """The paper's number; a dash for what it does not give."""
+    """Number printed in the paper; a dash if it gives none."""
     if row["claim"] == "buffer":
         return "–"
     if row["claim"] == "rms":
@@ -81,7 +81,7 @@ def _format_printed_number(row: Mapping[str, Any]) -> str:
 
 
 def word_claims(found: Claims) -> ItemSentences:
-    """Say what was found of each claim."""
+    """Sentences on the result of each claim."""
     return ItemSentences(
         (
             "Campaigns as in Tables 3 and 4, at 320 samples and 0.7 nat. The paper does not say "

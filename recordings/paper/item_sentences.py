@@ -1,4 +1,4 @@
-"""Sentences on Tables 1 to 4 and Figures 2 to 8: what was chosen, and what they show."""
+"""Sentences on Tables 1 to 4 and Figures 2 to 8: choices made, and findings."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -202,7 +202,7 @@ def _best_settings(best: Mapping[str, Sequence[float]], unit: str) -> str:
 
 
 def _extremes_sentence(methods: Sequence[Extremes], unit: str) -> str:
-    """Where ours is smallest, and whether that is more than chance."""
+    """Sentence on where our error is smallest, and whether that is significant."""
     sentences: list[str] = []
     for each in methods:
         chance = (
@@ -218,7 +218,7 @@ def _extremes_sentence(methods: Sequence[Extremes], unit: str) -> str:
 
 
 def _nearest_bound(nearest: Mapping[str, float]) -> str:
-    """Compare pooled LS and RLS with the bound of one run."""
+    """Sentence that compares pooled LS and RLS with the bound of one run."""
     return (
         f"Pooled LS comes to {nearest['pooled']:.2f} times the bound of one run. "
         f"RLS ({nearest['rls']:.2f} times the bound) is not held to it: it remembers "

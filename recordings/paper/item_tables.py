@@ -1,4 +1,4 @@
-"""The tables of the page: each item's frame laid out for a reader, numbers as text."""
+"""Tables of the page: frames of the items with numbers as text."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ _Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class RenderedItem:
-    """One table: its caption, header and rows, and how many columns in front are text."""
+    """One table: caption, header, rows, and the number of leading text columns."""
 
     caption: str
     header: Sequence[str]
@@ -24,7 +24,7 @@ class RenderedItem:
 
 
 def render_table_1(frame: pl.DataFrame) -> list[RenderedItem]:
-    """Errors by window length, and the same over the bound."""
+    """Tables of errors by window length, absolute and relative to the bound."""
     errors = rows_beside_printed(
         frame, "window_s", "window, s", lambda row: interval_text(row, "rmse_kg"), "bound_kg"
     )
@@ -43,7 +43,7 @@ def render_table_1(frame: pl.DataFrame) -> list[RenderedItem]:
 
 
 def render_table_2(frame: pl.DataFrame) -> list[RenderedItem]:
-    """Slope and offset by method."""
+    """Table of slope and offset by method."""
     of = {(row["chain"], row["method"]): row for row in frame.iter_rows(named=True)}
     methods = frame["method"].unique(maintain_order=True)
     rows: list[list[str]] = []
@@ -69,12 +69,12 @@ def render_table_2(frame: pl.DataFrame) -> list[RenderedItem]:
 
 
 def render_table_3(frame: pl.DataFrame) -> list[RenderedItem]:
-    """Errors by threshold, own load in the fit and left out."""
+    """Tables of errors by threshold, with the own load in the fit and left out."""
     return _render_swept(frame, campaign_tables.THRESHOLD, "threshold, nat")
 
 
 def render_table_4(frame: pl.DataFrame) -> list[RenderedItem]:
-    """Errors by window length, own load in the fit and left out."""
+    """Tables of errors by window length, with the own load in the fit and left out."""
     return _render_swept(frame, campaign_tables.WINDOW, "samples")
 
 
@@ -97,7 +97,7 @@ def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[Rendere
 
 
 def render_figure_8(frame: pl.DataFrame) -> list[RenderedItem]:
-    """Errors by load, in the fit and left out."""
+    """Tables of errors by load, in the fit and left out."""
     header, rows = rows_by_method(
         frame,
         "load_kg",
@@ -108,7 +108,7 @@ def render_figure_8(frame: pl.DataFrame) -> list[RenderedItem]:
 
 
 def render_claims(frame: pl.DataFrame) -> list[RenderedItem]:
-    """A row a finding."""
+    """Table with one row per finding."""
     rows = [
         [
             row["claim"],
@@ -129,7 +129,7 @@ def render_claims(frame: pl.DataFrame) -> list[RenderedItem]:
 def rows_by_method(
     frame: pl.DataFrame, key: str, title: str, cell: Callable[[_Row], str]
 ) -> tuple[list[str], list[list[str]]]:
-    """Header and rows: a row a value of `key`, a column a method."""
+    """Header and rows with one row per value of `key` and one column per method."""
     methods = list(frame["method"].unique(maintain_order=True))
     rows = [
         [_format_parameter(at), *(cell(by[m]) if m in by else "–" for m in methods)]
@@ -141,7 +141,7 @@ def rows_by_method(
 def rows_beside_printed(
     frame: pl.DataFrame, key: str, title: str, cell: Callable[[_Row], str], bound: str
 ) -> tuple[list[str], list[list[str]]]:
-    """Rows with each method's number followed by the paper's; the bound comes first."""
+    """Header and rows: the bound, then each method's number followed by the paper's."""
     methods = list(frame["method"].unique(maintain_order=True))
     header = [title, "bound"]
     for method in methods:
@@ -173,7 +173,7 @@ def _format_number(value: float | None, digits: int = 1) -> str:
 
 
 def interval_text(row: _Row, name: str, digits: int = 1) -> str:
-    """A number with its interval, as far as there is one."""
+    """Number with its interval, if there is one."""
     value, low, high = (row[name + end] for end in ("", "_low", "_high"))
     text = _format_number(value, digits)
     if low is None or high is None:

@@ -1,4 +1,4 @@
-"""The table of items: every table, figure and list of claims of the paper that is found anew.
+"""Registry of items: every reproduced table, figure and list of claims of the paper.
 
 `payscope reproduce`, its progress, the page, the CSV files and the pictures iterate over it.
 """
@@ -24,11 +24,11 @@ from recordings.paper.paper_wording import ItemSentences
 
 
 class Numbers(Protocol):
-    """What an item is found to be: a frame with every number, and plain values."""
+    """Result of an item: a frame with every number, and plain values."""
 
     @property
     def frame(self) -> pl.DataFrame:
-        """Every number, a column a quantity, its unit in the name."""
+        """Frame of all numbers, one column per quantity, with units in the names."""
         ...
 
 
@@ -48,14 +48,14 @@ class Item(Generic[N]):
     """One table, figure or list of claims of the paper.
 
     Attributes:
-        name: as the command line has it.
-        title: what it shows.
-        needs: the extracts that it is made of.
-        numbers: makes its numbers of them.
-        said: makes its sentences of the numbers.
-        frame: the frame of the CSV file, labelled where the numbers' own frame has keys.
-        tables: lays the frame out for the page.
-        picture: how it is drawn, or None.
+        name: name on the command line.
+        title: title of the item.
+        needs: extracts of simulations that it needs.
+        numbers: function that computes its numbers from the extracts.
+        said: function that makes its sentences from the numbers.
+        frame: function that makes the frame of the CSV file, with keys as text.
+        tables: function that makes the tables of the page.
+        picture: height and painter of its picture, or None.
     """
 
     name: str
@@ -78,13 +78,13 @@ class ItemResult:
 
 
 def find(item: Item[N], extracts: Extracts) -> ItemResult:
-    """Make an item of the extracts that it needs."""
+    """Compute an item from the extracts that it needs."""
     numbers = item.numbers(extracts)
     return ItemResult(item, item.frame(numbers), item.said(numbers))
 
 
 def _take_extract(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
-    """An item that is the extract of a single simulation."""
+    """Function that returns the extract of a single simulation as an item's numbers."""
     return lambda extracts: extracts.single_result(extract)
 
 

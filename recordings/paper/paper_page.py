@@ -1,4 +1,4 @@
-"""Write what was found: `reproduction.md`, or CSV files, and the pictures, all or none."""
+"""Write the results: `reproduction.md` or CSV files, and the pictures, all or none."""
 
 from collections.abc import Sequence
 from importlib.resources import files
@@ -10,7 +10,7 @@ import polars as pl
 from estimators.errors import OutputError
 from recordings.paper.paper_items import Item, ItemResult
 from recordings.paper.paper_pictures import draw_paper_figure
-from recordings.report.atomic_output import atomic_files, check_output
+from recordings.report.atomic_output import atomic_files, require_writable_output
 
 #: The page that holds every item.
 PAGE: Final = "reproduction.md"
@@ -21,7 +21,7 @@ SENTENCES: Final = "findings.csv"
 def check_reproduction(
     items: Sequence[Item[Any]], folder: Path, output_format: str, *, force: bool
 ) -> None:
-    """Refuse outputs that cannot be written, before the work; make the folder where there is none.
+    """Refuse outputs that cannot be written before the work; create the folder if missing.
 
     Raises:
         OutputError: one of them is there already, or the folder cannot be written to.
@@ -29,26 +29,26 @@ def check_reproduction(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
+        raise OutputError(f"{folder}: cannot be created ({error.strerror})") from error
     for path in _list_output_files(items, folder, output_format):
-        check_output(path, force=force)
+        require_writable_output(path, force=force)
 
 
 def write_reproduction(
     found: Sequence[ItemResult], folder: Path, output_format: str, about: str, *, force: bool
 ) -> list[Path]:
-    """Write what was found.
+    """Write the results.
 
     Args:
-        found: tables, figures, claims.
-        folder: where to.
+        found: results of tables, figures and claims.
+        folder: output folder.
         output_format: "md" for one page with every table and sentence, "csv" for a file an item
             with every number and one with the sentences; pictures with both.
-        about: a sentence on how it was found.
-        force: whether to replace what is there.
+        about: sentence on how the results were obtained.
+        force: whether to replace existing files.
 
     Returns:
-        The files.
+        Paths of the files.
 
     Raises:
         OutputError: one of them is there already, or cannot be written.

@@ -27,7 +27,7 @@ _MOTION: Final = {
 
 
 class Picture(NamedTuple):
-    """How a figure is drawn: its height, and the painter of its frame."""
+    """Picture of a figure: its height, and the function that draws its frame."""
 
     height_in: float
     paint: Callable[["Figure", pl.DataFrame], None]
@@ -37,9 +37,9 @@ def draw_paper_figure(picture: Picture, frame: pl.DataFrame, path: Path) -> None
     """Draw a frame as PNG.
 
     Args:
-        picture: height and painter.
-        frame: of the item.
-        path: where to.
+        picture: height and drawing function.
+        frame: frame of the item.
+        path: file to write.
     """
     from matplotlib.figure import Figure
 
@@ -79,7 +79,7 @@ def _draw_figure_5(figure: "Figure", series: pl.DataFrame) -> None:
 
 
 def _draw_panels(figure: "Figure", series: pl.DataFrame, panels: dict[str, str]) -> list["Axes"]:
-    """A panel a column, one above the other."""
+    """Draw one panel per column, one above the other; return their axes."""
     rows = list(figure.subplots(len(panels), 1, sharex=True))
     t_s = series["t_s"].to_numpy()
     for number, (axes, (column, label)) in enumerate(zip(rows, panels.items(), strict=True)):
@@ -92,7 +92,7 @@ def _draw_panels(figure: "Figure", series: pl.DataFrame, panels: dict[str, str])
 
 
 def draw_traces(figure: "Figure", series: pl.DataFrame, *panels: tuple[str, str, str, str]) -> None:
-    """Estimates over time with bands of one standard deviation, and the truth."""
+    """Draw estimates over time with bands of one standard deviation, and the truth."""
     rows = figure.subplots(len(panels), 1, sharex=True)
     for axes, (column, std_column, true, label) in zip(rows, panels, strict=True):
         for (method,), part in series.group_by("method", maintain_order=True):
@@ -115,7 +115,7 @@ def _draw_figure_7(figure: "Figure", table: pl.DataFrame) -> None:
 
 
 def draw_masses(figure: "Figure", table: pl.DataFrame, mean: str, std: str, label: str) -> None:
-    """A panel a method: means of nine runs ± the deviation of one, and the truth."""
+    """Draw one panel per method: means of nine runs ± the deviation of one, and the truth."""
     methods = list(table["method"].unique(maintain_order=True))
     panels = figure.subplots(1, len(methods), sharex=True, sharey=True)
     truth = table["reference_kg"]
@@ -185,7 +185,7 @@ def _format_panel(axes: "Axes", label: str) -> None:
 
 
 def shade_phases(axes: "Axes", series: pl.DataFrame, column: str, wanted: tuple[str, ...]) -> None:
-    """Shade where the phase is one of `wanted`."""
+    """Shade the times when the phase is one of `wanted`."""
     state = series[column].cast(pl.String)
     t_s = series["t_s"].to_numpy()
     for name in wanted:

@@ -1,4 +1,4 @@
-"""How sentences and tables of the reproduction are worded."""
+"""Wording of sentences and tables of the reproduction."""
 
 from collections.abc import Iterable
 from typing import Final, NamedTuple
@@ -15,11 +15,11 @@ NO_NUMBERS: Final = "The paper prints no numbers with this figure."
 
 
 class ItemSentences(NamedTuple):
-    """The sentences of one item.
+    """Sentences of one item.
 
     Attributes:
-        choices: where the paper is silent, the choice made.
-        findings: where ours differs from the paper, and why; made of the numbers.
+        choices: choices made because the paper is silent.
+        findings: differences from the paper and their reasons, with the numbers found.
     """
 
     choices: tuple[str, ...]
@@ -27,11 +27,11 @@ class ItemSentences(NamedTuple):
 
 
 def join_words(words: Iterable[str]) -> str:
-    """Words as a sentence lists them."""
+    """Join words as a list in a sentence."""
     *first, last = words
     return f"{', '.join(first)} and {last}" if first else last
 
 
 def format_percent(share: float, digits: int = 0) -> str:
-    """A share as a sentence says it."""
+    """Share as a percentage for a sentence."""
     return f"{100.0 * share:.{digits}f} %"

@@ -1,4 +1,4 @@
-"""How a mass settles: estimates from what was accepted so far, with two standard deviations."""
+"""Plot of how mass estimates converge, with two standard deviations."""
 
 from typing import TYPE_CHECKING, Final
 
@@ -34,9 +34,9 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     """Draw estimates ± 2σ over time, load by load, towards the answer ± 2 standard uncertainties.
 
     Args:
-        axes: where to.
-        run: the run, or a stretch of it.
-        at_s: the moment that is meant.
+        axes: axes to draw on.
+        run: run, or part of one.
+        at_s: moment to mark.
     """
     bounds: list[float] = []
     starts = _load_starts(run)

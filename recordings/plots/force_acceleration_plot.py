@@ -1,4 +1,4 @@
-"""Force against acceleration: what the mass is the slope of, coloured by the gate."""
+"""Plot of force against acceleration, whose slope is the mass, coloured by gate decision."""
 
 from typing import TYPE_CHECKING, Final
 
@@ -26,15 +26,15 @@ _SMALL: Final = 8
 
 
 def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -> None:
-    """Draw the force, less friction where the answer has it, against the regressor.
+    """Plot the force, less friction if it is estimated, against the regressor.
 
-    The lines are the masses of the answer with two standard uncertainties: of the load at the
-    moment, else of the lightest and the heaviest.
+    The lines are the masses with two standard uncertainties, of the load at the moment, or of the
+    lightest and the heaviest load.
 
     Args:
-        axes: where to.
-        run: the run, or a stretch of it.
-        at_s: the moment that is meant; its window is ringed.
+        axes: axes to draw on.
+        run: run, or part of one.
+        at_s: moment to mark; its window is ringed.
     """
     found = force_acceleration(run, at_s)
     if found is None:
@@ -75,7 +75,7 @@ def _draw_cloud(axes: "Axes", group: PointGroup) -> None:
 
 
 def _draw_ring(axes: "Axes", run: Run, points: pl.DataFrame, at_s: float | None) -> None:
-    """The window that ends at the moment."""
+    """Ring the points of the window that ends at the moment."""
     if at_s is None:
         return
     settings = run.provenance.settings

@@ -1,4 +1,4 @@
-"""Pictures of a run, for a report or a mail: one page of everything, or one figure a question."""
+"""Pictures of a run for reports: one page of everything, or one figure per question."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -42,11 +42,11 @@ def plot_run(
     A run with a calibration gets its fit of (19) and residuals below the page.
 
     Args:
-        run: the run, or a stretch of it.
-        path: the picture to write; its suffix says the format: .png, .pdf or .svg.
+        run: run, or part of one.
+        path: picture to write; the suffix sets the format: .png, .pdf or .svg.
         figure: one of `FIGURES`.
         at_s: a moment to mark, in seconds since the start.
-        force: whether to replace a file that is there already.
+        force: whether to replace an existing file.
 
     Returns:
         The path of the picture.
@@ -94,7 +94,7 @@ def _write_answer(part: "SubFigure", lines: list[str]) -> None:
 
 
 def _draw_gate(run: Run, at_s: float | None) -> "Figure":
-    """The index and what else the gate looks at, its reasons over time, and their shares."""
+    """Draw the gate's statistics and reasons over time, and the shares of the reasons."""
     from matplotlib.figure import Figure
 
     views = next(tab for tab in TABS if tab.name == "Gate").views
@@ -107,7 +107,7 @@ def _draw_gate(run: Run, at_s: float | None) -> "Figure":
 
 
 def _draw_loads(run: Run, at_s: float | None) -> "Figure":
-    """Masses and payloads of the loads, cycles, and the speed."""
+    """Draw masses and payloads of the loads, cycles, and the speed."""
     from matplotlib.figure import Figure
 
     wanted = [view for tab in TABS if tab.name in ("Loads", "Cycles") for view in tab.views]
@@ -146,7 +146,7 @@ FIGURES: Final[Mapping[str, Callable[[Run, float | None], "Figure"]]] = {
 
 
 def _draw_calibration(part: "SubFigure", points: pl.DataFrame) -> None:
-    """The points and the line of a method, and what is left of each load."""
+    """Draw the points and the line of a method, and the residual of each load."""
     fits, errors = part.subplots(1, 2)
     reference = points["reference_kg"]
     fits.axline((reference[0], reference[0]), slope=1, color="black", lw=0.5, ls=":")

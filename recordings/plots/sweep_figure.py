@@ -1,4 +1,4 @@
-"""The figure of a sweep: masses over what was varied, how wrong they are, what the gate used."""
+"""Figure of a sweep: masses over the varied setting, errors, and the share of used samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,16 +27,16 @@ _LEVEL: Final = 5
 
 @dataclass(frozen=True, slots=True)
 class SweptRow:
-    """One combination as it is drawn.
+    """One combination to draw.
 
     Attributes:
-        over: what was varied, by a short name.
-        mass_kg: by method; None where it is withheld.
-        mass_std_kg: likewise.
-        payload_kg: of the heaviest of several loads, and its standard uncertainty.
-        errors: by their title, then by method.
-        accepted_share_1: share of the samples that were used.
-        can_weigh: the verdict.
+        over: varied values, by short setting names.
+        mass_kg: mass by method; None if withheld.
+        mass_std_kg: standard deviation by method.
+        payload_kg: payload of the heaviest of several loads, and its standard uncertainty.
+        errors: errors by title and method.
+        accepted_share_1: share of samples used.
+        can_weigh: whether the log can weigh.
     """
 
     over: Mapping[str, Any]
@@ -53,13 +53,13 @@ class SweptRow:
 def plot_sweep(
     rows: Sequence[SweptRow], path: Path, *, reference_kg: float | None = None, force: bool = False
 ) -> Path:
-    """Draw a sweep: one setting of numbers as an axis, others as a place a combination.
+    """Plot a sweep over one numeric setting, or over labelled combinations.
 
     Args:
-        rows: the combinations, at least one.
-        path: the picture; its suffix says the format.
+        rows: combinations, at least one.
+        path: picture to write; the suffix sets the format.
         reference_kg: the true mass, if known.
-        force: whether to replace a file that is there already.
+        force: whether to replace an existing file.
 
     Raises:
         OutputError: the picture cannot be written.
@@ -97,7 +97,7 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
 
 
 def place_combinations(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
-    """Where each combination stands, with the axis labelled for it."""
+    """Position of each combination on the axis, which is labelled accordingly."""
     names = list(rows[0].over)
     if len(names) == 1 and all(_is_number(row.over[names[0]]) for row in rows):
         axes.set_xlabel(names[0])
@@ -125,7 +125,7 @@ def _format_setting_value(value: object) -> str:
 
 
 def _order_methods(parts: Sequence[Mapping[str, float | None]]) -> list[str]:
-    """The methods, the paper's first, so that the answer lies over them."""
+    """Methods, the paper's first, so that the answer is drawn on top."""
     found = dict.fromkeys(method for part in parts for method in part)
     return sorted(found, key=lambda method: method == _JOINT)
 

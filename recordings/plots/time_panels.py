@@ -1,7 +1,7 @@
-"""Panels over time: lines or envelopes, bands, lanes of states, and the moment that is meant.
+"""Panels over time: lines or envelopes, bands, lanes of states, and a marked moment.
 
-A stretch of more samples than a picture has columns is drawn by bins: the envelope and the mean of
-a signal, the median of an estimate, the share of time of each state.
+Stretches with more samples than pixel columns are drawn in bins: the envelope and mean of a signal,
+the median of an estimate, the share of time in each state.
 """
 
 from collections.abc import Mapping, Sequence
@@ -57,11 +57,11 @@ def draw_over_time(
     """Draw views below each other over seconds since the start.
 
     Args:
-        part: where to.
-        views: those that this run has numbers for are drawn.
-        run: the run.
-        shown: its `display_frames`, not decimated.
-        at_s: the moment that is meant.
+        part: subfigure to draw on.
+        views: views, of which those with data in this run are drawn.
+        run: run to draw.
+        shown: `display_frames` of the run, not decimated.
+        at_s: moment to mark.
     """
     span = span_ns(run)
     found = [(view, drawn) for view in views if (drawn := drawn_columns_of_view(view, run, shown))]
@@ -84,7 +84,7 @@ def draw_over_time(
 
 
 def panel_height(view: View, drawn: Sequence[DisplayColumn]) -> float:
-    """The height of a panel, where that of a plot is 1."""
+    """Height of a panel relative to a plot."""
     return 0.35 * len(drawn) + 0.1 if view.kind is Kind.STATES else 1.0
 
 
@@ -133,12 +133,12 @@ def _draw_panel(
 
 
 def series_numbers(series: pl.Series) -> Floats:
-    """A column as floats, NaN where it has no value."""
+    """Column as floats, NaN for missing values."""
     return series.cast(pl.Float64).fill_null(float("nan")).to_numpy()
 
 
 def state_spans(states: pl.DataFrame) -> pl.DataFrame:
-    """Stretches of one state: t_ns, until, the state."""
+    """Stretches of equal state: t_ns, until, the state."""
     return states.with_columns(until=pl.col("t_ns").shift(-1)).drop_nulls()
 
 
@@ -148,7 +148,7 @@ def _draw_lanes(
     shown: Mapping[str, pl.DataFrame],
     span: tuple[int, int],
 ) -> None:
-    """A lane a series, from top to bottom; of many changes the share of time of each state."""
+    """Draw a lane per series from top to bottom; shares of time if states change often."""
     seconds: dict[str, float] = {}
     for number, each in enumerate(drawn):
         spans = state_spans(shown[each.frame])
@@ -205,7 +205,7 @@ def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], botto
 
 
 def _time_before(starts: np.ndarray, ends: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """How much of the stretches, in order and apart, lies before each edge."""
+    """Total time of the ordered, disjoint stretches before each edge."""
     before = np.concatenate([[0], np.cumsum(ends - starts)])
     number = np.searchsorted(starts, edges, side="right")
     over = np.where(number > 0, np.maximum(ends[np.maximum(number - 1, 0)] - edges, 0), 0)
@@ -213,7 +213,7 @@ def _time_before(starts: np.ndarray, ends: np.ndarray, edges: np.ndarray) -> np.
 
 
 def _shade_states(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -> None:
-    """Shade where a state holds, full height behind the lines; of many changes nothing."""
+    """Shade the times of the wanted states behind the lines, unless states change too often."""
     if states is None or states.height > _SPANS:
         return
     for (state,), group in state_spans(states).filter(pl.col(STATE).is_in(wanted)).group_by(STATE):
@@ -231,7 +231,7 @@ def _shade_states(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, 
 
 
 def draw_reasons(axes: "Axes", run: Run) -> None:
-    """How much of the time the gate gives each reason, the most frequent on top."""
+    """Draw the share of time of each gate reason, the most frequent on top."""
     gate = run.frames.get("gate")
     if gate is None or not gate.height:
         axes.axis("off")

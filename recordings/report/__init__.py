@@ -1,1 +1,1 @@
-"""Words, numbers, colours and pages that more than one feature uses."""
+"""Texts, number formats, colours and pages shared by several features."""

@@ -1,4 +1,4 @@
-"""Outputs that are never torn: whole or not there, or growing by whole pieces."""
+"""Outputs that are never partial: complete files, or files that grow by complete records."""
 
 import secrets
 import shutil
@@ -15,18 +15,18 @@ _OURS: Final = ("metadata.yaml", "evidence.json", "payscope-log.json")
 
 
 class AppendedFile:
-    """A file that is appended to, and there from its first piece on.
+    """A file that grows by complete records and exists from the first one on.
 
     Attributes:
-        path: of the file.
-        size: bytes of whole pieces.
+        path: path of the file.
+        size: bytes of complete records.
     """
 
     def __init__(self, path: Path, size: int = 0) -> None:
-        """Begin a file, or go on behind the first `size` bytes of one.
+        """Create a file, or continue one after its first `size` bytes.
 
         Raises:
-            OSError: it cannot be written to.
+            OSError: the file cannot be written to.
         """
         self.path, self.size = path, size
         self._file: FileIO | None = None
@@ -34,10 +34,10 @@ class AppendedFile:
             self._cut(self._open())
 
     def append(self, piece: bytes) -> None:
-        """Append a piece.
+        """Append a record.
 
         Raises:
-            OSError: it does not fit on the disc.
+            OSError: the record does not fit on the disk.
         """
         rest = memoryview(piece)
         file = self._file or self._open()
@@ -50,11 +50,11 @@ class AppendedFile:
         self.size += len(piece)
 
     def rename(self, path: Path) -> None:
-        """Give the file another name."""
+        """Rename the file."""
         self.path = self.path.replace(path)
 
     def close(self) -> None:
-        """Close the file as it is."""
+        """Close the file."""
         if self._file is not None:
             self._file.close()
 
@@ -69,15 +69,15 @@ class AppendedFile:
 
 @contextmanager
 def atomic_files(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
-    """A hidden folder to write the targets in, under their own names; then they move into place.
+    """Context with a hidden folder for writing the targets; they are moved into place at the end.
 
     Args:
-        targets: files or folders of one folder.
-        force: whether what is there may be replaced (a folder only if it is a rosbag2 directory, a
-            converted log or evidence).
+        targets: files or folders with a common parent.
+        force: whether existing targets may be replaced (a folder only if it is a rosbag2 directory,
+            a converted log or evidence).
 
     Raises:
-        OutputError: a target is there already, or their folder cannot be written to.
+        OutputError: a target already exists, or the folder cannot be written to.
     """
     with staging_folder(targets, force=force) as stage:
         try:
@@ -91,27 +91,27 @@ def atomic_files(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
 
 @contextmanager
 def atomic_file(target: Path, *, force: bool) -> Generator[Path]:
-    """A name to write one file under; it moves to `target` when it is whole."""
+    """Context with a temporary name for one file, which is moved to `target` at the end."""
     _refuse_folder(target)
     with atomic_files([target], force=force) as stage:
         yield stage / target.name
 
 
-def check_folder(target: Path, *, force: bool) -> None:
-    """Refuse a folder as an output before the work that it is for.
+def require_writable_folder(target: Path, *, force: bool) -> None:
+    """Raise an error before the work begins if an output folder cannot be created.
 
     Raises:
-        OutputError: it is there already, or its parent cannot be written to.
+        OutputError: the folder already exists, or its parent cannot be written to.
     """
     with staging_folder([target], force=force):
         pass
 
 
-def check_output(target: Path, *, force: bool) -> None:
-    """Refuse an output before the work that it is for, rather than after.
+def require_writable_output(target: Path, *, force: bool) -> None:
+    """Raise an error before the work begins if an output file cannot be created.
 
     Raises:
-        OutputError: the target is there already, or its folder cannot be written to.
+        OutputError: the file already exists, or its folder cannot be written to.
     """
     _refuse_folder(target)
     with staging_folder([target], force=force):
@@ -119,13 +119,13 @@ def check_output(target: Path, *, force: bool) -> None:
 
 
 def refuse_input_as_output(target: Path, inputs: Iterable[Path]) -> None:
-    """Refuse, also with `--force`, to write over what is being read.
+    """Raise an error if an output would overwrite an input, even with `--force`.
 
     Raises:
         OutputError: the target is one of the inputs.
     """
     if target.exists() and any(target.samefile(each) for each in inputs):
-        raise OutputError(f"{target}: is the input itself; name another output")
+        raise OutputError(f"{target}: is also an input; name another output")
 
 
 def _refuse_folder(target: Path) -> None:
@@ -135,7 +135,7 @@ def _refuse_folder(target: Path) -> None:
 
 @contextmanager
 def staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
-    """A hidden folder beside the targets, which goes whatever happens."""
+    """Context with a hidden folder beside the targets, which is always removed at the end."""
     folder = targets[0].parent
     if not folder.is_dir():
         raise OutputError(f"{targets[0]}: no folder '{folder}'; create it first")
@@ -148,8 +148,8 @@ def staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
             stage.mkdir(mode=0o700)
         except OSError as error:
             raise OutputError(
-                f"{targets[0]}: cannot write in '{folder}' ({error.strerror}); "
-                "name a folder that you may write in"
+                f"{targets[0]}: cannot write in '{folder}' ({error.strerror}); name a folder with "
+                "write permission"
             ) from None
         yield stage
     finally:
@@ -163,8 +163,8 @@ def staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
 def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
     if target.is_dir() and not any((target / name).is_file() for name in _OURS):
         raise OutputError(
-            f"{target}: is a folder and no rosbag2 directory, converted log or evidence; name "
-            "another output"
+            f"{target}: is a folder, but not a rosbag2 directory, converted log or evidence, so it "
+            "is not replaced; name another output"
         )
     if target.exists() and not force:
         raise OutputError(f"{target}: exists already; name another output, or give --force")

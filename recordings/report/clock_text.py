@@ -1,4 +1,4 @@
-"""Times as the people at the machine read them, with the offset from UTC, so that none is twice."""
+"""Times in the machine's time zone, with the offset from UTC so that each is unambiguous."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -25,8 +25,9 @@ class ShiftClock:
 
     Attributes:
         zone: name of the machine's time zone.
-        t0_unix_ns: the first aligned sample; before `FIRST_DATE_NS` the log has no date.
-        duration_s: to the last one.
+        t0_unix_ns: Unix time of the first aligned sample; before `FIRST_DATE_NS` the log has no
+            date.
+        duration_s: time from the first to the last aligned sample.
     """
 
     zone: str
@@ -35,12 +36,12 @@ class ShiftClock:
 
     @property
     def is_dated(self) -> bool:
-        """Whether the log says when it was."""
+        """Whether the log has a date."""
         return self.t0_unix_ns >= FIRST_DATE_NS
 
     @property
     def axis_label(self) -> str:
-        """Label of an axis."""
+        """Label of a time axis."""
         if not self.is_dated:
             return "h:min since the start"
         return (
@@ -50,7 +51,7 @@ class ShiftClock:
         )
 
     def format_time(self, s: float) -> str:
-        """A time in s since the first sample, with date where the shift has two, and offset."""
+        """Format a time in s since the first sample, with offset, and date if needed."""
         if not self.is_dated:
             return _format_elapsed(s)
         local = self.to_local_datetime(s)
@@ -58,7 +59,7 @@ class ShiftClock:
         return f"{day}{local:%H:%M:%S} {self._format_utc_offset(s)}"
 
     def format_hour(self, s: float) -> str:
-        """The beginning of the hour in which a time lies, with offset; h:00 without a date."""
+        """Begin of the hour that contains a time, with offset; h:00 without a date."""
         if not self.is_dated:
             return f"{int(s // _HOUR_S)}:00"
         local = self.to_local_datetime(s)
@@ -66,30 +67,30 @@ class ShiftClock:
         return f"{day}{local:%H}:00 {self._format_utc_offset(s)}"
 
     def next_hour_s(self, s: float) -> float:
-        """When the hour after that of a time begins, in s since the first sample."""
+        """Begin of the next hour, in s since the first sample."""
         if not self.is_dated:
             return _HOUR_S * (s // _HOUR_S + 1.0)
         local = self.to_local_datetime(s)
         return s + _HOUR_S - local.minute * _MINUTE_S - local.second
 
     def day_and_time(self, when: datetime) -> str:
-        """Any time, of another day than the shift as well, as the machine's clock has it."""
+        """Date and local time of any instant."""
         local = when.astimezone(ZoneInfo(self.zone))
         return f"{local:%Y-%m-%d %H:%M:%S} {_format_offset(local)}"
 
     def format_unix_ns(self, unix_ns: int) -> str:
-        """Format a unix time."""
+        """Format a Unix time in local time."""
         return self.format_time((unix_ns - self.t0_unix_ns) / NS)
 
     def to_local_datetime(self, s: float) -> datetime:
-        """A time in s since the first sample in the machine's zone, to the second."""
+        """Local time of a time in s since the first sample, rounded to a second."""
         unix_s = (self.t0_unix_ns + round(s * NS)) // NS
         return datetime.fromtimestamp(unix_s, UTC).astimezone(ZoneInfo(self.zone))
 
     def make_ticks(self, low_s: float, high_s: float) -> list[tuple[float, str]]:
-        """Round local times between two in s since the first sample, with their texts.
+        """Round local times in a range given in s since the first sample, with their labels.
 
-        Where the offset changes, each tick has its own.
+        If the offset changes, each tick shows its own.
         """
         step_s = next((s for s in _STEPS_S if (high_s - low_s) / s <= _MOST_TICKS), _STEPS_S[-1])
         # minutes since local midnight by the first offset: a tick is round on the wall
@@ -130,7 +131,7 @@ def _format_offset(local: datetime) -> str:
 
 
 def duration_text(s: float) -> str:
-    """Format a duration in the unit that a person would use."""
+    """Format a duration in a suitable unit."""
     if s < 2 * _MINUTE_S:
         return f"{s:.0f} s"
     if s < 2 * _HOUR_S:

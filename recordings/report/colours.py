@@ -1,4 +1,4 @@
-"""One colour a method, phase and reason, the same in the viewer and in the plots."""
+"""Colours of methods, phases and reasons, the same in viewer and plots."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -50,7 +50,7 @@ STATES: Final[dict[str, str]] = {
 
 @cache
 def state_colours() -> Mapping[str, str]:
-    """A colour for each state, and for each cause by what it leads to."""
+    """Colour of each state, and of each cause by its consequence."""
     # the causes bring all that looks for them
     from analysis.findings import CAUSES
 
@@ -58,21 +58,21 @@ def state_colours() -> Mapping[str, str]:
 
 
 def line_colour(number: int) -> str:
-    """The colour of the n-th line of a plot."""
+    """Colour of the n-th line of a plot."""
     return _PALETTE[number % len(_PALETTE)]
 
 
 def method_colour(name: str) -> str:
-    """The colour of an estimator."""
+    """Colour of an estimator."""
     return line_colour(_METHODS.index(name)) if name in _METHODS else _QUIET
 
 
 def lighten_colour(colour: str) -> str:
-    """A colour halfway to white."""
+    """Mix a colour with white in equal parts."""
     parts = (int(colour[at : at + 2], 16) for at in (1, 3, 5))
     return "#" + "".join(f"{(part + 255) // 2:02x}" for part in parts)
 
 
 def pack_rgba(colour: str, alpha: str = "ff") -> int:
-    """A colour as the viewer takes it: red, green, blue and opacity in one number."""
+    """Pack red, green, blue and opacity into the integer that the viewer takes."""
     return int(colour[1:] + alpha, 16)

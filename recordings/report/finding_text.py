@@ -1,4 +1,4 @@
-"""The causes that a log shows, in words: a line each, and as Markdown."""
+"""Findings as text: one line each, and as Markdown."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
@@ -16,35 +16,35 @@ _LEADS_TO: Final = {
 
 
 def consequence_text(finding: Finding) -> str:
-    """Describe what a cause does to the mass."""
+    """Effect of a finding on the mass, in words."""
     if finding.severity == "tell" and finding.mass_change_kg is None:
         return "its effect on the mass is not known"
     return _LEADS_TO[finding.severity]
 
 
 def findings_of_run(run: Run) -> tuple[Finding, ...]:
-    """The findings of a run the likeliest first; none where none were looked for."""
+    """Findings of a run, the most likely first; none if they were not computed."""
     frame = run.frames.get("findings")
     return () if frame is None else findings_of_rows(frame.iter_rows(named=True))
 
 
 def findings_of_rows(rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
-    """The findings of rows of the frame `findings`, the likeliest first."""
+    """Findings from rows of the frame `findings`, the most likely first."""
     return tuple(Finding.from_row(row) for row in rows)
 
 
 def cause_name(cause: str) -> str:
-    """A cause as a person reads it."""
+    """Name of a cause for readers."""
     return cause.replace("_", " ")
 
 
 def may_change_mass(finding: Finding) -> bool:
-    """Whether a finding changes the mass, or may; one without kilograms does not."""
+    """Whether correcting the finding may change the mass; without kilograms it does not."""
     return finding.severity != "tell" or finding.mass_change_kg is not None
 
 
 def mass_change_text(finding: Finding) -> str:
-    """How mending would change the mass; empty if unknown."""
+    """Change of the mass after correction; empty if unknown."""
     change, u = finding.mass_change_kg, finding.mass_change_u_kg
     if change is None:
         return ""
@@ -54,7 +54,7 @@ def mass_change_text(finding: Finding) -> str:
 
 
 def finding_span_text(finding: Finding, clock: ShiftClock | None = None) -> str:
-    """Where it is, or nothing for the whole log: in s since the start, or by a clock."""
+    """Time span of a finding in s since the start or by a clock; empty for the whole log."""
     if finding.start_s is None or finding.end_s is None:
         return ""
     if clock is not None:
@@ -65,7 +65,7 @@ def finding_span_text(finding: Finding, clock: ShiftClock | None = None) -> str:
 
 
 def finding_line(finding: Finding, clock: ShiftClock | None = None) -> str:
-    """One line: the cause, where, what was measured, what mending it would do."""
+    """One line with the cause, its time span, the measured evidence and the mass change."""
     where = ", ".join(filter(None, (finding.channel, finding_span_text(finding, clock))))
     parts = [f"{cause_name(finding.cause)}{f' ({where})' if where else ''}: {finding.evidence}"]
     parts += filter(None, [mass_change_text(finding)])
@@ -73,7 +73,7 @@ def finding_line(finding: Finding, clock: ShiftClock | None = None) -> str:
 
 
 def proposal_text(finding: Finding) -> str:
-    """Keys to write into the machine file; empty if none."""
+    """Keys to set in the machine file; empty if there are none."""
     if finding.setting is None or finding.value is None:
         return ""
     keys, values = finding.setting.split(", "), finding.value.split(", ")
@@ -85,7 +85,7 @@ def proposal_text(finding: Finding) -> str:
 
 
 def indistinguishable_causes(finding: Finding) -> str:
-    """Which causes it cannot be told from, or nothing."""
+    """Causes that the log cannot distinguish from this one; empty if there are none."""
     if not finding.alternatives:
         return ""
     names = ", ".join(map(cause_name, finding.alternatives))
@@ -93,7 +93,7 @@ def indistinguishable_causes(finding: Finding) -> str:
 
 
 def findings_text(run: Run) -> str:
-    """Every finding in Markdown; a sentence where none shows, nothing where none was looked for."""
+    """All findings in Markdown; a sentence if there are none, empty if they were not computed."""
     if "findings" not in run.frames:
         return ""
     found = findings_of_run(run)

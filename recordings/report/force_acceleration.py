@@ -1,4 +1,4 @@
-"""Force against acceleration, of which the mass is the slope: points by the gate, and masses."""
+"""Force over acceleration, whose slope is the mass: points by gate decision, and mass lines."""
 
 from typing import Any, Final, NamedTuple
 
@@ -21,7 +21,7 @@ _REASONS: Final = 3
 
 
 class PointGroup(NamedTuple):
-    """Points that the gate judged alike: columns `ACCELERATION` and `FORCE`."""
+    """Points with the same gate decision: columns `ACCELERATION` and `FORCE`."""
 
     label: str
     colour: str
@@ -29,7 +29,7 @@ class PointGroup(NamedTuple):
 
 
 class MassLine(NamedTuple):
-    """A mass of the answer, with its standard uncertainty."""
+    """A mass of the answer with its standard uncertainty, drawn as a line."""
 
     name: str
     mass_kg: float
@@ -37,7 +37,7 @@ class MassLine(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The name, the mass and U."""
+        """Name, mass and expanded uncertainty."""
         return f"{self.name} {format_plus_minus(self.mass_kg, 2 * self.u_kg)} kg (k = 2)"
 
 
@@ -45,10 +45,10 @@ class ForceAcceleration(NamedTuple):
     """Data of the plot of force against acceleration.
 
     Attributes:
-        points: all of them, `t_ns`, `ACCELERATION` and `FORCE`.
-        groups: the same by what the gate said.
-        masses: of the load at the moment, else of the lightest and the heaviest.
-        force_label: of the axis.
+        points: all points, with `t_ns`, `ACCELERATION` and `FORCE`.
+        groups: the same points by gate decision.
+        masses: mass of the load at the selected time, or of the lightest and the heaviest load.
+        force_label: label of the force axis.
     """
 
     points: pl.DataFrame
@@ -58,14 +58,14 @@ class ForceAcceleration(NamedTuple):
 
 
 def force_acceleration(run: Run, at_s: float | None = None) -> ForceAcceleration | None:
-    """Select points and masses.
+    """Select the points and masses of a run for the plot.
 
     Args:
-        run: the run, or a stretch of it.
-        at_s: the moment that is meant.
+        run: the run, or a part of it.
+        at_s: selected time in s; None for the whole run.
 
     Returns:
-        None where no sample has force and acceleration.
+        None if no sample has both force and acceleration.
     """
     points = _select_points(run)
     if points is None or not points.height:
@@ -111,7 +111,7 @@ def _group_points(points: pl.DataFrame) -> list[PointGroup]:
 
 
 def _select_points(run: Run) -> pl.DataFrame | None:
-    """Samples with force and acceleration, whether a window used them, and the gate's reason."""
+    """Samples with force and acceleration, whether they were used, and the gate's reason."""
     excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
     if excitation is None or any(name not in excitation.columns for name in _NEEDED):
         return None
@@ -130,7 +130,7 @@ def _select_points(run: Run) -> pl.DataFrame | None:
 
 
 def window_row_count(run: Run, gate: pl.DataFrame) -> int:
-    """Rows of a window: a review keeps one row of many."""
+    """Number of rows in a window; a review keeps only some of the rows."""
     settings = run.provenance.settings
     step_ns = gate["t_ns"].diff().median()
     if not isinstance(step_ns, float) or step_ns <= 0.0:
@@ -140,7 +140,7 @@ def window_row_count(run: Run, gate: pl.DataFrame) -> int:
 
 
 def _fitted_loads(run: Run, at_s: float | None) -> list[dict[str, Any]]:
-    """The loads whose masses are drawn as lines, the lighter first."""
+    """Loads whose masses are drawn as lines, the lighter first."""
     loads = run.frames.get("loads")
     if loads is None:
         return []
@@ -156,7 +156,7 @@ def _fitted_loads(run: Run, at_s: float | None) -> list[dict[str, Any]]:
 
 
 def _coulomb_force(run: Run) -> float:
-    """Coulomb friction of the answer."""
+    """Coulomb friction of the answer in N."""
     terms = run.frames.get("nuisances")
     if terms is None:
         return 0.0

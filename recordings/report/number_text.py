@@ -1,4 +1,4 @@
-"""How numbers and tables are written in the texts of a recording."""
+"""Formats of numbers and tables in texts."""
 
 from collections.abc import Iterable, Sequence
 from math import floor, isfinite, log10
@@ -12,13 +12,13 @@ REMARKED: Final = {"widen": "widened", "method": "withheld", "tell": "note"}
 
 
 def format_check_outcome(check: Check, *, passed: str, failed: str, absent: str) -> str:
-    """A check's outcome in a word: a failed one that withholds nothing is named by its consequence.
+    """Outcome of a check in one word; a harmless failure is named by its consequence.
 
     Args:
-        check: any.
-        passed: what to call it when it passed,
-        failed: when it failed and withholds a number,
-        absent: when it does not apply.
+        check: the check.
+        passed: word for a passed check.
+        failed: word for a failed check that withholds a number.
+        absent: word for a check that does not apply.
     """
     if check.passed is None:
         return absent
@@ -26,7 +26,7 @@ def format_check_outcome(check: Check, *, passed: str, failed: str, absent: str)
 
 
 def format_number(value: object) -> str:
-    """A cell of a table: five significant digits, thousands apart, a dash for nothing."""
+    """Table cell of a value: five significant digits, thousands separators, a dash for None."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -38,7 +38,7 @@ def format_number(value: object) -> str:
 
 
 def format_plus_minus(value: float | None, std: float | None) -> str:
-    """A value with its standard deviation to two digits, both to the same place."""
+    """Value ± standard deviation, the latter with two digits and both to the same place."""
     if value is None or std is None or not (std > 0 and isfinite(std)):
         return format_number(value)
     places = max(0, 1 - floor(log10(std)))
@@ -50,11 +50,11 @@ SCALE_NOT_KNOWN: Final = "scale error not included"
 
 
 def scale_unknown_line(names: str, of: str = "") -> str:
-    """Name the uncertainties that the machine file lacks.
+    """Line that names the uncertainties missing from the machine file.
 
     Args:
-        names: of the sources, as frames have them: `force_gain, wheel_radius`.
-        of: the quantity, where it is not the mass.
+        names: names of the sources in frames: `force_gain, wheel_radius`.
+        of: the quantity, if not the mass.
     """
     whose = f" of {of}" if of else ""
     keys = ", ".join(_UNCERTAINTY_KEYS.get(name, name) for name in names.split(", "))

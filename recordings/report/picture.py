@@ -1,11 +1,11 @@
-"""Pictures in files: the format by the suffix, whole or not at all."""
+"""Picture files: the suffix selects the format, and partial files never remain."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 from warnings import catch_warnings, filterwarnings
 
 from estimators.errors import OutputError
-from recordings.report.atomic_output import atomic_file, check_output
+from recordings.report.atomic_output import atomic_file, require_writable_output
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,21 +17,22 @@ _DPI: Final = 150
 
 
 def check_picture(path: Path, *, force: bool) -> None:
-    """Refuse the name of a picture before the work that it is for.
+    """Raise an error before drawing if a picture file cannot be written.
 
     Raises:
-        OutputError: another suffix, the file exists, or its folder cannot be written to.
+        OutputError: the suffix is not supported, the file exists, or its folder cannot be written
+            to.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise OutputError(f"{path}: no picture format '{path.suffix}'; use {', '.join(SUFFIXES)}")
-    check_output(path, force=force)
+    require_writable_output(path, force=force)
 
 
 def write_picture(figure: "Figure", path: Path, *, force: bool) -> Path:
-    """Write a figure in the format that the suffix of its name says.
+    """Write a figure in the format of the file's suffix.
 
     Raises:
-        OutputError: as `check_picture`; or it cannot be written.
+        OutputError: as `check_picture`, or if writing fails.
     """
     check_picture(path, force=force)
     with atomic_file(path, force=force) as partial, catch_warnings():
@@ -41,7 +42,7 @@ def write_picture(figure: "Figure", path: Path, *, force: bool) -> Path:
 
 
 def draw_legend_beside(axes: "Axes", size: float = 7.0) -> None:
-    """Name the lines of a panel to its right, where no data lie; none where there is one line."""
+    """Draw a legend to the right of the axes, unless there is only one line."""
     handles, labels = axes.get_legend_handles_labels()
     if len(labels) > 1:
         axes.legend(
@@ -56,7 +57,7 @@ def draw_legend_beside(axes: "Axes", size: float = 7.0) -> None:
 
 
 def draw_legend_above(axes: "Axes", size: float = 6.0) -> None:
-    """Name the lines of a panel above it, where no data lie; none where there is one line."""
+    """Draw a legend above the axes, unless there is only one line."""
     if len(axes.get_legend_handles_labels()[1]) > 1:
         axes.legend(
             fontsize=size,

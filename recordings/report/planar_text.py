@@ -1,4 +1,4 @@
-"""The centre of mass in words: what arcs and joint motion told, and what they could not."""
+"""Texts about the centre of mass: results of arcs and joint motion, and what is undetermined."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -33,16 +33,13 @@ _SAID = {
 def planar_fit_lines(
     rows: Sequence[Mapping[str, Any]], budget: Sequence[Mapping[str, Any]] = ()
 ) -> list[str]:
-    """A line for each fit over more than one arc, or for the arc where there is only one.
-
-    And what their uncertainty is made of, and lacks.
-    """
+    """Lines for each fit over several arcs, or for a single arc, with its uncertainty sources."""
     whole = [row for row in rows if row["kind"] in _OF] or list(rows)
     return [_fit_line(row) for row in whole] + largest_parts(budget) + missing_values(whole)
 
 
 def largest_parts(budget: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The largest part of what is known of each uncertainty."""
+    """Lines with the largest known part of each uncertainty."""
     lines: list[str] = []
     for quantity, (words, factor, unit) in _SAID.items():
         known = [row for row in budget if row["quantity"] == quantity and row["u"]]
@@ -57,7 +54,7 @@ def largest_parts(budget: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def missing_values(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """What the machine file should state; a recording of an earlier version does not say."""
+    """Uncertainties missing from the machine file; empty for recordings of earlier versions."""
     lines: list[str] = []
     for column, of in (
         ("scale_unknown", "yaw inertia and first moments"),
@@ -70,7 +67,7 @@ def missing_values(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def planar_markdown(run: Run) -> str:
-    """Every arc and joint fit; nothing where the machine did not turn."""
+    """Every arc and joint fit in Markdown; empty if the machine did not turn."""
     rows = planar_rows(run)
     if not rows:
         return ""
@@ -109,7 +106,7 @@ def planar_markdown(run: Run) -> str:
 
 
 def planar_rows(run: Run) -> list[dict[str, Any]]:
-    """Rows of the frame `planar`; none if the run has no such frame."""
+    """Rows of the frame `planar`; empty if the run lacks it."""
     return run.frames["planar"].to_dicts() if "planar" in run.frames else []
 
 
@@ -133,7 +130,7 @@ def _format_distance(row: Mapping[str, Any], axis: str) -> str:
 
 
 def list_determined(row: Mapping[str, Any]) -> str:
-    """Which numbers the motion determines, with those that may be told."""
+    """List the parameters that the motion determines and that are not withheld."""
     told = [
         f"{name} {format_plus_minus(row[value], row[std])} {unit}"
         for name, (value, std, unit) in _NAMES.items()

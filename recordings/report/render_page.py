@@ -1,4 +1,4 @@
-"""Write a page: one file with its style and script in it, which asks nothing of anybody."""
+"""Render an HTML page as one file with its style and script, without network access."""
 
 import base64
 import hashlib
@@ -24,13 +24,13 @@ _PLACE: Final = "/* page.js */"
 
 
 def page_html(package: str, template: str, *, scripts: Sequence[str] = (), **values: Any) -> str:
-    """Render a page; every text in it is escaped.
+    """Render a page, with all text escaped.
 
     Args:
-        package: where the template and those that it includes lie.
-        template: its name; it fills the block of `page.html.j2`.
-        scripts: names of scripts of its own beside it.
-        values: that it shows.
+        package: package with the template and its includes.
+        template: name of the template, which fills the block of `page.html.j2`.
+        scripts: names of the page's scripts in the package.
+        values: values that the template shows.
     """
     environment, digest = page_templates(package, tuple(scripts))
     return environment.get_template(template).render(
@@ -40,7 +40,7 @@ def page_html(package: str, template: str, *, scripts: Sequence[str] = (), **val
 
 @cache
 def page_templates(package: str, scripts: tuple[str, ...]) -> "tuple[Environment, str]":
-    """The templates of a package, each compiled once, and the digest of the page's script."""
+    """Compiled templates of a package, and the digest of the page's script."""
     from jinja2 import DictLoader, Environment, StrictUndefined
 
     # our own files, so part of the template: no text of a log is in them
@@ -70,7 +70,7 @@ def page_templates(package: str, scripts: tuple[str, ...]) -> "tuple[Environment
 
 
 def _strip_control_characters(value: object) -> object:
-    """A text without what a browser obeys or hides: control characters, turned writing."""
+    """Remove control and text-direction characters that a browser would obey."""
     return one_line(value) if type(value) is str else value
 
 

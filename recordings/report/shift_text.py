@@ -1,4 +1,4 @@
-"""Result of a shift in a sentence, for page, terminal and recording alike."""
+"""Result of a shift in one sentence, for page, terminal and recording."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -11,7 +11,7 @@ K: Final = 2.0
 
 
 def shift_payload_sentence(shift: Mapping[str, Any]) -> str:
-    """The tonnes of a shift of which a cycle counts.
+    """Sentence with the payload of a shift; it needs at least one counted cycle.
 
     Args:
         shift: row of the frame `shift`.
@@ -26,12 +26,12 @@ def shift_payload_sentence(shift: Mapping[str, Any]) -> str:
 
 
 def format_tonnes(kg: float, u_kg: float) -> str:
-    """A sum in t with its expanded uncertainty, to the digits that it is worth."""
+    """Mass in t with its expanded uncertainty, to the significant digits."""
     digits = 1 if u_kg >= 3000.0 else 2 if u_kg >= 300.0 else 3
     return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
 
 
 def includes_uncounted(shift: Mapping[str, Any]) -> bool:
-    """Whether the shift's total has more in it than the counted loads."""
+    """Whether the shift's total includes more than the counted loads."""
     parts = ("uncounted_kg", "uncounted_u_kg", "lost_kg", "lost_u_kg")
     return any((shift[name] or 0.0) > 0.0 for name in parts)

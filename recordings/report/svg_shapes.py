@@ -1,4 +1,4 @@
-"""Figures of a report as plain shapes: numbers in, SVG elements out, the same bytes every time."""
+"""Figures of a report as SVG shapes, byte for byte reproducible."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ _TEXT: Final = 6.2
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """An SVG element: its look, its tag, attributes and text, which the template escapes."""
+    """An SVG element with look, tag, attributes and text; the template escapes the text."""
 
     look: str
     tag: str
@@ -26,14 +26,14 @@ class Shape:
 
 @dataclass(slots=True)
 class Drawing:
-    """A figure.
+    """A figure as a list of shapes.
 
     Attributes:
-        name: of it, in ids.
-        title: what it shows, in a few words.
-        description: what a reader who cannot see it should know.
-        height: of the drawing, `WIDTH` wide.
-        shapes: in drawing order.
+        name: name used in ids.
+        title: short title.
+        description: description for readers who cannot see it.
+        height: height of the drawing; the width is `WIDTH`.
+        shapes: shapes in drawing order.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Drawing:
 
     @property
     def groups(self) -> list[tuple[dict[str, str], list[Shape]]]:
-        """Shapes of one look that follow each other, with the attributes of that look."""
+        """Consecutive shapes with the same look, together with its attributes."""
         runs = groupby(self.shapes, key=lambda shape: shape.look)
         return [({"class": look, **_LOOKS[look]}, list(shapes)) for look, shapes in runs]
 
@@ -59,7 +59,7 @@ class Drawing:
         self.shapes.append(Shape(look, "line", at))
 
     def draw_path(self, ways: Sequence[Sequence[tuple[float, float]]], look: str) -> None:
-        """Draw ways from corner to corner, all as one element."""
+        """Draw polylines as one element."""
         d = "".join(
             "M" + "L".join(f"{_format_coordinate(x)} {_format_coordinate(y)}" for x, y in corners)
             for corners in ways
@@ -67,12 +67,12 @@ class Drawing:
         self.shapes.append(Shape(look, "path", {"d": d, "fill": "none"}))
 
     def fill_polygon(self, corners: Sequence[tuple[float, float]], look: str) -> None:
-        """Fill an area."""
+        """Fill a polygon."""
         points = " ".join(f"{_format_coordinate(x)},{_format_coordinate(y)}" for x, y in corners)
         self.shapes.append(Shape(look, "polygon", {"points": points}))
 
     def draw_dot(self, x: float, y: float, look: str, tip: str) -> None:
-        """Draw a point that says what it is when it is pointed at."""
+        """Draw a point with a tooltip."""
         at = {"cx": _format_coordinate(x), "cy": _format_coordinate(y), "r": "3.2"}
         self.shapes.append(Shape(look, "circle", at, tip))
 
@@ -87,7 +87,7 @@ class Drawing:
         self.shapes.append(Shape(look, "rect", at))
 
     def write(self, x: float, y: float, text: str, anchor: str = "middle") -> None:
-        """Write a text."""
+        """Draw a text."""
         at = {"x": _format_coordinate(x), "y": _format_coordinate(y), "text-anchor": anchor}
         self.shapes.append(Shape("ink", "text", at, text))
 
@@ -108,7 +108,7 @@ _LOOKS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Axes:
-    """A plot's frame: from numbers to places in the drawing."""
+    """Frame of a plot, which maps numbers to positions in the drawing."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -122,11 +122,11 @@ class Axes:
         box: tuple[float, float, float, float],
         pad: float = 0.06,
     ) -> "Axes":
-        """Axes whose ranges contain all these numbers, with a margin."""
+        """Axes with ranges that contain all values, plus a margin."""
         return cls(_padded_range(x, pad), _padded_range(y, pad), box)
 
     def place_in_drawing(self, x: float, y: float) -> tuple[float, float]:
-        """Where a pair of numbers lies."""
+        """Position of a point (x, y) in the drawing."""
         left, top, right, bottom = self.box
         across = (x - self.x[0]) / (self.x[1] - self.x[0])
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
@@ -139,7 +139,7 @@ class Axes:
         y_label: str,
         x_ticks: Sequence[tuple[float, str]] | None = None,
     ) -> None:
-        """Draw grid, numbers and labels; `x_ticks` are others than round numbers, as of a clock."""
+        """Draw grid, tick labels and axis labels; `x_ticks` replaces round numbers."""
         left, top, right, bottom = self.box
         for value, text in round_ticks(*self.x) if x_ticks is None else x_ticks:
             x, _ = self.place_in_drawing(value, self.y[0])
@@ -156,7 +156,7 @@ class Axes:
 
 
 def round_ticks(low: float, high: float) -> list[tuple[float, str]]:
-    """Round numbers between two, at most about five, as texts of one length after the point."""
+    """About five round numbers in a range, with labels of equal precision."""
     raw = (high - low) / _TICKS
     power = 10.0 ** np.floor(np.log10(raw))
     step = float(next(s * power for s in (1.0, 2.0, 5.0, 10.0) if s * power >= raw * 0.999))
@@ -167,7 +167,7 @@ def round_ticks(low: float, high: float) -> list[tuple[float, str]]:
 
 
 def shorten_text(text: str, width: float) -> str:
-    """The text, cut where it is wider than so much of the drawing."""
+    """Cut a text to a width in drawing units."""
     most = max(int(width / _TEXT), 4)
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
@@ -179,5 +179,5 @@ def _padded_range(values: Sequence[float], pad: float) -> tuple[float, float]:
 
 
 def _format_coordinate(value: float) -> str:
-    """A place in the drawing: a tenth of its unit is less than a pixel of a printer."""
+    """Format a coordinate to a tenth of a unit, which no printer resolves."""
     return f"{value:.1f}".removesuffix(".0")

@@ -1,4 +1,4 @@
-"""Lines about the answer: loads and payloads, prior sensitivity, largest uncertainty."""
+"""Lines about the answer: loads, payloads, sensitivity to priors, largest uncertainty."""
 
 from collections.abc import Mapping
 from math import ceil
@@ -28,7 +28,7 @@ _CALIBRATED: Final = ("calibrated kg", "from kg", "to kg")
 
 
 def table_heads_of_loads(said: Answer) -> tuple[str, ...]:
-    """Heads of `load_rows`."""
+    """Column heads of `table_rows_of_loads`."""
     return (*_HEADS, *(_CALIBRATED if _is_calibrated(said) else ()), "")
 
 
@@ -37,9 +37,9 @@ def _is_calibrated(said: Answer) -> bool:
 
 
 def table_rows_of_loads(said: Answer) -> list[tuple[str, ...]]:
-    """A row a load: number, from, to, manoeuvres, mass, payload, remark.
+    """A row per load: number, begin, end, manoeuvres, mass, payload, remark.
 
-    Before the remark, where a calibration was given, its mass and the interval of that.
+    With a calibration, the calibrated mass and its interval precede the remark.
     """
     return [
         (
@@ -57,7 +57,7 @@ def table_rows_of_loads(said: Answer) -> list[tuple[str, ...]]:
 
 
 def load_sentences(said: Answer, most: int) -> list[str]:
-    """A line a load, up to so many."""
+    """A line per load, up to `most`."""
     lines: list[str] = []
     rows = zip(table_rows_of_loads(said)[:most], said.loads, strict=False)
     for (load, begin, end, manoeuvres, mass, payload, *_, remark), row in rows:
@@ -70,7 +70,7 @@ def load_sentences(said: Answer, most: int) -> list[str]:
 
 
 def answer_lines(said: Answer, *, brief: bool = False) -> list[str]:
-    """Masses, payloads and what bears on them; or the reason why there is none."""
+    """Masses, payloads and their caveats as lines, or the reason why there is no answer."""
     if len(said.loads) == 1:
         return load_lines(said.loads[0], brief=brief)
     lines = [f"{len(said.loads)} load states; masses are listed per load"] if said.loads else []
@@ -92,7 +92,7 @@ def answer_lines(said: Answer, *, brief: bool = False) -> list[str]:
 
 
 def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
-    """Mass, payload and, unless brief, the sensitivity to the priors; or why there is no mass."""
+    """Lines with mass, payload and, unless brief, prior sensitivity; or why there is no mass."""
     if load.get("mass_kg") is None:
         return [f"no mass: {load.get('withheld_for') or 'nothing was fitted'}"]
     mass, u = load["mass_kg"], load["u_kg"]
@@ -111,7 +111,7 @@ def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
 
 
 def prior_sensitivity_line(load: Mapping[str, Any]) -> str:
-    """The mass under priors half and twice as wide."""
+    """Line with the masses for priors half and twice as wide."""
     return (
         f"prior sensitivity: {format_number(load['mass_halved_priors_kg'])} kg (×½) … "
         f"{format_number(load['mass_doubled_priors_kg'])} kg (×2)"
@@ -131,7 +131,7 @@ def _note_on_all_loads(load: Mapping[str, Any]) -> list[str]:
 
 
 def describe_starts_to_goal(said: Answer, goal_kg: float) -> list[str]:
-    """How many manoeuvres would bring each load's number to ± `goal_kg`, by this log's figures."""
+    """Number of further manoeuvres that would reach ± `goal_kg` for each load."""
     lines: list[str] = []
     for load in said.loads:
         if load["mass_kg"] is None or load.get("empty"):
@@ -168,9 +168,9 @@ def describe_starts_to_goal(said: Answer, goal_kg: float) -> list[str]:
 
 
 def budget_rows(said: Answer, mark: str = "█") -> list[tuple[str, str, str, str, str]]:
-    """Source, kind, u in kg, a bar of its share of the variance, and what would shrink it.
+    """Rows of the uncertainty budget of the load with the most manoeuvres.
 
-    Of the load that is known from most manoeuvres.
+    Each has source, kind, u in kg, a bar for its fraction of the variance, and how to reduce it.
     """
     shown = best_known_load(said)
     rows: list[tuple[str, str, str, str, str]] = []
@@ -188,7 +188,7 @@ def budget_rows(said: Answer, mark: str = "█") -> list[tuple[str, str, str, st
 
 
 def best_known_load(said: Answer) -> int:
-    """The load that is known from most manoeuvres, the first of several."""
+    """Number of the load with the most manoeuvres, the first of several."""
     known = [load for load in said.loads if load["mass_kg"] is not None]
     return max(known, key=lambda load: load["manoeuvres"])["load_id"] if known else 0
 
@@ -198,7 +198,7 @@ _SCATTER_UNKNOWN: Final = "an assumed disagreement of manoeuvres of one load"
 
 
 def uncertainty_advice(said: Answer) -> str | None:
-    """The measure that would reduce the uncertainty most; None without an answer."""
+    """Measure that would reduce the uncertainty most; None without an answer."""
     shown = best_known_load(said)
     known = [s for s in said.budget if s["u_kg"] and s.get("load_id", 0) == shown]
     if not known or not any(load["mass_kg"] is not None for load in said.loads):
@@ -225,13 +225,13 @@ def _format_payload(load: Mapping[str, Any]) -> str:
 
 
 def calibrated_mass_cells(load: Mapping[str, Any]) -> tuple[str, ...]:
-    """Calibrated mass and the ends of its interval."""
+    """Table cells with the calibrated mass and the ends of its interval."""
     names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg")
     return tuple("–" if load[name] is None else f"{load[name]:,.1f}" for name in names)
 
 
 def calibrated_line(load: Mapping[str, Any]) -> str:
-    """The calibrated mass in words; empty if no calibration was given."""
+    """Line with the calibrated mass; empty without a calibration."""
     if "calibrated_kg" not in load:
         return ""
     if load["calibrated_kg"] is None:
@@ -259,7 +259,7 @@ def _format_seconds(t_ns: int | None) -> str:
 
 
 def summarise_shift_lines(answer: Answer) -> list[str]:
-    """Sum of the cycles of a log in a line; no line if nothing was dumped."""
+    """Line with the sum of the log's cycles; none if nothing was dumped."""
     shift = answer.shift
     if not shift:
         return []

@@ -1,4 +1,4 @@
-"""The energy of a shift in ledger, JSON and page: columns of a cycle, a table, and a sentence."""
+"""Energy of a shift in ledger, JSON and page: columns, a table and a sentence."""
 
 from collections.abc import Mapping, Sequence
 from math import floor, hypot, log10
@@ -22,21 +22,21 @@ FUEL_U: Final = "fuel_u_L"
 
 
 def energy_column_name(name: str) -> str:
-    """The ledger's column of an energy."""
+    """Ledger column of an energy."""
     return f"{name}_kWh"
 
 
 def uncertainty_column_name(name: str) -> str:
-    """The column of its standard uncertainty."""
+    """Ledger column of its standard uncertainty."""
     return f"{name}_u_kWh"
 
 
 def add_energy_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
-    """The ledger with the energy of each cycle; null where it is not known.
+    """The ledger with the energy of each cycle; null if unknown.
 
     Args:
         rows: the ledger.
-        state: of the review.
+        state: state of the review.
     """
     by_cycle: dict[int, dict[str, EnergyAmount]] = {}
     for row in state.energy.rows:
@@ -73,7 +73,7 @@ def energy_amounts_by_column(row: EnergyRow) -> dict[str, EnergyAmount]:
 
 
 def _energy_per_tonne_text(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmount:
-    """Energy over a payload in kg; their uncertainties are independent."""
+    """Energy per tonne of a payload in kg, with independent uncertainties."""
     t, u_t = row["payload_kg"] / 1e3, row["payload_u_kg"] / 1e3
     if t <= 0.0:
         return EnergyAmount(0.0, 0.0)
@@ -84,12 +84,12 @@ def _energy_per_tonne_text(energy: EnergyAmount, row: Mapping[str, Any]) -> Ener
 def energy_of_tonnes(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> EnergyAmount | None:
-    """The energy of a counted tonne, None where no counted cycle has both.
+    """Energy per counted tonne; None if no counted cycle has both.
 
     Args:
-        ledger: with energy.
-        shift: frame `shift`, as reviewed: for the tonnes' relative uncertainty.
-        state: of the review: for that of the energy.
+        ledger: ledger with energy.
+        shift: frame `shift` as reviewed, for the payload's relative uncertainty.
+        state: state of the review, for the energy's uncertainty.
     """
     both = ledger.filter("counted", pl.col("energy_kWh").is_not_null())
     tonnes = float(both["payload_kg"].sum()) / 1e3
@@ -108,7 +108,7 @@ def format_energy_amount(amount: EnergyAmount) -> str:
 def energy_facts(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> list[tuple[str, str]]:
-    """The shift's energy in a line, name and value; nothing where it is not known."""
+    """Lines on the shift's energy, as (name, value); empty if unknown."""
     if not state.energy.rows:
         return []
     whole = state.energy.rows[0]
@@ -134,7 +134,7 @@ def energy_facts(
 def _format_fuel(
     fuel_L: float, ledger: pl.DataFrame, shift: Mapping[str, Any], u_1: float | None
 ) -> str:
-    """The fuel of the cycles, and of a counted tonne."""
+    """Fuel of the cycles, and per counted tonne, as text."""
     both = ledger.filter("counted", pl.col(FUEL).is_not_null())
     tonnes = float(both["payload_kg"].sum()) / 1e3
     per_t = float(both[FUEL].sum()) / tonnes if tonnes > 0.0 else None
@@ -149,7 +149,7 @@ def _format_fuel(
 
 
 def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
-    """The shift's energy by part and phase: a row a part; nothing where it is not known."""
+    """The shift's energy with a row per part and a column per phase; empty if unknown."""
     rows = [row for row in state.energy.rows if row.cycle is None]
     if not rows:
         return []
@@ -167,14 +167,14 @@ def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
 
 
 def format_litres_cell(fuel_L: float | None, u_1: float | None) -> str:
-    """The fuel of a phase in the table, with its interval where that is known."""
+    """Table cell of a phase's fuel, with its interval if known."""
     if fuel_L is None:
         return "–"
     return f"{fuel_L:.2f}" if u_1 is None else f"{fuel_L:.2f} ± {K * u_1 * fuel_L:.2f}"
 
 
 def make_energy_cell(amount: EnergyAmount, digits: int) -> str:
-    """An energy in the table; a dash where it is nothing."""
+    """Table cell of an energy; a dash for none."""
     least = 0.5 * 10.0**-digits
     if abs(amount.kWh) < least and K * amount.u_kWh < least:
         return "–"
@@ -184,7 +184,7 @@ def make_energy_cell(amount: EnergyAmount, digits: int) -> str:
 def energy_dict(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> dict[str, Any] | None:
-    """The energy as plain JSON values: kWh and standard uncertainty of each part and phase."""
+    """Energy of each part and phase in kWh with standard uncertainty, JSON-compatible."""
     if not state.energy.rows:
         return None
     per_t = energy_of_tonnes(ledger, shift, state)

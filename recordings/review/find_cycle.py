@@ -1,4 +1,4 @@
-"""Find the cycle that a reviewer means: by its number, its id, or the clock at the machine."""
+"""Find a cycle by number, id or local time."""
 
 import datetime as dt
 import re
@@ -20,19 +20,19 @@ _TIME: Final = re.compile(
 
 
 def find_cycle(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
-    """The row of the cycle that is meant.
+    """Row of the cycle that a reviewer names.
 
-    A local time means the cycle that is dumped then, to 5 s or in that minute, else the one that
-    is under way.
+    A local time selects the cycle dumped within 5 s of it or in that minute, else the one in
+    progress.
 
     Args:
         when: a number (14), an id (2023-11-14T22:14:58Z) or a local time (14:32:10, 14:32,
             02:30:10+02:00, 2023-11-14 14:32:10); h:mm:ss since the start for a log without a date.
         rows: the ledger.
-        clock: of the shift.
+        clock: clock of the shift.
 
     Raises:
-        ReviewError: no cycle is meant, or more than one.
+        ReviewError: no cycle matches, or several do.
     """
     text = when.strip()
     if text.isdecimal():
@@ -58,10 +58,10 @@ def find_cycle(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
 
 
 def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
-    """The instant at which the clock at the machine shows a time; see `find_cycle`.
+    """Instant at which the local clock shows a time; see `find_cycle`.
 
     Raises:
-        ReviewError: it is no time, or the clock shows it never or twice.
+        ReviewError: it is not a time, or the clock shows it never or twice.
     """
     match = _TIME.fullmatch(text.strip())
     try:
@@ -81,7 +81,7 @@ def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
 
 
 def rows_at_time(match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock) -> list[int]:
-    """Rows that a time may mean."""
+    """Rows that a time may select."""
     starts, ends = rows["start_unix_ns"].to_list(), rows["end_unix_ns"].to_list()
     room_s = 60.0 if match["s"] is None else 0.0
     found: set[int] = set()
@@ -100,7 +100,7 @@ def rows_at_time(match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock) ->
 
 
 def match_instants(match: re.Match[str], clock: ShiftClock) -> list[float]:
-    """The unix times at which the clock at the machine shows this, in s."""
+    """Unix times in s at which the local clock shows this time."""
     hour, minute, second = (int(match[name] or 0) for name in ("h", "m", "s"))
     if not clock.is_dated:
         return [clock.t0_unix_ns / NS + 3600 * hour + 60 * minute + second]

@@ -1,4 +1,4 @@
-"""The ledger for a spreadsheet: dates as dates, ± as on the page, and a row of units."""
+"""The ledger as a spreadsheet: dates as dates, ± as on the page, and a row of units."""
 
 import csv
 import datetime as dt
@@ -35,7 +35,7 @@ Cell = str | float | int | bool | dt.datetime | None
 
 
 class TableColumn(NamedTuple):
-    """A column: its head, unit, where its value comes from, and how many digits are shown."""
+    """A column: head, unit, source of its value, and number of digits."""
 
     head: str
     unit: str
@@ -83,7 +83,7 @@ def _remark_cell(row: Row, _: ShiftClock) -> Cell:
 
 
 def _make_energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
-    """An energy, and its interval."""
+    """Columns of an energy, and of its interval."""
     own = {"energy": "energy", "energy_per_t": "energy per tonne"}
     head = own.get(name, f"energy, {name}")
     unit = "kWh/t" if name == "energy_per_t" else "kWh"
@@ -119,11 +119,11 @@ COLUMNS: Final = (
 
 
 def make_table_rows(ledger: pl.DataFrame, clock: ShiftClock) -> list[list[Cell]]:
-    """The cells, a row a cycle.
+    """Cells, a row per cycle.
 
     Args:
-        ledger: with motion.
-        clock: of the machine: a reader's own zone changes nothing.
+        ledger: ledger with motion.
+        clock: clock of the machine, independent of the reader's time zone.
     """
     return [
         [column.value(row, clock) for column in COLUMNS] for row in ledger.iter_rows(named=True)
@@ -131,7 +131,7 @@ def make_table_rows(ledger: pl.DataFrame, clock: ShiftClock) -> list[list[Cell]]
 
 
 def write_xlsx(ledger: pl.DataFrame, clock: ShiftClock, path: Path) -> None:
-    """Write a workbook: heads, units, then rows; the two on top stay in sight."""
+    """Write a workbook with fixed heads and units above the rows."""
     # no text becomes a formula or a link, and the same ledger gives the same bytes
     options = {"strings_to_formulas": False, "strings_to_urls": False, "in_memory": True}
     with xlsxwriter.Workbook(str(path), options) as book:
@@ -154,13 +154,13 @@ def write_xlsx(ledger: pl.DataFrame, clock: ShiftClock, path: Path) -> None:
 def write_table_csv(
     ledger: pl.DataFrame, clock: ShiftClock, path: Path, *, decimal_comma: bool = False
 ) -> None:
-    """Write the same as text that a spreadsheet opens by a double click.
+    """Write the same table as CSV that spreadsheets open directly.
 
     Args:
-        ledger: with motion.
-        clock: of the machine.
-        path: to write.
-        decimal_comma: for a spreadsheet of a locale that writes 1,5: cells part at semicolons.
+        ledger: ledger with motion.
+        clock: clock of the machine.
+        path: file to write.
+        decimal_comma: whether to write 1,5 and separate cells by semicolons.
     """
     with path.open("w", encoding="utf-8-sig", newline="") as file:
         writer = csv.writer(file, delimiter=";" if decimal_comma else ",")

@@ -1,4 +1,4 @@
-"""The page of a review: one file that a person reads on a phone, at a desk or on paper."""
+"""Page of a review: one HTML file for phone, desk or paper."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -55,7 +55,7 @@ NOT_CALIBRATED: Final = "Payloads are not calibrated"
 
 
 class CycleColumn(NamedTuple):
-    """A column of numbers: its head, where its value comes from, and digits after the point."""
+    """A column of numbers: head, source of its value, and decimals."""
 
     head: str
     value: Callable[[Row], float | None]
@@ -63,7 +63,7 @@ class CycleColumn(NamedTuple):
 
 
 def _make_unit_getter(factor: float, name: str) -> Callable[[Row], float | None]:
-    """A column of the ledger in another unit."""
+    """Function that returns a ledger column in another unit."""
 
     def value(row: Row) -> float | None:
         return None if row[name] is None else factor * row[name]
@@ -94,7 +94,7 @@ DETAILS: Final = (
 
 
 def number_cells(row: Row, columns: Sequence[CycleColumn]) -> list[str]:
-    """Numbers as texts; a dash where there is none."""
+    """Numbers as texts; a dash for none."""
     values = [(column, column.value(row)) for column in columns]
     return ["–" if value is None else f"{value:,.{column.digits}f}" for column, value in values]
 
@@ -106,8 +106,8 @@ def cycle_rows(
 
     Args:
         rows: the ledger.
-        verdicts: on cycles, by row.
-        clock: of the shift.
+        verdicts: verdicts on cycles, by row.
+        clock: clock of the shift.
     """
     return [
         _make_cycle_row(row, verdicts.get(k), clock)
@@ -137,14 +137,14 @@ def _make_cycle_row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -
 
 
 def hour_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]:
-    """A row an hour of the shift: recorded time, loads, tonnes, what does not count, energy.
+    """A row per hour of the shift: recorded time, loads, tonnes, uncounted cycles, energy.
 
-    A load is of the hour in which it is dumped. What is common to all loads is in the ± of each
-    hour: they do not add up in squares.
+    A load belongs to the hour of its dump. Each hour's ± includes the common uncertainty, so they
+    do not add in squares.
 
     Args:
-        ledger: with energy.
-        state: of the review.
+        ledger: ledger with energy.
+        state: state of the review.
     """
     clock, t0_ns = state.clock, state.t0_unix_ns
     hours = [clock.format_hour((ends_ns - t0_ns) / NS) for ends_ns in ledger["end_unix_ns"]]
@@ -157,7 +157,7 @@ def hour_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]
 
 
 def _make_hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Iterator[str]:
-    """The cells of an hour, by `HOUR_HEADS`."""
+    """Yield the cells of an hour's row, in the order of `HOUR_HEADS`."""
     rejected = rows.filter("rejected")["cycle"].to_list()
     sums = sum_cycles(cycles_of_ledger(rows, t0_ns), rejected)
     energies = rows["energy_kWh"].drop_nulls()
@@ -174,7 +174,7 @@ def _make_hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Itera
 def recorded_hours(
     clock: ShiftClock, gaps_s: tuple[tuple[float, float], ...]
 ) -> Iterator[tuple[str, float]]:
-    """Each hour of the clock that the shift touches, and how much of it was recorded, in s."""
+    """Each clock hour of the shift, with its recorded time in s."""
     begin_s = 0.0
     while begin_s < clock.duration_s:
         end_s = min(clock.next_hour_s(begin_s), clock.duration_s)
@@ -184,11 +184,11 @@ def recorded_hours(
 
 
 class UsedCalibration(NamedTuple):
-    """The calibration of a review.
+    """Calibration of a review.
 
     Attributes:
-        says: what it is, in words; empty where there is none.
-        against: what the logs say against it, so that it is not used; empty where nothing.
+        says: description; empty without one.
+        against: why the logs contradict it, so that it is not used; else empty.
     """
 
     says: str = ""
@@ -196,7 +196,7 @@ class UsedCalibration(NamedTuple):
 
     @property
     def counts(self) -> bool:
-        """Whether payloads are on its line."""
+        """Whether payloads are calibrated by it."""
         return bool(self.says) and not self.against
 
 
@@ -205,16 +205,16 @@ class ReviewPage:
     """Contents of a page.
 
     Attributes:
-        state: of the review.
-        ledger: its rows, with motion.
-        shift: frame `shift`, with what a reviewer says.
-        target: 10/10/20, where a target was given.
-        changes: since the last review; None where this is the first.
-        calibration: whose line the payloads are on.
-        track: positions, where there are.
-        verdicts: the file of all that reviewers said, with their comments.
+        state: state of the review.
+        ledger: ledger with motion.
+        shift: frame `shift`, with the reviewers' verdicts applied.
+        target: check of the 10/10/20 rule, if a target was given.
+        changes: changed settings since the last review; None for the first.
+        calibration: calibration of the payloads.
+        track: positions, if measured.
+        verdicts: file with all verdicts and comments.
         by_row: verdicts on cycles, by row of the ledger.
-        totals: by label (product, operator …), where loads have one.
+        totals: totals by label (product, operator …), if loads have labels.
     """
 
     state: ReviewState
@@ -232,7 +232,7 @@ class ReviewPage:
 
 
 def review_html(page: ReviewPage) -> str:
-    """Write the page; every text in it is escaped, and it asks nothing of anybody."""
+    """HTML of the page, with all text escaped and no network access."""
     state, shift = page.state, page.shift
     why_not = reason_for_no_tonnes(state, page.ledger)
     said = page.ledger.filter(pl.col("author") != "").height
@@ -273,7 +273,7 @@ def review_html(page: ReviewPage) -> str:
 
 
 def _make_total_rows(totals: Sequence[LabelTotal]) -> list[tuple[str, str, str]]:
-    """A label, its loads and its tonnes."""
+    """Rows with label, number of loads and tonnes."""
     return [
         (
             each.label or "–",

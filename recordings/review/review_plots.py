@@ -1,4 +1,4 @@
-"""Figures of a review: payloads in time and against the target, the gate's reasons, the track."""
+"""Figures of a review: payloads over time and against the target, gate reasons, track."""
 
 from typing import Final
 
@@ -22,12 +22,12 @@ _FEWEST_LOADS: Final = 5
 def load_pictures(
     ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | None
 ) -> list[Drawing]:
-    """The figures of the loads: none where no load counts, no distribution of one.
+    """Figures of the loads; none if no load counts, no distribution for a single one.
 
     Args:
         ledger: the ledger.
-        state: of the review: clock and gaps.
-        target: of a load.
+        state: state of the review with clock and gaps.
+        target: target check of the loads.
     """
     counted = ledger.filter("counted")
     if not counted.height:
@@ -37,11 +37,11 @@ def load_pictures(
 
 
 def shift_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[Drawing]:
-    """The figures of friction, gate and track that there is something to draw for.
+    """Figures of friction, gate and track for which there are data.
 
     Args:
-        state: of the review.
-        track: `latitude_deg` and `longitude_deg`.
+        state: state of the review.
+        track: frame with `latitude_deg` and `longitude_deg`.
     """
     found: list[Drawing] = []
     if len(state.friction_parts) > 1:
@@ -174,7 +174,7 @@ def _draw_reasons(state: ReviewState) -> Drawing:
 
 
 def draw_track(track: pl.DataFrame) -> Drawing:
-    """The way on a plane that touches the earth at its middle, in m."""
+    """Track in a plane tangent to the earth at its middle, in m."""
     latitude, longitude = (track[n].to_numpy() for n in ("latitude_deg", "longitude_deg"))
     middle = float(np.median(latitude))
     metre = 6_371_008.8 * np.pi / 180.0

@@ -1,4 +1,4 @@
-"""What a review keeps beside the ledger: what it was made of, and what the page says besides."""
+"""State of a review beside the ledger: its inputs, and further content of the page."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -36,7 +36,7 @@ _LATE: Final = 1.5
 
 
 class TopicSampling(BaseModel):
-    """How regularly a topic was recorded."""
+    """Regularity of a topic's samples."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -48,7 +48,7 @@ class TopicSampling(BaseModel):
 
 
 class FailedCheck(BaseModel):
-    """A check that failed, and what it led to."""
+    """A failed check, and its consequence."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -61,28 +61,28 @@ class FailedCheck(BaseModel):
 
 
 class ReviewState(BaseModel):
-    """Everything of a review that its recording and ledger do not hold.
+    """Data of a review that its recording and ledger do not contain.
 
     Attributes:
-        key: of all that the replay depends on.
-        recording_sha256: of `shift.rrd`, which this belongs to.
-        resolved: machine, settings and options by name, as plain values.
-        gate_shares: share of the recorded time by the gate's reason.
+        key: digest of everything that the replay depends on.
+        recording_sha256: digest of `shift.rrd`, to which this state belongs.
+        resolved: machine, settings and options by name, as JSON-compatible values.
+        gate_shares: fraction of the recorded time by the gate's reason.
         friction: viscous friction of the fit in N·s/m, and its standard deviation.
-        friction_parts: the same over the shift.
-        no_cycle: why no cycle was found; empty where one was.
-        gaps_s: stretches without a recording, from the first sample.
-        timezone: of the machine, which people read times in.
-        serial: number of the machine; empty where the machine file has none.
-        duration_s: from the first sample to the last.
-        motions: of each cycle.
-        motion: of the whole shift.
-        energy: of the shift and of each cycle.
-        idle_s: stands of more than half a minute, from the first sample.
-        torn: logs that break off.
-        calibration: what `UsedCalibration` says, and what is against it.
-        mixed_machines: that these may be logs of two machines; empty where nothing says so.
-        findings: causes of a wrong mass that these logs show and that matter, a line each.
+        friction_parts: the same for parts of the shift.
+        no_cycle: why no cycle was found; else empty.
+        gaps_s: gaps of the recording, since the first sample.
+        timezone: time zone of the machine.
+        serial: serial number of the machine; empty without one.
+        duration_s: time from the first sample to the last.
+        motions: motion of each cycle.
+        motion: motion of the whole shift.
+        energy: energy of the shift and of each cycle.
+        idle_s: stands of more than half a minute, since the first sample.
+        torn: truncated logs.
+        calibration: description of the calibration, and objections to it.
+        mixed_machines: warning that the logs may be of two machines; else empty.
+        findings: relevant causes of a wrong mass in these logs, a line each.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -120,7 +120,7 @@ class ReviewState(BaseModel):
 
     @property
     def clock(self) -> ShiftClock:
-        """The clock that people at the machine read."""
+        """Local clock of the shift."""
         return ShiftClock(self.timezone, self.t0_unix_ns, self.duration_s)
 
 
@@ -133,16 +133,16 @@ def take_review_state(
     torn: tuple[TornLog, ...] = (),
     energy: ShiftEnergy = NO_ENERGY,
 ) -> ReviewState:
-    """Take from a replay what the page needs.
+    """Collect the state of a review from a replay.
 
     Args:
-        run: of all logs of the shift.
-        key: of what it depends on.
-        recording_sha256: of the recording.
+        run: run of all logs of the shift.
+        key: digest of everything that it depends on.
+        recording_sha256: digest of the recording.
         resolved: see `ReviewState`.
-        mixed_machines: likewise.
-        torn: likewise.
-        energy: likewise.
+        mixed_machines: see `ReviewState`.
+        torn: see `ReviewState`.
+        energy: see `ReviewState`.
     """
     about, frames = run.provenance, run.frames
     verdict = Verdict.of(frames["verdict"])
@@ -205,7 +205,7 @@ def take_review_state(
 
 
 def read_state(folder: Path) -> ReviewState | None:
-    """Read the state of an earlier review; None where there is none in a format of this version."""
+    """Read the state of an earlier review; None if absent or in another format."""
     try:
         state = ReviewState.model_validate_json((folder / STATE).read_bytes())
     except (OSError, ValidationError):
@@ -216,11 +216,11 @@ def read_state(folder: Path) -> ReviewState | None:
 def changed_settings_of_review(
     before: ReviewState | None, resolved: dict[str, Any]
 ) -> list[tuple[str, str, str]]:
-    """Settings changed since the previous review: name, old and new value.
+    """Settings that changed since the previous review: name, old and new value.
 
     Args:
-        before: the review before.
-        resolved: of this one.
+        before: state of the previous review.
+        resolved: settings of this review.
     """
     if before is None:
         return []
@@ -233,7 +233,7 @@ def changed_settings_of_review(
 
 
 def flatten_texts(values: Any, name: str = "") -> dict[str, str]:
-    """Nested values by dotted names, as texts."""
+    """Nested values as texts, by dotted name."""
     if isinstance(values, dict):
         found: dict[str, str] = {}
         for key, value in values.items():  # pyright: ignore[reportUnknownVariableType]
@@ -243,7 +243,7 @@ def flatten_texts(values: Any, name: str = "") -> dict[str, str]:
 
 
 def reason_for_no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
-    """Why there is no cycle; nothing where there is one."""
+    """Why there is no cycle; empty if there is one."""
     if cycles.height:
         return ""
     if loads["withheld"].all():

@@ -1,4 +1,4 @@
-"""What reviewers say of a shift and its cycles: a small file beside the ledger.
+"""Verdicts of reviewers on a shift and its cycles: a small file beside the ledger.
 
 ```toml
 [[shift]]                            # of all cycles that do not say otherwise
@@ -70,10 +70,10 @@ class ShiftVerdict(Labels):
     """Verdict of a reviewer on all cycles; the later one counts, label by label.
 
     Attributes:
-        begin: of those that are dumped from then on,
-        end: and before then; None: of all.
-        author: who says so.
-        time: when.
+        begin: start of the time in which the cycles are dumped,
+        end: and its end; None is unbounded.
+        author: name of the reviewer.
+        time: time of the verdict.
     """
 
     begin: AwareDatetime | None = None
@@ -82,7 +82,7 @@ class ShiftVerdict(Labels):
     time: dt.datetime | None = None
 
     def applies_to_dump_at(self, unix_s: float) -> bool:
-        """Whether it is said of a cycle that is dumped then."""
+        """Whether the verdict applies to a cycle dumped at a unix time in s."""
         first, last = (
             limit if each is None else each.timestamp()
             for each, limit in ((self.begin, float("-inf")), (self.end, float("inf")))
@@ -91,7 +91,7 @@ class ShiftVerdict(Labels):
 
 
 class VerdictFile(BaseModel):
-    """A file of verdicts."""
+    """Contents of a file of verdicts."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -117,7 +117,7 @@ def merge_labels(verdicts: Iterable[ShiftVerdict]) -> Labels:
 
 
 def read_verdicts(folder: Path) -> VerdictFile:
-    """The verdicts of a review's folder, none where there is no file.
+    """Verdicts in a review's folder; none if it has no file of verdicts.
 
     Raises:
         ReviewError: the file cannot be read or says something else.
@@ -126,7 +126,7 @@ def read_verdicts(folder: Path) -> VerdictFile:
 
 
 def read_verdict_text(folder: Path) -> str:
-    """Read the file of a review's folder as somebody wrote it, empty where there is none.
+    """Text of the file of verdicts in a review's folder, unchanged; empty if there is none.
 
     Raises:
         ReviewError: the file cannot be read.
@@ -141,11 +141,11 @@ def read_verdict_text(folder: Path) -> str:
 
 
 def parse_verdicts(text: str, folder: Path) -> VerdictFile:
-    """The verdicts that a file says.
+    """Parse the verdicts in a text.
 
     Args:
-        text: of the file.
-        folder: of the review, for what is said.
+        text: text of the file.
+        folder: folder of the review, for error messages.
 
     Raises:
         ReviewError: the text says something else.
@@ -166,7 +166,7 @@ def parse_verdicts(text: str, folder: Path) -> VerdictFile:
 
 
 def verdict_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> str:
-    """Verdicts as the file has them; what a verdict does not say is left out."""
+    """Verdicts in TOML; empty values are left out."""
     blocks: list[str] = []
     for verdict in verdicts:
         name = "cycle" if isinstance(verdict, CycleVerdict) else "shift"
@@ -178,7 +178,7 @@ def verdict_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> str:
 
 
 def verdict_lines(text: str) -> list[str]:
-    """The file's own lines, comments too, for a page; what no screen shows is by its number."""
+    """Lines of the file with comments, for a page; invisible characters as their code points."""
     return [
         "".join(_escape_unprintable(c) for c in line.replace("\t", " "))
         for line in text.splitlines()
@@ -186,12 +186,12 @@ def verdict_lines(text: str) -> list[str]:
 
 
 def match_verdicts(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[int, CycleVerdict]:
-    """The verdict of each row that has one; of two about one cycle the later counts.
+    """Verdict by row index; the later of two verdicts on one cycle counts.
 
     Args:
-        verdicts: as read.
-        ids: of the cycles, in rows' order.
-        path: the folder, for what is said.
+        verdicts: verdicts from the file.
+        ids: ids of the cycles in row order.
+        path: folder, for error messages.
 
     Raises:
         ReviewError: an id that no cycle has.
@@ -212,7 +212,7 @@ def match_verdicts(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[in
 
 
 def seconds_of_id(identity: str) -> float | None:
-    """An id as seconds, None where it is none."""
+    """Time in seconds that an id denotes; None if it is not a time."""
     try:
         if identity.endswith("s"):
             return float(identity[:-1])
@@ -230,7 +230,7 @@ def _format_toml_value(value: object) -> str:
 
 
 def _escape_toml_character(c: str) -> str:
-    """A character of a basic string; what no screen shows is written by its number."""
+    """Character of a TOML basic string; invisible ones as escape sequences."""
     return f"\\{c}" if c in '\\"' else _escape_unprintable(c)
 
 

@@ -1,4 +1,4 @@
-"""Facts of a shift as names and sentences, alike on page and terminal."""
+"""Facts of a shift as names and sentences, the same on page and terminal."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -27,12 +27,12 @@ _KM_H: Final = 3.6
 
 
 def summarise_shift(shift: Mapping[str, Any], why_not: str, state: ReviewState) -> str:
-    """The answer in a line.
+    """Answer of a shift in one line.
 
     Args:
-        shift: frame `shift`, as reviewed.
+        shift: frame `shift` after verdicts.
         why_not: see `reason_for_no_tonnes`.
-        state: of the review: a torn last log leaves the end open.
+        state: state of the review; if its last log is torn, the end is unknown.
     """
     answer = f"No tonnes: {why_not}" if why_not else shift_payload_sentence(shift)
     end = torn_last_log(state.torn)
@@ -42,7 +42,7 @@ def summarise_shift(shift: Mapping[str, Any], why_not: str, state: ReviewState) 
 
 
 def reason_for_no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
-    """Why no cycle counts; nothing where one does."""
+    """Reason why no cycle counts; empty if one does."""
     if ledger["counted"].any():
         return ""
     if not state.can_weigh:
@@ -78,7 +78,7 @@ def missing_load_sentences(shift: Mapping[str, Any]) -> list[str]:
 
 
 def long_hole_sentence(shift: Mapping[str, Any], state: ReviewState) -> str:
-    """Where nothing was recorded for minutes, and what that costs; empty where nowhere."""
+    """Sentence on gaps of minutes and the work they hide; empty if there are none."""
     spans = long_gap_spans_text(state)
     if not spans:
         return ""
@@ -93,7 +93,7 @@ def long_hole_sentence(shift: Mapping[str, Any], state: ReviewState) -> str:
 
 
 def long_gap_spans_text(state: ReviewState) -> str:
-    """The spans of minutes in which nothing was recorded; empty where there are none."""
+    """Gaps of minutes as text; empty if there are none."""
     clock = state.clock
     return "; ".join(
         f"from {clock.format_time(s)} to {clock.format_time(e)} ({duration_text(e - s)})"
@@ -108,7 +108,7 @@ def torn_sentences(state: ReviewState) -> list[str]:
 
 
 def losses_besides_torn_ends(state: ReviewState) -> list[str]:
-    """Losses that are no torn end of a log."""
+    """Losses other than torn ends of logs."""
     torn = {text for each in state.torn for text in each.losses}
     return [text for text in state.losses if text not in torn]
 
@@ -119,7 +119,7 @@ def list_shift_facts(
     state: ReviewState,
     target: TargetCheck | None,
 ) -> list[tuple[str, str]]:
-    """Facts by name and value: the work first, then the uncertainty of the tonnes."""
+    """Facts as pairs of name and value: the work first, then the uncertainty of the tonnes."""
     found = [*_list_work_facts(shift, ledger), *_list_time_facts(shift, ledger, state)]
     found += energy_facts(ledger, shift, state)
     if target is not None:
@@ -217,7 +217,7 @@ def _list_payload_facts(shift: Mapping[str, Any], state: ReviewState) -> list[tu
 
 
 def payload_place_text(shift: Mapping[str, Any]) -> str:
-    """Whether payloads are those at the start of a haul or at its end."""
+    """Text on whether payloads were measured at the start or at the end of hauls."""
     arriving_1 = shift.get("arriving_1")
     if arriving_1 is None:
         return (
@@ -246,14 +246,14 @@ _NOTHING: Final = "nothing"
 
 
 def cycles_and_mass_text(cycles: tuple[float, float], kg: tuple[float, float]) -> str:
-    """A number of cycles and what they carried, each with its standard uncertainty."""
+    """Number of cycles and their mass as text, each with its standard uncertainty."""
     if not any((*cycles, *kg)):
         return _NOTHING
     return f"{_format_cycle_count(*cycles)} cycles, {format_tonnes(kg[0], K * kg[1])}"
 
 
 def scale_text(shift: Mapping[str, Any]) -> str:
-    """How the scale of the tonnes is fixed, or which sources are unknown."""
+    """Text on how the scale of the tonnes is fixed, or which sources are unknown."""
     gain = ""
     if shift["gain_1"] is not None:
         found = format_plus_minus(shift["gain_1"], shift["gain_u_1"])
@@ -269,9 +269,9 @@ def scale_text(shift: Mapping[str, Any]) -> str:
 
 
 def cycle_time_facts(ledger: pl.DataFrame) -> list[tuple[str, str]]:
-    """Mean duration of each phase of a cycle; none if no cycle was seen whole.
+    """Mean duration of each phase of a cycle; empty if no cycle was recorded whole.
 
-    A cycle with a hole in it, or with a reviewer's verdict against it, is in no mean.
+    Cycles with a gap, or rejected by a reviewer, are left out of the means.
     """
     parts = ("return_s", "load_s", "haul_s", "dump_s")
     whole = ledger.drop_nulls(parts).filter(
@@ -287,7 +287,7 @@ def cycle_time_facts(ledger: pl.DataFrame) -> list[tuple[str, str]]:
 
 
 def target_sentence(target: TargetCheck) -> str:
-    """The verdict on the target in words."""
+    """Result of the target check in words."""
     near = (
         f"; {counted(target.near, 'load')} within the uncertainty of a limit" if target.near else ""
     )
@@ -299,7 +299,7 @@ def target_sentence(target: TargetCheck) -> str:
 
 
 def warn_of_two_machines(state: ReviewState) -> str:
-    """The warning that these may be logs of two machines, as a sentence; empty where none is."""
+    """Sentence that warns that the logs may be of two machines; empty if there is no sign of it."""
     said = state.mixed_machines
     return f"{said[:1].upper()}{said[1:]}." if said else ""
 

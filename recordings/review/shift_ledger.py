@@ -1,4 +1,4 @@
-"""The ledger of a shift: frame `cycles` with times that people read, and what reviewers say."""
+"""Ledger of a shift: frame `cycles` with readable times and reviewers' verdicts."""
 
 import datetime as dt
 import re
@@ -30,7 +30,7 @@ FORMULA: Final = r"^[=+\-@\t\r]"
 
 
 def make_cycle_ids(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
-    """An id a cycle: when it ends, in UTC, or by the log's own clock where that has no date."""
+    """Ids of cycles: the time of their end, in UTC, or by an undated log's own clock."""
     return pl.Series(
         "id", [_make_cycle_id(t0_unix_ns + t_ns) for t_ns in cycles["end_t_ns"]], dtype=pl.String
     )
@@ -42,15 +42,16 @@ def make_ledger(
     verdicts: Mapping[int, CycleVerdict],
     labels_at: Callable[[float], Labels] = lambda _: NO_LABELS,
 ) -> pl.DataFrame:
-    """The ledger, a row a cycle.
+    """Ledger with one row per cycle.
 
-    Its quality is that of the frame, and "check" of a good load with a doubt.
+    The quality is that of the frame, except "check" for a good load with a doubt.
 
     Args:
-        cycles: the frame.
-        t0_unix_ns: where its times begin.
-        verdicts: by row.
-        labels_at: labels of cycles that end at a unix time in s; those of its verdict go first.
+        cycles: frame `cycles`.
+        t0_unix_ns: origin of the frame's times.
+        verdicts: verdicts by row.
+        labels_at: labels of cycles that end at a unix time in s; the verdict's own labels precede
+            them.
     """
     rows = [verdicts.get(row) for row in range(cycles.height)]
     shared = [labels_at((t0_unix_ns + t_ns) / NS) for t_ns in cycles["end_t_ns"]]
@@ -91,11 +92,11 @@ def make_ledger(
 
 
 def add_motion_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
-    """The ledger with local times, distances, speeds, stands and energy, by the cycle's number.
+    """Ledger with local times, distances, speeds, stands and energy by cycle number.
 
     Args:
         rows: the ledger.
-        state: of the review.
+        state: state of the review.
     """
     clock, motions = state.clock, {each.cycle: each for each in state.motions}
     local = [clock.format_unix_ns(each) for each in rows["end_unix_ns"]]
@@ -115,10 +116,10 @@ def add_motion_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
 
 
 def remark_on_cycle(row: Mapping[str, Any]) -> str:
-    """What a reader should know of a cycle: why it has no mass, why to look again, its hole.
+    """Remark on a cycle: why it has no mass or needs checking, or its gap.
 
     Args:
-        row: of the ledger, with motion.
+        row: row of the ledger, with motion.
     """
     hole_s = row["hole_s"] or 0.0
     hole = f"{duration_text(hole_s)} of it not recorded" if hole_s > HOLE_S else ""
@@ -126,11 +127,11 @@ def remark_on_cycle(row: Mapping[str, Any]) -> str:
 
 
 def cycles_of_ledger(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
-    """Frame `cycles` of a ledger, without what reviewers said.
+    """Frame `cycles` of a ledger, without verdicts.
 
     Args:
         rows: the ledger.
-        t0_unix_ns: where the frame's times begin.
+        t0_unix_ns: origin of the frame's times.
     """
     frame = rows.with_columns(
         *(
@@ -144,9 +145,9 @@ def cycles_of_ledger(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
 
 
 def write_ledger(frame: pl.DataFrame, folder: Path) -> None:
-    """Write both files.
+    """Write the ledger as Parquet and as CSV.
 
-    A spreadsheet would compute a text that begins like a formula: such a one gets an apostrophe.
+    In the CSV, an apostrophe precedes texts that a spreadsheet would evaluate as formulas.
     """
     frame.write_parquet(folder / PARQUET, compression="zstd")
     texts = [name for name, kind in frame.schema.items() if kind == pl.String]
@@ -171,5 +172,5 @@ def _format_iso_time(time: dt.datetime) -> str:
 
 
 def safe_cell(text: str) -> str:
-    """The text, behind an apostrophe where a spreadsheet would compute it."""
+    """Text, after an apostrophe if a spreadsheet would evaluate it."""
     return f"'{text}" if re.match(FORMULA, text) else text

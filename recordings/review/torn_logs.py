@@ -1,4 +1,4 @@
-"""Logs that break off, and how many minutes of the shift that costs."""
+"""Logs that end abruptly, and how many minutes of the shift are lost."""
 
 from collections.abc import Iterable
 
@@ -8,15 +8,15 @@ from recordings.report.clock_text import ShiftClock, duration_text
 
 
 class TornLog(BaseModel):
-    """A log that breaks off.
+    """Log that ends abruptly.
 
     Attributes:
-        name: of its file.
-        number: in time, from 1.
-        logs: how many the shift has.
-        ends_s: its last message, in s since the first sample.
-        next_s: when the next log begins; None after the last: nobody knows how much is missing.
-        losses: the lines of the losses that say so, in bytes.
+        name: name of its file.
+        number: position in order of time, from 1.
+        logs: number of logs of the shift.
+        ends_s: time of its last message, in s since the first sample.
+        next_s: start of the next log; None for the last log, since the missing time is unknown.
+        losses: texts of the losses that report the torn end in bytes.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -29,7 +29,7 @@ class TornLog(BaseModel):
     losses: tuple[str, ...]
 
     def sentence(self, clock: ShiftClock) -> str:
-        """The missing time in a sentence."""
+        """Sentence on the missing time."""
         which = f"Log {self.number} of {self.logs} ({self.name})"
         if self.next_s is None:
             return (
@@ -46,7 +46,7 @@ class TornLog(BaseModel):
 
     @property
     def loss(self) -> str:
-        """The gap as an entry of the list of losses, as a duration instead of bytes."""
+        """Entry for the list of losses, with a duration instead of bytes."""
         if self.next_s is None:
             return f"the end of log {self.number} ({self.name}), nobody knows how much"
         last = duration_text(max(self.next_s - self.ends_s, 0.0))
@@ -54,5 +54,5 @@ class TornLog(BaseModel):
 
 
 def torn_last_log(torn: Iterable[TornLog]) -> TornLog | None:
-    """The last log of the shift where that is torn: then nobody knows when the shift ended."""
+    """Last log of the shift if it is torn, so that the end of the shift is unknown; else None."""
     return next((each for each in torn if each.next_s is None), None)

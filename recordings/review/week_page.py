@@ -1,4 +1,4 @@
-"""The page of a week: days, machines and products of reviewed shifts, with verdicts counted."""
+"""Page of a week: days, machines and products of reviewed shifts, with verdicts applied."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -47,13 +47,13 @@ def write_week_page(
     limit_N_s_m: float | None,
     path: Path,
 ) -> None:
-    """Write the page.
+    """Write the page of a week.
 
     Args:
-        parts: of the week.
-        shifts: likewise.
-        limit_N_s_m: of the friction, where one was asked for.
-        path: to write; a page of a week that is there is replaced.
+        parts: parts of the week.
+        shifts: shifts of the week.
+        limit_N_s_m: limit of friction, if requested.
+        path: page to write; an existing page of a week is replaced.
 
     Raises:
         OutputError: it is no .html, or another file is there.
@@ -75,7 +75,7 @@ def week_html(
     limit_N_s_m: float | None,
     folder: Path,
 ) -> str:
-    """Render it; arguments as of `write_week_page`, links are relative to `folder`."""
+    """HTML of the page; arguments as for `write_week_page`, links are relative to `folder`."""
     whole = sum_week(parts)
     days = sorted({part.day for part in parts})
     trends = {} if limit_N_s_m is None else trend_friction_by_machine(shifts, limit_N_s_m)
@@ -100,7 +100,7 @@ def week_html(
 
 
 def week_sentence(parts: Sequence[WeekPart]) -> str:
-    """The tonnes of the week, and whether their ± has the scale."""
+    """Tonnes of the week, and whether their ± includes the error of scale."""
     whole = sum_week(parts)
     scale = "" if all(part.scale_known for part in parts) else f", {SCALE_NOT_KNOWN}"
     sum_text = format_tonnes(whole.payload_kg, K * whole.payload_u_kg)
@@ -108,7 +108,7 @@ def week_sentence(parts: Sequence[WeekPart]) -> str:
 
 
 def _make_total_cells(total: WeekTotal) -> tuple[str, ...]:
-    """A row of a table of totals."""
+    """Cells of a row in a table of totals."""
     per_t = "–"
     if total.kWh_per_t is not None and total.kWh_per_t_u is not None:
         per_t = format_plus_minus(total.kWh_per_t, K * total.kWh_per_t_u)
@@ -125,7 +125,7 @@ def _make_total_cells(total: WeekTotal) -> tuple[str, ...]:
 def _make_shift_row(
     shift: WeekShift, total: WeekTotal | None, folder: Path
 ) -> tuple[str, str, tuple[str, ...]]:
-    """When it began, where its page is, and its sums."""
+    """Start of a shift, link to its page, and cells of its totals."""
     cells = ("0", "–", "0", "0", "–") if total is None else _make_total_cells(total)[1:]
     page = os.path.relpath(shift.folder / PAGE, folder).replace(os.sep, "/")
     return shift.begins, page, (shift.machine, *cells)
@@ -134,7 +134,7 @@ def _make_shift_row(
 def _friction_pictures(
     shifts: Sequence[WeekShift], trends: Mapping[str, FrictionTrend]
 ) -> list[Drawing]:
-    """The friction of each machine that has more than one shift."""
+    """Pictures of the friction of machines with more than one shift."""
     return [
         _friction_picture(number, machine, days, trends.get(machine))
         for number, (machine, days) in enumerate(sorted(friction_by_machine(shifts).items()))

@@ -1,4 +1,4 @@
-"""The reviewed shifts of a week: what is missing from each, and how the friction changes."""
+"""Reviewed shifts of a week: missing data, and trends of friction."""
 
 import datetime as dt
 from collections import defaultdict
@@ -23,14 +23,14 @@ _DAY_S: Final = 86_400.0
 
 
 class WeekShift(NamedTuple):
-    """A reviewed shift.
+    """Reviewed shift.
 
     Attributes:
-        folder: of its review.
-        begins: when, on the machine's clock.
-        machine: name and serial number.
-        missing: sentences on what no number here holds.
-        friction: of its joint fit; None where it has none, or no date.
+        folder: folder of its review.
+        begins: start, by the machine's clock.
+        machine: name and serial number of the machine.
+        missing: sentences on data missing from all totals.
+        friction: friction of the joint fit; None without one, or without a date.
     """
 
     folder: Path
@@ -41,7 +41,7 @@ class WeekShift(NamedTuple):
 
 
 def read_shifts(folders: Sequence[Path]) -> list[WeekShift]:
-    """The shifts of folders that `read_week` takes, in time."""
+    """Shifts in the folders that `read_week` accepts, in order of time."""
     states = [(folder, state) for folder in folders if (state := read_state(folder)) is not None]
     states.sort(key=lambda pair: pair[1].t0_unix_ns)
     return [
@@ -74,7 +74,7 @@ def _friction_of_state(state: ReviewState) -> FrictionDay | None:
 
 
 def friction_by_machine(shifts: Sequence[WeekShift]) -> dict[str, list[FrictionDay]]:
-    """The friction of each machine's shifts, in time."""
+    """Friction of each machine's shifts, in order of time."""
     found: dict[str, list[FrictionDay]] = defaultdict(list)
     for shift in shifts:
         if shift.friction is not None:
@@ -85,7 +85,7 @@ def friction_by_machine(shifts: Sequence[WeekShift]) -> dict[str, list[FrictionD
 def trend_friction_by_machine(
     shifts: Sequence[WeekShift], limit_N_s_m: float
 ) -> dict[str, FrictionTrend]:
-    """The trend of each machine, and when it reaches the limit."""
+    """Trend of friction by machine, and when it reaches the limit."""
     by_machine = {shift.machine: list[FrictionDay]() for shift in shifts} | friction_by_machine(
         shifts
     )
@@ -95,7 +95,7 @@ def trend_friction_by_machine(
 
 
 def day_text(at_d: float) -> str:
-    """A day of the week's clock."""
+    """Date of a day number on the week's clock."""
     try:
         return f"{dt.datetime.fromtimestamp(at_d * _DAY_S, dt.UTC):%Y-%m-%d}"
     except (OverflowError, ValueError, OSError):
@@ -103,7 +103,7 @@ def day_text(at_d: float) -> str:
 
 
 def trend_sentences(trends: Mapping[str, FrictionTrend]) -> list[str]:
-    """When each machine's friction reaches the limit, a sentence each."""
+    """Sentences on when each machine's friction reaches the limit."""
     return [f"{machine}: {_trend_sentence(trend)}" for machine, trend in trends.items()]
 
 

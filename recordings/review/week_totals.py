@@ -1,4 +1,4 @@
-"""Days, machines and products of several reviewed shifts, from their ledgers and verdicts."""
+"""Totals of reviewed shifts by day, machine and product, from their ledgers and verdicts."""
 
 import math
 from collections import defaultdict
@@ -23,23 +23,23 @@ BY_REVIEW: Final = "review"
 
 
 class WeekPart(NamedTuple):
-    """The loads of one product, on one day, of one machine, in one review.
+    """Loads of one product, day, machine and review.
 
     Attributes:
-        day: on which they end, by the machine's clock.
-        machine: name and serial number.
-        product: empty where nobody named one.
-        loads: that count.
-        payload_kg: their sum.
-        random_u_kg: of it, what averages out.
-        common_u_kg: of it, what all loads of the machine share.
-        rejected: loads that a reviewer does not count.
-        noted: loads with another verdict.
-        energy_kWh: of the counted loads whose energy is known,
+        day: day on which the loads end, by the machine's clock.
+        machine: name and serial number of the machine.
+        product: product; empty if none was named.
+        loads: number of counted loads.
+        payload_kg: sum of payloads.
+        random_u_kg: random part of its standard uncertainty.
+        common_u_kg: part of its standard uncertainty common to all loads of the machine.
+        rejected: number of loads rejected by a reviewer.
+        noted: number of loads with another verdict.
+        energy_kWh: energy of the counted loads with known energy,
         energy_u_kWh: its standard uncertainty,
-        energy_t: and the tonnes of those loads.
-        scale_known: whether their ± has the error of the scale.
-        review: folder.
+        energy_t: and tonnes of those loads.
+        scale_known: whether the uncertainty includes the error of scale.
+        review: folder of the review.
     """
 
     day: str
@@ -59,16 +59,16 @@ class WeekPart(NamedTuple):
 
 
 class WeekTotal(NamedTuple):
-    """Sum of one day, machine or product.
+    """Totals of one day, machine or product.
 
     Attributes:
-        name: of it; empty for loads without a product.
-        loads: that count.
-        payload_kg: their sum.
+        name: name of the group; empty for loads without a product.
+        loads: number of counted loads.
+        payload_kg: sum of payloads.
         payload_u_kg: its standard uncertainty.
-        rejected: loads that a reviewer does not count.
-        noted: loads with another verdict: a product, a note.
-        kWh_per_t: energy of a tonne, where it is known,
+        rejected: number of loads rejected by a reviewer.
+        noted: number of loads with another verdict: a product, a note.
+        kWh_per_t: energy per tonne, if known,
         kWh_per_t_u: and its standard uncertainty.
     """
 
@@ -83,9 +83,9 @@ class WeekTotal(NamedTuple):
 
 
 def read_week(folders: Sequence[Path]) -> list[WeekPart]:
-    """The counted loads of reviews; `verdicts.toml` counts as it is now, nothing is replayed.
+    """Counted loads of reviews, with the present `verdicts.toml`, without a replay.
 
-    A load is of the day on which it ends, by the clock of its own machine.
+    A load belongs to the day on which it ends, by the clock of its machine.
 
     Raises:
         ReviewError: a folder holds no review of this version, or two hold one load.
@@ -96,15 +96,15 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
         state = read_state(folder)
         if state is None or not (folder / PARQUET).is_file():
             raise ReviewError(
-                f"{folder}: holds no review of this version; make it: payscope review LOG… -m "
-                f"MACHINE -o {folder}"
+                f"{folder}: holds no review of this version; create one with payscope review LOG… "
+                f"-m MACHINE -o {folder}"
             )
         try:
             rows = pl.read_parquet(folder / PARQUET)
             cycles = cycles_of_ledger(rows, state.t0_unix_ns)
         except OSError as error:
             raise ReviewError(
-                f"{folder / PARQUET}: cannot be read ({error.strerror}); review its logs once more"
+                f"{folder / PARQUET}: cannot be read ({error.strerror}); review its logs again"
             ) from None
         except pl.exceptions.PolarsError:
             raise ReviewError(
@@ -114,14 +114,16 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
         for ends_ns in rows["end_unix_ns"] if state.clock.is_dated else ():
             other = owners.get((machine, ends_ns))
             if other is not None:
-                raise ReviewError(f"{folder}: has loads that {other} has too; name one of them")
+                raise ReviewError(
+                    f"{folder}: contains loads that {other} contains as well; name only one of them"
+                )
         owners |= {(machine, ends_ns): folder for ends_ns in rows["end_unix_ns"]}
         found += _sum_loads_of_parts(rows, cycles, state, folder)
     return found
 
 
 def name_machine(state: ReviewState) -> str:
-    """A machine by its name and serial number."""
+    """Name and serial number of a machine."""
     return f"{state.machine} {state.serial}".strip()
 
 
@@ -166,7 +168,7 @@ def _sum_loads_of_parts(
 def _sum_energy(
     rows: pl.DataFrame, cycles: pl.DataFrame, rejected: Sequence[int]
 ) -> dict[str, float]:
-    """Energy of the counted loads that have one; what is uncertain of it is common to them."""
+    """Energy of the counted loads with known energy; its errors are common to all of them."""
     known = rows.with_columns(counted=cycles["counted"]).filter(
         pl.col("counted"), ~pl.col("cycle").is_in(rejected), pl.col("energy_kWh").is_not_null()
     )
@@ -178,14 +180,14 @@ def _sum_energy(
 
 
 def sum_by_group(parts: Sequence[WeekPart], by: str) -> list[WeekTotal]:
-    """The sums by one of `GROUPS`, in its order.
+    """Totals by one of `GROUPS`, in its order.
 
-    What is common to the loads of a machine is common to all of its shifts, and adds up as it is;
-    machines are independent.
+    Errors common to the loads of a machine are common to all its shifts and add linearly; machines
+    are independent.
 
     Args:
-        parts: of the week.
-        by: the group, or `BY_REVIEW`.
+        parts: parts of the week.
+        by: group, or `BY_REVIEW`.
     """
     members: dict[str, list[WeekPart]] = defaultdict(list)
     for part in parts:
@@ -194,7 +196,7 @@ def sum_by_group(parts: Sequence[WeekPart], by: str) -> list[WeekTotal]:
 
 
 def sum_week(parts: Sequence[WeekPart]) -> WeekTotal:
-    """The sum of all."""
+    """Totals of the whole week."""
     return _total_of_parts("all", parts)
 
 
@@ -214,7 +216,7 @@ def _total_of_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
 def _energy_per_t(
     parts: Sequence[WeekPart], mass_kg: float, u_kg: float
 ) -> tuple[float | None, float | None]:
-    """Energy of a tonne and its standard uncertainty; None where no load has both."""
+    """Energy per tonne and its standard uncertainty; None if no load has both."""
     energy_kWh, tonnes = (
         math.fsum(getattr(part, name) for part in parts) for name in ("energy_kWh", "energy_t")
     )

@@ -1,1 +1,1 @@
-"""The Rerun recording: written, read back, laid out and viewed."""
+"""Rerun recordings: writer, reader, layout and viewer."""

@@ -1,4 +1,4 @@
-"""The layout that a recording opens in: the tabs of the table, without what this run lacks."""
+"""Layout of a recording: the tabs of the table, without what this run lacks."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -50,7 +50,7 @@ _BESIDE: Final = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One view as it is drawn: its series, and where the bulk of its numbers lies."""
+    """One view to draw: its series, and the range of most of its values."""
 
     title: str
     kind: Kind
@@ -61,20 +61,20 @@ class Panel:
 
     @property
     def has_legend(self) -> bool:
-        """Whether its lines need names; extremes of one line do not."""
+        """Whether its lines need labels; the extremes of a single line do not."""
         lines = sum(not each.faint for each in self.drawn)
         return self.kind is not Kind.STATES and lines > 1 and not self.named_above
 
     @property
     def plot_share(self) -> float:
-        """Share of the height of a page that a plot needs so that its legend is not cut."""
+        """Fraction of a page's height that the plot needs to show its legend."""
         # lines of one name have one entry
         names = len({each.label for each in self.drawn}) if self.has_legend else 1
         return (_AROUND_PLOT + _NAME * names) / _PAGE
 
     @property
     def lanes_share(self) -> float:
-        """Share of the page's height that its lanes need; 0 for a plot."""
+        """Fraction of the page's height that its lanes need; 0 for a plot."""
         if self.kind is not Kind.STATES:
             return 0.0
         return (_AROUND_LANES + _LANE * len(self.drawn)) / _PAGE
@@ -86,7 +86,7 @@ Row = tuple[Panel, ...]
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """One tab as it is drawn: panels or rows of them from top to bottom, texts beside them."""
+    """One tab to draw: panels or rows of panels from top to bottom, with texts."""
 
     name: str
     panels: tuple[Panel | Row, ...] = ()
@@ -97,7 +97,7 @@ class Page:
 
     @property
     def rows(self) -> list[Row]:
-        """The panels, row by row."""
+        """Panels row by row."""
         return [each if isinstance(each, tuple) else (each,) for each in self.panels]
 
 
@@ -112,10 +112,10 @@ def lay_out_run(
 
     Args:
         run: the run.
-        shown: its `display_frames`.
-        texts: names of its `texts`.
-        pictures: its `make_plane_pictures`.
-        under: the entity that all of it lies under; empty: none.
+        shown: frames from `display_frames`.
+        texts: names of its texts.
+        pictures: pictures from `make_plane_pictures`.
+        under: parent entity; empty for none.
     """
     pages = [
         Page(
@@ -135,10 +135,10 @@ def lay_out_run(
 
 
 def tab_panels(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[Panel | Row, ...]:
-    """The views of a tab that this run has numbers for; `shown` are its `display_frames`.
+    """Views of a tab for which this run has data; `shown` are its `display_frames`.
 
     Returns:
-        Panels, or rows of them; none where all that there is to see is the tab's context.
+        Panels, or rows of panels; none if only the tab's context has data.
     """
     found = [(view, panel) for view in tab.views if (panel := _make_panel(view, run, shown))]
     if all(view in tab.context for view, _ in found):
@@ -158,7 +158,7 @@ def _make_panel(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> Pane
 
 
 def _split_by_method(panel: Panel) -> dict[str, Panel]:
-    """A panel for each method, on one axis; one without a name where there is but one."""
+    """A panel per method on a common axis; one unnamed panel for a single method."""
     by_frame: dict[str, list[DisplayColumn]] = {}
     for each in panel.drawn:
         by_frame.setdefault(each.frame, []).append(each)
@@ -173,7 +173,7 @@ def _split_by_method(panel: Panel) -> dict[str, Panel]:
 
 
 def unix_span_ns(run: Run) -> tuple[int, int] | None:
-    """The first and last unix time of a run's grid; None where it has none."""
+    """First and last Unix time of a run's grid; None without one."""
     span, t0_ns = span_ns(run), run.provenance.t0_unix_ns
     return None if span is None else (span[0] + t0_ns, span[1] + t0_ns)
 
@@ -185,12 +185,12 @@ def lay_out_tabs(
     *,
     grows: bool = False,
 ) -> "rrb.Blueprint":
-    """Lay out pages as tabs, the first one open; an empty one is left out.
+    """Lay out pages as tabs, the first one open; empty pages are left out.
 
     Args:
         pages: the pages.
-        span: unix times in ns that are in view; None: all there is.
-        under: the entity that all of it lies under; empty: none.
+        span: visible Unix times in ns; None for all.
+        under: parent entity; empty for none.
         grows: whether the time cursor stays at the newest row.
     """
     import rerun.blueprint as rrb
@@ -209,17 +209,17 @@ def lay_out_tabs(
 
 
 def text_entity(name: str, under: str = "") -> str:
-    """Where a text lies."""
+    """Entity path of a text."""
     return entity_path(f"{ROOT}/text/{name}", under)
 
 
 def picture_entity(name: str, under: str = "") -> str:
-    """Where a picture lies."""
+    """Entity path of a picture."""
     return entity_path(f"{ROOT}/picture/{name}", under)
 
 
 def events_entity(under: str = "") -> str:
-    """Where events lie."""
+    """Entity path of the events."""
     return entity_path(f"{ROOT}/events", under)
 
 
@@ -259,9 +259,9 @@ def _side_by_side(views: "list[rrb.View]") -> "rrb.View | rrb.Container":
 
 
 def _height_shares(page: Page) -> list[float]:
-    """Heights of a page's panels, of its events and of its pictures.
+    """Relative heights of a page's panels, events and pictures.
 
-    Lanes have what they need, the others are alike but for those whose legend needs more.
+    Lanes get what they need; the others are equal, except for tall legends.
     """
     others = page.events + len(page.pictures)
     lanes = [max(panel.lanes_share for panel in row) for row in page.rows] + [0.0] * others
@@ -274,7 +274,7 @@ def _height_shares(page: Page) -> list[float]:
 
 
 def share_out_room(least: Sequence[float], room: float) -> list[float]:
-    """Share out room alike, but give each its least; where that is too much, less of it each."""
+    """Share room equally, but with a minimum for each; all shrink if it is too little."""
     if sum(least) >= room:
         return [room * each / sum(least) for each in least]
     level, higher = room / max(len(least), 1), 0
@@ -286,7 +286,7 @@ def share_out_room(least: Sequence[float], room: float) -> list[float]:
 
 
 def _make_time_axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":
-    """The whole log, with room behind it, as a share of it, for legends that would cover data."""
+    """Time axis of the whole log, plus a fraction `room` for legends."""
     import rerun.blueprint as rrb
     from rerun.encodings import TimeRange, TimeRangeBoundary
 

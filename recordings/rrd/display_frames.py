@@ -1,4 +1,4 @@
-"""Frames that exist only to be drawn by a view of a run.
+"""Frames that are only drawn, by a view of a run.
 
 A line must not cross a gap, so sparse rows get an empty row after each stretch; a manoeuvre is
 held over its span; a state is kept where it changes; of a long log there are the mean and the
@@ -35,7 +35,7 @@ _SHORT: Final = ("loads", "manoeuvres", "cycles")
 
 @dataclass(frozen=True, slots=True)
 class DisplayColumn:
-    """One line, band or lane on the screen: a column of a displayed frame and its looks."""
+    """A line, band or lane to draw: column of a displayed frame, with its style."""
 
     frame: str
     column: str
@@ -50,7 +50,7 @@ class DisplayColumn:
 
 
 def span_ns(run: Run) -> tuple[int, int] | None:
-    """The first and last `t_ns` of a run's grid, or None when no frame has rows in time."""
+    """First and last `t_ns` of a run's grid; None if no frame has times."""
     for name in ("aligned", "excitation", "gate"):
         if name in run.frames and run.frames[name].height:
             times = run.frames[name]["t_ns"]
@@ -65,7 +65,7 @@ def is_long(run: Run) -> bool:
 
 
 def series_of_view(view: View, run: Run) -> Iterator[tuple[Series, str]]:
-    """The series of a view that this run has numbers for, each with the name of its frame."""
+    """Series of a view for which this run has data, each with the name of its frame."""
     for series in view.series:
         for name in frames_of_series(series, run.frames):
             if _has_numbers_to_draw(series, select_arcs(run.frames[name])):
@@ -73,7 +73,7 @@ def series_of_view(view: View, run: Run) -> Iterator[tuple[Series, str]]:
 
 
 def _has_numbers_to_draw(series: Series, frame: pl.DataFrame) -> bool:
-    """Whether there is anything to draw."""
+    """Whether the frame has values for the series."""
     if series.column not in frame.columns:
         return False
     column = frame[series.column]
@@ -123,11 +123,11 @@ def drawn_columns_of_view(
 
 
 def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame]:
-    """Every frame that exists only to be drawn, by its name under `display/`, with `t_ns`.
+    """Frames that are only drawn, by name under `display/`, with `t_ns`.
 
     Args:
         run: the run.
-        decimate: whether a long run has means and extremes of bins instead of every row.
+        decimate: whether to draw a long run as means and extremes of bins.
     """
     frames: dict[str, pl.DataFrame] = {}
     asked: dict[str, dict[str, pl.Expr]] = {}
@@ -160,7 +160,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
 
 
 def axis_range(view: View, run: Run) -> tuple[float, float] | None:
-    """Where the bulk of a wild view's numbers lies, or None to show them all."""
+    """Range of most values of a view with outliers; None to show all."""
     if not view.wild:
         return None
     drawn = list(series_of_view(view, run))
@@ -210,7 +210,7 @@ _SHORT_LINE: Final = 3
 
 
 def draws_as_points(numbers: pl.Series) -> bool:
-    """Whether most numbers have no neighbour to draw a line to, or few, in many short lines."""
+    """Whether most values are isolated, or in many short lines."""
     there = numbers.is_not_null().to_numpy()
     edges = np.diff(there, prepend=False, append=False)
     begins, ends = edges[:-1] & there, edges[1:] & there
@@ -220,12 +220,12 @@ def draws_as_points(numbers: pl.Series) -> bool:
 
 
 def _period_ns(run: Run) -> int:
-    """The period of the grid."""
+    """Period of the grid."""
     return round(NS / run.provenance.settings.align.rate_hz)
 
 
 def numbers_to_draw(name: str, frame: pl.DataFrame) -> pl.DataFrame:
-    """The numbers of a frame that some view draws, by time or start time, with variances."""
+    """Numbers of a frame that a view draws, by time or start time, with variances."""
     family = entity_parts(name)[0]
     shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]
     columns = dict.fromkeys(s.column for s in shown if s.column in frame.columns)
@@ -240,14 +240,14 @@ def numbers_to_draw(name: str, frame: pl.DataFrame) -> pl.DataFrame:
 
 
 def break_at_gaps(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
-    """An empty row after each stretch of rows that follow each other at the grid's period."""
+    """Insert an empty row after each stretch of consecutive rows."""
     step = pl.col("t_ns").shift(-1) - pl.col("t_ns")
     ends = numbers.filter((step > 1.5 * period_ns).fill_null(True)).select(pl.col("t_ns") + 1)
     return pl.concat([numbers, ends], how="diagonal").sort("t_ns")
 
 
 def select_arcs(frame: pl.DataFrame) -> pl.DataFrame:
-    """The arcs among planar fits, in order of time; if there are none, the fit of all motion."""
+    """Arcs among planar fits, in order of time; the fit of all motion if there are none."""
     if "kind" not in frame.columns:
         return frame
     arcs = frame.filter(pl.col("kind") == "arc")
@@ -255,16 +255,16 @@ def select_arcs(frame: pl.DataFrame) -> pl.DataFrame:
 
 
 def _hold_rows_to_their_end(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
-    """Each row twice, at its start and its end, and then an empty row."""
+    """Each row at its start and its end, followed by an empty row."""
     ends = numbers.with_columns(end_ns.alias("t_ns"))
     breaks = ends.select(pl.col("t_ns") + 1)
     return pl.concat([numbers, ends, breaks], how="diagonal").sort("t_ns", maintain_order=True)
 
 
 def shortest_findings_first(findings: pl.DataFrame, span: tuple[int, int] | None) -> pl.DataFrame:
-    """Findings one after the other: where several hold, the one of the shortest stretch.
+    """Findings in order of time; where several overlap, the shortest one.
 
-    What is of the whole log is seen where nothing else is.
+    Findings of the whole log fill the remaining time.
     """
     begin, end = span or (0, 0)
     rows = [
@@ -285,7 +285,7 @@ def shortest_findings_first(findings: pl.DataFrame, span: tuple[int, int] | None
 
 
 def state_changes(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
-    """The rows where a state begins; no state (null) in a hole and after the last one."""
+    """Rows at which a state begins; null in holes and after the last one."""
     column = pl.col(series.column)
     if frame.schema[series.column] == pl.Boolean:
         column = pl.when(column).then(pl.lit(series.column))
@@ -315,7 +315,7 @@ def _decimate_frame(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
 
 
 def bin_expressions(kind: Kind, series: Series) -> dict[str, pl.Expr]:
-    """Expressions for the bins of a series, by column."""
+    """Expressions for the binned columns of a series."""
     numbers = pl.col(series.column)
     if kind is Kind.BANDS:
         mean = {series.column: numbers.mean()}
@@ -333,7 +333,7 @@ def bin_expressions(kind: Kind, series: Series) -> dict[str, pl.Expr]:
 def bin_frame_rows(
     frame: pl.DataFrame, wanted: list[pl.Expr], span: tuple[int, int], width_ns: int
 ) -> pl.DataFrame:
-    """A row a bin, at its middle; a bin without rows stays empty, so that no line crosses it."""
+    """A row per bin at its middle; bins without rows are empty, so that no line crosses them."""
     start, end = span
     number = ((pl.col("t_ns") - start) // width_ns).alias("bin")
     bins = pl.select(pl.int_range((end - start) // width_ns + 1, dtype=pl.Int64).alias("bin"))

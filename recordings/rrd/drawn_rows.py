@@ -1,4 +1,4 @@
-"""How a frame that is drawn lies in a recording: a row a sample, on two timelines."""
+"""Storage of drawn frames in a recording: a row per sample, on two timelines."""
 
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
@@ -24,14 +24,14 @@ def iter_drawn_batches(
     under: str = "",
     at: "Mapping[str, pa.Scalar]" = MappingProxyType({}),
 ) -> "Iterator[pa.RecordBatch]":
-    """Make record batches of a frame, with the timelines as their first columns.
+    """Record batches of a frame, with the timelines as first columns.
 
     Args:
-        name: of the frame.
-        frame: `t_ns`, and floats or texts.
-        t0_unix_ns: where `t_ns` is 0.
-        under: the entity that it lies under; empty: none.
-        at: further timelines, each with the one time that all rows have there.
+        name: name of the frame.
+        frame: frame with `t_ns`, and floats or texts.
+        t0_unix_ns: Unix time of `t_ns` 0.
+        under: parent entity; empty for none.
+        at: additional timelines, each with one time for all rows.
     """
     import pyarrow as pa
 

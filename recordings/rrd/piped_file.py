@@ -1,4 +1,4 @@
-"""A file that another library writes by its name, through a pipe, so that we write it ourselves."""
+"""Pipe that replaces a file which another library writes by name."""
 
 import os
 from collections.abc import Generator
@@ -13,11 +13,11 @@ _DESCRIPTORS: Final = Path("/dev/fd")
 
 
 class PipedFile:
-    """Copies a pipe to a file; after a fault the rest is discarded.
+    """Copies a pipe to a file; after an error the rest is discarded.
 
     Attributes:
-        name: what the library opens for writing, once.
-        fault: why the file cannot be written further, when it cannot.
+        name: name that the library opens for writing, once.
+        fault: error that stopped the writing, if any.
     """
 
     def __init__(self, path: Path) -> None:
@@ -36,20 +36,20 @@ class PipedFile:
 
     @property
     def size(self) -> int:
-        """Bytes in the file so far."""
+        """Bytes written to the file so far."""
         return self._path.stat().st_size if self._path.exists() else 0
 
     def opened(self) -> None:
-        """The library holds the pipe now: when it closes it, the file ends."""
+        """Note that the library has opened the pipe; the file ends when it closes it."""
         if self._write >= 0:
             os.close(self._write)
             self._write = -1
 
     def wait(self) -> None:
-        """Wait until everything is in the file.
+        """Wait until everything is written to the file.
 
         Raises:
-            OSError: something of it is not.
+            OSError: part of it could not be written.
         """
         self.opened()
         if self._thread is not None:
@@ -57,10 +57,10 @@ class PipedFile:
         self.check()
 
     def check(self) -> None:
-        """Ask for a fault in between.
+        """Raise the error of the file, if there is one.
 
         Raises:
-            OSError: the file cannot be written further.
+            OSError: the file cannot be written.
         """
         if self.fault is not None:
             raise self.fault
@@ -82,10 +82,10 @@ class PipedFile:
 
 @contextmanager
 def open_piped_file(path: Path) -> Generator[PipedFile]:
-    """Write `path` through a pipe; on leaving, all of it is there.
+    """Context that writes `path` through a pipe; it is complete at the end.
 
     Raises:
-        OSError: it cannot be written, the disk is full.
+        OSError: it cannot be written, or the disk is full.
     """
     piped = PipedFile(path)
     try:

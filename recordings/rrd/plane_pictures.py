@@ -1,4 +1,4 @@
-"""Pictures over no time: force against acceleration, and a calibration's line and errors.
+"""Pictures without a time axis: force over acceleration, and a calibration's line and errors.
 
 The viewer has plots over time only. So these are drawn in its plane: grid, numbers, points and
 lines, each under a path of its own, which can be hidden there.
@@ -54,11 +54,11 @@ class PlaneSeries:
     """Points or a line, in the units of the axes.
 
     Attributes:
-        label: of the legend; empty: no entry.
-        colour: as #rrggbb.
-        x: (n,) along.
-        y: (n,) up.
-        joined: whether it is a line.
+        label: label in the legend; empty for none.
+        colour: colour as #rrggbb.
+        x: (n,) horizontal coordinates.
+        y: (n,) vertical coordinates.
+        joined: whether to draw a line.
     """
 
     label: str
@@ -79,7 +79,7 @@ class PlanePicture:
 
 
 def make_plane_pictures(run: Run) -> dict[str, PlanePicture]:
-    """The pictures that this run has numbers for, by name."""
+    """Pictures for which this run has data, by name."""
     drawn = {
         "scatter": _draw_scatter(run),
         "line": _draw_line(run),
@@ -89,12 +89,12 @@ def make_plane_pictures(run: Run) -> dict[str, PlanePicture]:
 
 
 def send_picture(recording: "RecordingStream", entity: str, picture: PlanePicture) -> None:
-    """Send a picture, for all times.
+    """Send a picture that is visible at all times.
 
     Args:
-        recording: where to.
-        entity: what it lies under.
-        picture: what is drawn.
+        recording: stream of the recording.
+        entity: parent entity.
+        picture: the picture.
     """
     import rerun as rr
 
@@ -123,7 +123,7 @@ def send_picture(recording: "RecordingStream", entity: str, picture: PlanePictur
 
 
 def _make_grid_lines(axes: Axes) -> Iterator[tuple[float, float, float, float]]:
-    """Ends of each line of the grid, in the units of the axes."""
+    """Ends of each grid line, in the units of the axes."""
     for value, _ in round_ticks(*axes.x):
         yield value, axes.y[0], value, axes.y[1]
     for value, _ in round_ticks(*axes.y):
@@ -131,7 +131,7 @@ def _make_grid_lines(axes: Axes) -> Iterator[tuple[float, float, float, float]]:
 
 
 def label_axes(axes: Axes, picture: PlanePicture) -> Iterator[tuple[tuple[float, float], str, int]]:
-    """Numbers, labels and the legend: where, what and in which colour."""
+    """Position, text and colour of numbers, labels and legend."""
     left, top, right, bottom = _BOX
     ink = colours.pack_rgba(_INK)
     for value, text in round_ticks(*axes.x):
@@ -170,7 +170,7 @@ def _draw_scatter(run: Run) -> PlanePicture | None:
 
 
 def _draw_line(run: Run) -> PlanePicture | None:
-    """Draw points and line of a calibration, by method."""
+    """Picture of a calibration's points and line, by method; None without data."""
     series: list[PlaneSeries] = []
     for name, colour, points in _calibrated_methods(run):
         estimate, reference = points["estimate_kg"].to_numpy(), points["reference_kg"].to_numpy()
@@ -187,7 +187,7 @@ def _draw_line(run: Run) -> PlanePicture | None:
 
 
 def _draw_errors(run: Run) -> PlanePicture | None:
-    """Draw the residual of each load, and the error of each load left out of the line."""
+    """Picture of each load's residual and leave-one-out error; None without data."""
     series: list[PlaneSeries] = []
     methods = list(_calibrated_methods(run))
     for number, (name, colour, points) in enumerate(methods):
@@ -218,7 +218,7 @@ def _draw_errors(run: Run) -> PlanePicture | None:
 
 
 def error_limit_lines(run: Run) -> list[tuple[str, float]]:
-    """No error, and the interval of a later mass where there is evidence."""
+    """Lines at zero error, and at the interval of a later mass if there is evidence."""
     line = run.frames.get("line", pl.DataFrame())
     if line.is_empty():
         return [("", 0.0)]
@@ -228,7 +228,7 @@ def error_limit_lines(run: Run) -> list[tuple[str, float]]:
 
 
 def _calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]:
-    """Name, colour and points of each method that was calibrated; of evidence there is one."""
+    """Name, colour and points of each calibrated method; evidence has one."""
     evidence, line = (run.frames.get(name, pl.DataFrame()) for name in ("points", "line"))
     if evidence.height and line.height:
         points = evidence.rename({"mean_kg": "estimate_kg"}).join(

@@ -1,4 +1,4 @@
-"""Where a recording came from, in Markdown: settings, machine file, inputs and versions."""
+"""Provenance of a recording in Markdown: settings, machine file, inputs and versions."""
 
 import json
 from typing import Any
@@ -11,7 +11,7 @@ from recordings.report.number_text import format_number, markdown_table
 
 
 def local_time(about: Provenance, t_ns: int = 0) -> str:
-    """A time since the start as the people at the machine read it; no date where there is none."""
+    """Local time of a time since the start; without a date if the log has none."""
     stamp_ns = about.t0_unix_ns + t_ns
     if stamp_ns < FIRST_DATE_NS:
         return f"{stamp_ns / NS:.3f} s of the log's own clock"
@@ -20,7 +20,7 @@ def local_time(about: Provenance, t_ns: int = 0) -> str:
 
 
 def settings_markdown(run: Run) -> str:
-    """Every setting, and the machine file as resolved."""
+    """All settings, and the resolved machine file."""
     about = run.provenance
     rows = [
         (name, json.dumps(value)) for name, value in sorted(about.settings.to_flat_dict().items())
@@ -37,7 +37,7 @@ def settings_markdown(run: Run) -> str:
 
 
 def provenance_markdown(run: Run) -> str:
-    """Inputs with their SHA-256, versions, stamps, what was lost, and what to know."""
+    """Inputs with SHA-256, versions, stamps, losses and notes."""
     about = run.provenance
     inputs = [
         (each.name, format_number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs
@@ -69,7 +69,7 @@ def provenance_markdown(run: Run) -> str:
 
 
 def _format_fingerprint(about: Provenance) -> str:
-    """The digests in full, those of the frames as well."""
+    """Digests in full, including those of the frames."""
     taken = about.fingerprint
     if taken is None:
         return "none"
@@ -85,5 +85,5 @@ def machine_table(about: Provenance) -> dict[str, Any]:
 
 
 def timezone_text(about: Provenance) -> str:
-    """The time zone of the machine file."""
+    """Time zone of the machine file."""
     return str(machine_table(about).get("timezone", "UTC"))

@@ -1,4 +1,4 @@
-"""Read a recording back: exactly the run that was written."""
+"""Read a recording back as exactly the run that was written."""
 
 import json
 import warnings
@@ -31,11 +31,11 @@ def read_recording(path: str | Path) -> Run:
     """Read a whole recording.
 
     Returns:
-        A run equal to the one written. Of a recording that was recovered after damage, what there
-        is, with a loss in the provenance for each frame that misses rows.
+        A run equal to the one written. For a recovered recording, its remaining rows, with a loss
+        in the provenance for each frame that misses rows.
 
     Raises:
-        RecordingError: no such file, not a recording of payscope, or a damaged one.
+        RecordingError: the file does not exist, is not a recording of payscope, or is damaged.
     """
     with open_recording(path) as held:
         manifest, provenance = held.manifest, held.provenance
@@ -47,13 +47,13 @@ def read_recording(path: str | Path) -> Run:
 def note_missing_rows(
     path: str | Path, manifest: Manifest, provenance: Provenance, heights: Mapping[str, int]
 ) -> Provenance:
-    """The provenance with a loss for each frame of which the recording has not every row.
+    """Provenance with a loss for each incomplete frame.
 
     Args:
         path: the recording.
-        manifest: its own.
-        provenance: its own.
-        heights: rows that it has, by frame.
+        manifest: manifest of the recording.
+        provenance: provenance of the recording.
+        heights: rows found, by frame.
     """
     lost = tuple(
         Loss(
@@ -71,14 +71,14 @@ def read_frame(path: str | Path, name: str, columns: Sequence[str] | None = None
     """Read one frame, or some of its columns, without reading the others.
 
     Raises:
-        RecordingError: as `read_recording`; and no such frame or column, with the choices.
+        RecordingError: as `read_recording`, or if the frame or column does not exist.
     """
     with open_recording(path) as held:
         return held.read(name, columns)
 
 
 def read_provenance(path: str | Path) -> Provenance:
-    """Read where a recording came from, without its frames.
+    """Read the provenance of a recording, without its frames.
 
     Raises:
         RecordingError: as `read_recording`.
@@ -88,7 +88,7 @@ def read_provenance(path: str | Path) -> Provenance:
 
 
 def stage_columns(path: str | Path) -> dict[str, tuple[str, ...]]:
-    """The names of a recording's frames, in pipeline order, with their columns.
+    """Names of a recording's frames in pipeline order, with their columns.
 
     Raises:
         RecordingError: as `read_recording`.
@@ -99,7 +99,7 @@ def stage_columns(path: str | Path) -> dict[str, tuple[str, ...]]:
 
 @dataclass(frozen=True)
 class OpenRecording:
-    """A recording that is open: its description is read, its frames when they are asked for."""
+    """An open recording, whose frames are read on demand."""
 
     path: Path
     manifest: Manifest
@@ -108,14 +108,14 @@ class OpenRecording:
 
     @property
     def stages(self) -> dict[str, tuple[str, ...]]:
-        """The columns of each frame, by its name, in pipeline order."""
+        """Columns of each frame, by name, in pipeline order."""
         return {each.name: tuple(c.name for c in each.columns) for each in self.manifest.frames}
 
     def refuse_without_stages(self) -> None:
-        """Refuse a recording that only shows something, such as two others over each other.
+        """Raise an error for a recording without frames, such as an overlay of two others.
 
         Raises:
-            RecordingError: it keeps no frames.
+            RecordingError: it contains no frames.
         """
         if not self.manifest.frames:
             notes = "; ".join(self.provenance.notes) or "it was written to be looked at"
@@ -127,7 +127,7 @@ class OpenRecording:
         """Read a frame, or some of its columns.
 
         Raises:
-            RecordingError: no such frame or column, with the choices; or it is damaged.
+            RecordingError: the frame or column does not exist, or the file is damaged.
         """
         stored = self.manifest.frame_by_name(name)
         if stored is None:
@@ -145,7 +145,7 @@ class OpenRecording:
 
 @contextmanager
 def open_recording(path: str | Path) -> "Generator[OpenRecording]":
-    """Open a recording; whatever Rerun says of a bad one becomes one line.
+    """Context with an open recording; errors of Rerun become one line.
 
     Raises:
         RecordingError: as `read_recording`.
@@ -188,7 +188,10 @@ def _describe_store(path: Path, store: "LazyStore") -> tuple[Manifest, Provenanc
         batch = chunk.to_record_batch()
         found |= {name: batch.column(name)[0].as_py()[0] for name in batch.schema.names[1:]}
     if "manifest" not in found or "provenance" not in found:
-        raise RecordingError(f"{path}: a Rerun recording, but not one that payscope wrote")
+        raise RecordingError(
+            f"{path}: a Rerun recording, but not one that payscope wrote; replay the log with "
+            "payscope run"
+        )
     if found.get("format") != FORMAT:
         raise RecordingError(
             f"{path}: written in format {found.get('format')}, this payscope reads {FORMAT}; "
@@ -216,7 +219,7 @@ def _describe_store(path: Path, store: "LazyStore") -> tuple[Manifest, Provenanc
 def _read_frame(
     store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]
 ) -> pl.DataFrame:
-    """Read columns of a frame, rows in the order they were written."""
+    """Read columns of a frame, with rows in the order of writing."""
     wanted = [component_name(column.name) for column in columns]
     # Rerun trims an expression, and an entity may end in a space: ask for what is below it as well
     below = store.stream().filter(content=f"{stored.entity}/**", components=wanted)

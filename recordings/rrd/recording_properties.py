@@ -1,4 +1,4 @@
-"""What a recording says of itself in a row: properties by which viewer and catalog sort recordings.
+"""Properties of a recording, by which viewer and catalog sort recordings.
 
 They are of the property `ANSWER`: `property:answer:mass_kg` is a column of Rerun's tables, and so
 on. A quantity is there where the run has it; all else always is.
@@ -22,16 +22,16 @@ Value = str | float | int | bool
 
 
 def recording_properties(run: Run) -> dict[str, Value]:
-    """The properties of a run's recording.
+    """Properties of a run's recording.
 
     Args:
-        run: what is recorded.
+        run: the recorded run.
 
     Returns:
-        By name, with the unit: `machine`, `serial`, `day` (where the machine is; empty where the
-        log has no date), `logs`, `verdict`, `can_weigh`, `loads` (load states), `first_finding`,
-        `fingerprint`, `payscope` and `versions`; `mass_kg` where there is one load state,
-        `tonnes_t` and `cycles` where cycles count, each quantity with its uncertainty `U` (95 %).
+        Values by name with the unit: `machine`, `serial`, `day` (local; empty without a date),
+        `logs`, `verdict`, `can_weigh`, `loads` (load states), `first_finding`, `fingerprint`,
+        `payscope` and `versions`; `mass_kg` for one load state, `tonnes_t` and `cycles` if cycles
+        count, each quantity with its uncertainty `U` (95 %).
     """
     about, said = run.provenance, answer(run)
     body: Mapping[str, Any] = about.machine.get("machine", {})

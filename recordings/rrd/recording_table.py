@@ -1,4 +1,4 @@
-"""The one table that writer, reader, blueprint and plots loop over.
+"""The table of views and stored columns, for writer, reader, blueprint and plots.
 
 Which view of which tab draws which column (`TABS`), and what is stored but not drawn (`KEPT`).
 """
@@ -376,12 +376,12 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
 
 
 def frames_of_series(series: Series, frames: Iterable[str]) -> tuple[str, ...]:
-    """The frames of a run that a series is drawn from, in the run's order."""
+    """Frames of a run that a series is drawn from, in the run's order."""
     return tuple(name for name in frames if entity_parts(name)[0] == series.frame)
 
 
 def drawn_columns(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
-    """The columns of a frame that a view draws, with those that place and order its rows."""
+    """Columns of a frame that a view draws, and those that order its rows."""
     family = entity_parts(frame)[0]
     wanted = {"t_ns", "start_t_ns", "end_t_ns", "axis", "kind", "rank"} | {
         name

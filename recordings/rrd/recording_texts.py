@@ -1,4 +1,4 @@
-"""The texts of a recording, in Markdown: the answer first, then where it came from."""
+"""Texts of a recording in Markdown: the answer first, then its provenance."""
 
 from collections.abc import Callable
 from typing import Final
@@ -59,7 +59,7 @@ _MASS_COLUMNS: Final = (
 
 
 def recording_markdown(run: Run) -> dict[str, str]:
-    """Every text that this run has something to say in, by name."""
+    """All texts for which this run has content, by name."""
     written: dict[str, Callable[[Run], str]] = {
         "answer": format_answer,
         "findings": findings_text,
@@ -72,13 +72,13 @@ def recording_markdown(run: Run) -> dict[str, str]:
 
 
 def recording_name(about: Provenance) -> str:
-    """Name of a recording in the viewer: its machine and its logs."""
+    """Name of a recording in the viewer, from its machine and logs."""
     logs = ", ".join(each.name for each in about.inputs)
     return ": ".join(filter(None, (machine_name(about), logs))) or "payscope"
 
 
 def machine_name(about: Provenance) -> str:
-    """The name that the machine file gives, or nothing."""
+    """Name in the machine file; empty without one."""
     return str(machine_table(about).get("name", ""))
 
 
@@ -118,12 +118,12 @@ def answer_headline(said: Answer) -> str:
 
 
 def is_shift(said: Answer) -> bool:
-    """Whether the log's cycles add up to tonnes."""
+    """Whether the log's cycles add up to a payload total."""
     return bool(said.shift.get("cycles_counted"))
 
 
 def _several_loads_text(said: Answer) -> str:
-    """The loads of a log in one sentence."""
+    """Sentence on the loads of a log."""
     known = [load for load in said.loads if load["payload_kg"] is not None]
     count = f"{len(said.loads)} loads"
     if not known:
@@ -135,7 +135,7 @@ def _several_loads_text(said: Answer) -> str:
 
 
 def format_summary(run: Run) -> str:
-    """The answer in plain lines, the headline first."""
+    """The answer in plain lines, headline first."""
     about, said = run.provenance, answer(run)
     lines = [answer_headline(said), f"{recording_name(about)} · {local_time(about)}"]
     lines += answer_lines(said)[1:]
@@ -172,7 +172,7 @@ def format_summary(run: Run) -> str:
 
 
 def format_answer(run: Run) -> str:
-    """The masses, the verdict with every check, and what a reader should know."""
+    """Masses, verdict with every check, and notes for the reader."""
     if "points" in run.frames:
         return ""  # of evidence, which is about many logs
     about, span, said = run.provenance, span_ns(run), answer(run)
@@ -212,7 +212,7 @@ def format_answer(run: Run) -> str:
 
 
 def calibration_markdown(run: Run) -> str:
-    """The points and the line of each method, and of evidence; nothing without a calibration."""
+    """Points and line of each method, and of evidence; empty without a calibration."""
     parts = ["# Calibration", *_describe_evidence(run)]
     points = run.frames.get("calibration")
     if points is None or points.is_empty():
@@ -240,7 +240,7 @@ def calibration_markdown(run: Run) -> str:
 
 
 def _describe_evidence(run: Run) -> list[str]:
-    """The line of evidence, its points, and where each run is recorded."""
+    """Lines on the evidence: its line, points, and recordings of runs."""
     if "points" not in run.frames:
         return []
     line, points, runs = (run.frames[name] for name in ("line", "points", "runs"))
@@ -304,11 +304,11 @@ def _make_mass_cells(row: AnswerRow) -> list[str]:
 def _describe_worth(said: Answer, cycles: list[str]) -> list[str]:
     """Lines about the answer: prior sensitivity, budget, priors and posteriors.
 
-    Sentences are lists: the viewer wraps them, and no table.
+    Sentences are lists, since the viewer wraps them but not tables.
 
     Args:
         said: the answer.
-        cycles: the part that stands for the loads, where the log is a shift.
+        cycles: lines of the cycles, for a shift.
     """
     if not any(load["mass_kg"] is not None for load in said.loads):
         return []
@@ -339,7 +339,7 @@ def _describe_worth(said: Answer, cycles: list[str]) -> list[str]:
 
 
 def _make_cycle_lines(run: Run) -> list[str]:
-    """The cycles of a shift with the local time of each dump."""
+    """Lines of a shift's cycles, with the local time of each dump."""
     about, span = run.provenance, span_ns(run)
     duration_s = 0.0 if span is None else (span[1] - span[0]) / NS
     clock = ShiftClock(timezone_text(about), about.t0_unix_ns, duration_s)

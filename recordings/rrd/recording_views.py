@@ -18,7 +18,7 @@ class Kind(Enum):
 class Series:
     """One column of one frame; `frame` "estimates" stands for every `estimates/<method>`.
 
-    The label of a lane of states is also the last part of its entity path, which the viewer shows.
+    The label of a lane of states is also the last part of its entity path in the viewer.
     """
 
     frame: str
@@ -29,7 +29,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One plot: its series share a unit, which the title gets from the schema."""
+    """One plot, whose series share a unit from the schema."""
 
     name: str
     kind: Kind
@@ -41,19 +41,19 @@ class View:
 
     @property
     def unit(self) -> str:
-        """The unit of all its series (1 for states)."""
+        """Unit of all its series (1 for states)."""
         first = self.series[0]
         declared = frame_schema(first.frame).column(first.column)
         return "1" if declared is None else declared.unit
 
     @property
     def title(self) -> str:
-        """Its name, with the unit where there is one."""
+        """Name, with the unit if there is one."""
         return self.name if self.unit == "1" else f"{self.name} ({self.unit})"
 
 
 class Methods(Enum):
-    """How a tab draws the methods of a view: over each other they hide all but the last."""
+    """How a tab draws several methods: overlaid, or side by side."""
 
     ONE = "one of them, as an example for all"
     ROWS = "a row a method, all with the same axis"
@@ -64,13 +64,13 @@ class Tab:
     """One tab: its views from top to bottom, and the texts beside them.
 
     Attributes:
-        name: of the tab.
-        views: from top to bottom.
-        texts: to the left of them.
+        name: name of the tab.
+        views: views from top to bottom.
+        texts: texts to the left of the views.
         events: whether it lists the findings as events in time.
-        context: those of the views that are not what the tab is about.
-        methods: how it draws estimates.
-        pictures: by name, below the views.
+        context: views that only give context.
+        methods: how estimates are drawn.
+        pictures: names of pictures below the views.
     """
 
     name: str
@@ -83,21 +83,21 @@ class Tab:
 
 
 def line_view(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
-    """A view of columns as lines, by label; `threshold` is a setting that they cross."""
+    """View of columns as lines, by label; `threshold` is a setting drawn as a limit."""
     drawn = tuple(Series(frame, column, label) for column, label in series.items())
     return View(name, Kind.LINES, drawn, threshold)
 
 
 def wild_view(name: str, frame: str, column: str, label: str = "") -> View:
-    """A view of one column whose scale outliers may spoil."""
+    """View of a column with outliers, which are cut off."""
     return View(name, Kind.LINES, (Series(frame, column, label),), wild=True)
 
 
 def band_view(name: str, frame: str, column: str, std: str, label: str = "") -> View:
-    """A view of a column with a band of its standard deviation."""
+    """View of a column with a band of its standard deviation."""
     return View(name, Kind.BANDS, (Series(frame, column, label, std),), wild=True)
 
 
 def states_view(name: str, *series: tuple[str, str, str]) -> View:
-    """A view of states as lanes: frame, column and label of each."""
+    """View of states as lanes: frame, column and label of each."""
     return View(name, Kind.STATES, tuple(Series(*each) for each in series))

@@ -1,4 +1,4 @@
-"""A stretch of a recording: what a long one shows decimated is drawn whole in it."""
+"""Part of a recording, undecimated."""
 
 import math
 from pathlib import Path
@@ -18,19 +18,19 @@ LATEST_S: Final = 1e9
 def read_window(
     path: str | Path, from_s: float | None, to_s: float | None, *, raw: bool = True
 ) -> Run:
-    """Read the rows of a recording that lie in a stretch of time, and frames that have none whole.
+    """Read the rows of a time range, and whole frames without times.
 
-    Of manoeuvres, loads and cycles those that reach into it.
+    Manoeuvres, loads and cycles are included if they overlap the range.
 
     Args:
         path: the recording.
-        from_s: seconds since the start; None from the beginning.
-        to_s: likewise; None to the end.
+        from_s: begin in seconds since the start; None for the begin.
+        to_s: end in seconds since the start; None for the end.
         raw: whether to read the channels of the log as well.
 
     Raises:
-        RecordingError: as `read_recording`; the stretch is none; nothing of the recording lies
-            there; and it keeps no frames.
+        RecordingError: as `read_recording`; the range is invalid or contains nothing; or the
+            recording has no frames.
     """
     whole_run = from_s is None and to_s is None
     if whole_run and raw:
@@ -53,7 +53,9 @@ def read_window(
             heights[stored.name] = whole.height
             frames[stored.name] = _select_rows_inside(whole, begin, end, held.provenance.t0_unix_ns)
             if stored.name == "aligned" and frames["aligned"].is_empty() and not whole_run:
-                raise RecordingError(f"{path}: nothing {stretch}; it has {_describe_span(whole)}")
+                raise RecordingError(
+                    f"{path}: has no data {stretch}; it has {_describe_span(whole)}"
+                )
     about = note_missing_rows(path, held.manifest, held.provenance, heights)
     if whole_run:
         return Run(frames, about)
@@ -62,15 +64,15 @@ def read_window(
 
 
 def check_stretch(path: str | Path, from_s: float | None, to_s: float | None) -> None:
-    """Refuse a stretch that is none.
+    """Raise an error for an invalid time range.
 
     Args:
-        path: of what it is a stretch.
-        from_s: seconds since the start; None from the beginning.
-        to_s: likewise; None to the end.
+        path: recording, for the error message.
+        from_s: begin in seconds since the start; None for the begin.
+        to_s: end in seconds since the start; None for the end.
 
     Raises:
-        RecordingError: an end is no number, or the first is after the last.
+        RecordingError: an end is not a number, or the first is after the last.
     """
     ends = [-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s]
     if not all(map(math.isfinite, filter(None, (from_s, to_s)))) or ends[0] > ends[1]:

@@ -1,4 +1,4 @@
-"""How a frame is kept in a recording: blocks of rows, a column's block as one list.
+"""Storage of frames in a recording: blocks of rows, each column's block as one list.
 
 Rerun repeats row id and times in every row and an offset in every cell, which for a shift is more
 than the numbers themselves. So a frame that is kept, and not drawn, lies in rows of many values
@@ -53,7 +53,9 @@ class StoredColumn(BaseModel):
         """
         dtype = series.dtype
         if not series.name:
-            raise OutputError("a column without a name cannot be stored; name it in the log")
+            raise OutputError(
+                "a column of the log has an empty name, which cannot be stored; name it in the log"
+            )
         if isinstance(dtype, pl.Enum):
             categories = tuple(dtype.categories.to_list())
             return cls(name=series.name, dtype=_ENUM, categories=categories)
@@ -64,11 +66,11 @@ class StoredColumn(BaseModel):
 
     @property
     def polars_dtype(self) -> pl.DataType:
-        """The dtype as polars has it."""
+        """Dtype in polars."""
         return pl.Enum(self.categories) if self.dtype == _ENUM else _DTYPES[self.dtype]()
 
     def encode(self, series: pl.Series) -> pl.Series:
-        """Make `series` what is stored: an enum as the numbers of its categories."""
+        """Convert `series` to its stored form: an enum to the numbers of its categories."""
         return series.to_physical() if self.dtype == _ENUM else series
 
     def decode(self, series: pl.Series) -> pl.Series:
@@ -100,16 +102,16 @@ class StoredFrame(BaseModel):
 
     @property
     def entity(self) -> str:
-        """Its entity path."""
+        """Entity path."""
         return entity_path(self.name)
 
     def select(self, columns: Sequence[str]) -> tuple[StoredColumn, ...]:
-        """Some of its columns, in the order asked for."""
+        """Some of its columns, in the given order."""
         by_name = {column.name: column for column in self.columns}
         return tuple(by_name[name] for name in columns)
 
     def to_batches(self, frame: pl.DataFrame) -> "Iterator[pa.RecordBatch]":
-        """Make blocks of the frame, each a record batch of one row, placed by its first row."""
+        """Blocks of the frame, each a record batch of one row at the time of its first row."""
         import pyarrow as pa
 
         for number, part in enumerate(frame.iter_slices(BLOCK_ROWS)):
@@ -129,11 +131,11 @@ class StoredFrame(BaseModel):
     def from_batches(
         self, batches: "Sequence[pa.RecordBatch]", columns: Sequence[StoredColumn]
     ) -> pl.DataFrame:
-        """Put columns of the frame together again, in whatever order its blocks come.
+        """Rebuild columns of the frame from its blocks, in any order.
 
         Args:
-            batches: with a row a block.
-            columns: which of its columns.
+            batches: record batches, a row per block.
+            columns: columns to rebuild.
         """
         import pyarrow as pa
 
@@ -151,9 +153,9 @@ class StoredFrame(BaseModel):
 
 
 def _read_blocks(batches: "Sequence[pa.RecordBatch]", name: str) -> "dict[int, pa.Array]":
-    """The values of a column by the first row of their block, from the batches that have it.
+    """Values of a column by the first row of their block.
 
-    `rerun rrd optimize` keeps thin columns apart from thick ones.
+    `rerun rrd optimize` stores thin columns apart from thick ones, so each batch may lack columns.
     """
     found: dict[int, pa.Array] = {}
     for batch in batches:
@@ -168,19 +170,19 @@ def _read_blocks(batches: "Sequence[pa.RecordBatch]", name: str) -> "dict[int, p
 
 
 class Manifest(BaseModel):
-    """Everything that Rerun would forget of a run's frames, in their order."""
+    """Order and schema of a run's frames, which Rerun would not keep."""
 
     model_config = ConfigDict(frozen=True)
 
     frames: tuple[StoredFrame, ...]
 
     def frame_by_name(self, name: str) -> StoredFrame | None:
-        """The frame of that name, if there is one."""
+        """Frame of this name; None if absent."""
         return next((frame for frame in self.frames if frame.name == name), None)
 
 
 def entity_path(frame: str, under: str = "") -> str:
-    """The entity path of a frame, as Rerun spells it, under one that is spelt so already."""
+    """Entity path of a frame in Rerun's spelling, below an existing path."""
     import rerun as rr
 
     prefix = under.strip("/")

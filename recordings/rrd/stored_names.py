@@ -1,4 +1,4 @@
-"""What is kept in a recording by name: timelines, entities of frames, components of columns."""
+"""Names in a recording: timelines, entities of frames, components of columns."""
 
 from typing import Final
 
@@ -11,11 +11,11 @@ STATE: Final = "StateChange:state"
 
 
 def entity_parts(frame: str) -> tuple[str, ...]:
-    """The parts of the entity path of a frame; a topic is one part, with its slashes."""
+    """Parts of a frame's entity path; a topic is one part, including its slashes."""
     family, _, rest = frame.partition("/")
     return (family, rest) if family == "raw" else tuple(frame.split("/"))
 
 
 def component_name(column: str) -> str:
-    """The component that holds a column."""
+    """Component that holds a column."""
     return column if column == STATE else COMPONENT_PREFIX + column

@@ -1,4 +1,4 @@
-"""The Rerun viewer: open a recording in it, or photograph every tab without a screen.
+"""The Rerun viewer: show a recording, or take screenshots of its tabs without a display.
 
 The viewer is started here and not by Rerun's own `spawn`, which listens on every interface.
 """
@@ -35,7 +35,7 @@ _WINDOW: Final = "1600x1000"
 
 @dataclass(frozen=True, slots=True)
 class Screenshot:
-    """One tab as the viewer drew it, and what its views complained of."""
+    """Screenshot of a tab, and the errors of its views."""
 
     tab: str
     png: Path
@@ -47,10 +47,10 @@ def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen
 
     Args:
         path: the recording.
-        at_s: where to put the time cursor, in seconds since the start.
+        at_s: position of the time cursor, in seconds since the start.
 
     Raises:
-        RecordingError: the recording cannot be read, or no viewer starts.
+        RecordingError: the recording cannot be read, or the viewer does not start.
     """
     t0_ns = read_provenance(path).t0_unix_ns
     with tempfile.TemporaryFile() as log:
@@ -64,13 +64,13 @@ def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen
 
 
 def start_viewer() -> str:
-    """Start a viewer that waits for a recording, and stays open when this process ends.
+    """Start a viewer that waits for a recording, and stays open after this process.
 
     Returns:
-        The address that `write_recording` streams to.
+        Address for `write_recording` to stream to.
 
     Raises:
-        RecordingError: no viewer starts.
+        RecordingError: the viewer does not start.
     """
     with tempfile.TemporaryFile() as log:
         process, port = start_viewer_process(None, log)
@@ -81,7 +81,7 @@ def start_viewer() -> str:
 
 
 def list_shown_recordings(address: str) -> tuple[str, ...]:
-    """The recordings that a viewer holds, by their ids; none where no viewer answers."""
+    """Ids of the recordings in a viewer; empty if no viewer answers."""
     from rerun.experimental import ViewerClient
 
     try:
@@ -92,13 +92,13 @@ def list_shown_recordings(address: str) -> tuple[str, ...]:
 
 
 def replace_recording(address: str, before: Sequence[str]) -> None:
-    """Put the newest recording where the one before it stood, and close those older than that.
+    """Put the newest recording in place of the previous one, and close older ones.
 
-    A viewer that went away is none of our business.
+    A viewer that was closed is ignored.
 
     Args:
-        address: of the viewer.
-        before: what it held before the newest came (`recordings_shown`).
+        address: address of the viewer.
+        before: ids in the viewer before the newest came (`list_shown_recordings`).
     """
     from rerun.experimental import ViewerClient
 
@@ -122,15 +122,15 @@ def replace_recording(address: str, before: Sequence[str]) -> None:
 def screenshot_recording(
     path: str | Path, folder: str | Path, tab: str | None = None, at_s: float | None = None
 ) -> list[Screenshot]:
-    """Draw the tabs of a recording in the real viewer, without a screen.
+    """Take screenshots of a recording's tabs in the viewer, without a display.
 
     Hidden tabs are never evaluated, so each is activated in turn.
 
     Args:
         path: the recording.
-        folder: where `NN-tab.png` are written; it must exist.
-        tab: the one that is wanted, all where None.
-        at_s: where to put the time cursor, in seconds since the start.
+        folder: existing folder for `NN-tab.png`.
+        tab: name of a tab; None for all.
+        at_s: position of the time cursor, in seconds since the start.
 
     Raises:
         RecordingError: the recording cannot be read, it has no such tab, or no viewer starts (it
@@ -147,16 +147,17 @@ def screenshot_recording(
 def photograph_tabs(
     path: str | Path, folder: Path, tab: str | None = None, at_unix_ns: int | None = None
 ) -> list[Screenshot]:
-    """Draw the tabs of whatever the viewer opens: `screenshot_recording` of any file.
+    """Take screenshots like `screenshot_recording`, of any file that the viewer opens.
 
     Args:
-        path: a recording, or a log that an importer opens.
-        folder: where `NN-tab.png` are written; it must exist.
-        tab: the one that is wanted, all where None.
-        at_unix_ns: where to put the time cursor.
+        path: a recording, or a log with an importer.
+        folder: existing folder for `NN-tab.png`.
+        tab: name of a tab; None for all.
+        at_unix_ns: position of the time cursor.
 
     Raises:
-        RecordingError: the viewer opens no such file, it has no such tab, or no viewer starts.
+        RecordingError: the viewer cannot open the file, it lacks the tab, or the viewer does not
+            start.
     """
     with run_headless_viewer(Path(path)) as (client, _):
         if at_unix_ns is not None:
@@ -170,7 +171,7 @@ def photograph_tabs(
 
 
 def _tabs_by_title(whole: dict[str, Any]) -> dict[str, Any]:
-    """The container of the tabs, of a whole blueprint."""
+    """Container of the tabs in a blueprint, by title."""
     return next(
         layout["ContainerBlueprint"]
         for layout in whole.values()
@@ -213,7 +214,7 @@ def _take_pictures(
 
 
 def _wait_for_still_picture(client: "ViewerClient") -> bytes:
-    """Photograph until two pictures are alike: the first ones still miss what is being loaded."""
+    """Take pictures until two are equal, since the first ones lack data that is being loaded."""
     before, deadline = b"", time.monotonic() + _START_S
     while time.monotonic() < deadline:
         time.sleep(_SETTLE_S)
@@ -230,7 +231,7 @@ def _list_children(container: dict[str, Any]) -> list[str]:
 
 
 def _iter_view_ids(whole: dict[str, Any], entity: str) -> Iterator[str]:
-    """The ids of the views in a container, at any depth."""
+    """Ids of the views in a container, at any depth."""
     kind, _, identifier = entity.partition("/")
     if kind == "view":
         yield identifier
@@ -241,7 +242,7 @@ def _iter_view_ids(whole: dict[str, Any], entity: str) -> Iterator[str]:
 
 @contextmanager
 def run_headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
-    """A viewer without a screen, with a recording or waiting for one: its client and address."""
+    """Context with a viewer without a display: its client and address."""
     # "CI" keeps Rerun's usage statistics at home: nobody sees this viewer to be asked
     with tempfile.TemporaryFile() as log:
         process, port = start_viewer_process(
@@ -259,7 +260,7 @@ def run_headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str
 def start_viewer_process(
     path: Path | None, log: IO[bytes], *options: str, **environment: str
 ) -> tuple[subprocess.Popen[bytes], int]:
-    """Start the viewer with a recording or empty, listening on this machine only."""
+    """Start the viewer with or without a recording, listening on this machine only."""
     with socket.socket() as free:
         free.bind((_HOST, 0))
         port = int(free.getsockname()[1])
@@ -282,7 +283,7 @@ def _viewer_address(port: int) -> str:
 
 
 def viewer_executable() -> Path:
-    """The viewer that came with the Rerun package, wherever the environment lies."""
+    """Path of the viewer in the installed Rerun package."""
     found = find_spec("rerun_cli")
     assert found is not None
     assert found.origin is not None
@@ -299,7 +300,7 @@ def wait_until_connected(
     *,
     waiting: bool = False,
 ) -> "ViewerClient":
-    """Wait until the viewer has loaded its recording, or, `waiting` for one, listens."""
+    """Wait until the viewer has loaded its recording, or listens if `waiting` for one."""
     from rerun.experimental import ViewerClient
 
     deadline = time.monotonic() + _START_S

@@ -1,4 +1,4 @@
-"""A server of the Rerun viewer for browsers: it shows what a recorder sends while it is sent."""
+"""Server of the Rerun viewer for browsers, which shows a recording while it is sent."""
 
 import ctypes
 import signal
@@ -30,11 +30,11 @@ _PR_SET_PDEATHSIG: Final = 1
 
 @dataclass(frozen=True, slots=True)
 class ViewerServer:
-    """A server that runs.
+    """A running server.
 
     Attributes:
-        address: where recordings are sent.
-        page: what a browser on this machine opens.
+        address: address to which recordings are sent.
+        page: URL for a browser on this machine.
     """
 
     address: str
@@ -43,10 +43,10 @@ class ViewerServer:
 
 @contextmanager
 def viewer_server() -> Generator[ViewerServer]:
-    """Serve the viewer to browsers on this machine as long as the context lasts.
+    """Context that serves the viewer to browsers on this machine.
 
     Raises:
-        RecordingError: it does not start.
+        RecordingError: the server does not start.
     """
     port, page_port = _free_port(), _free_port()
     address = f"rerun+http://{_HOST}:{port}/proxy"
@@ -87,4 +87,7 @@ def _wait_for_page(process: "subprocess.Popen[bytes]", page: str) -> None:
                 return
         except (urllib.error.URLError, OSError):
             time.sleep(_LOOK_S)
-    raise RecordingError("--live: the server of the viewer did not start; leave out --live")
+    raise RecordingError(
+        "--live: the viewer's server did not start within the time limit; try again, or leave out "
+        "--live"
+    )

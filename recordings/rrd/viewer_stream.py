@@ -1,4 +1,4 @@
-"""A log as the Rerun viewer asks for it: drawn columns, as a stream that the viewer reads.
+"""Importer of the Rerun viewer: a log's drawn columns as a stream on standard output.
 
 The viewer starts an importer for a file that is opened in it and reads a recording from its
 standard output. Nothing is kept: frames are only drawn.
@@ -36,7 +36,7 @@ _OF_RERUN: Final = ("log_time", "log_tick")
 
 
 class TimelineKind(StrEnum):
-    """How a timeline counts."""
+    """Kind of a timeline."""
 
     SEQUENCE = "sequence"
     DURATION = "duration"
@@ -45,13 +45,13 @@ class TimelineKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ViewerRequest:
-    """Request of a viewer that waits for the recording of a log.
+    """Request of a viewer for the recording of a log.
 
     Attributes:
-        application: its id.
-        recording: likewise.
-        under: the entity that everything is to lie under, as Rerun spells it; empty: none.
-        at: where everything is to lie on further timelines: name, kind, and number or ns.
+        application: id of the application.
+        recording: id of the recording.
+        under: parent entity in Rerun's spelling; empty for none.
+        at: additional timelines: name, kind, and number or ns.
     """
 
     application: str
@@ -61,20 +61,20 @@ class ViewerRequest:
 
 
 def stream_run(run: Run, asks: ViewerRequest) -> None:
-    """Write what `write_recording` draws of a run to standard output, for the viewer."""
+    """Write the drawn data of a run to standard output, for the viewer."""
     _send_scene(make_scene(run, asks.under), asks, run.provenance.t0_unix_ns)
 
 
 def stream_topics(
     topics: Mapping[str, pl.DataFrame], text: str, name: str, asks: ViewerRequest
 ) -> None:
-    """Write the columns of a log as they are to standard output, a tab a topic.
+    """Write the numeric columns of a log to standard output, with a tab per topic.
 
     Args:
-        topics: by name: unix_ns and fields; those that are no numbers are left out.
-        text: what the viewer should say of the log, in Markdown.
-        name: of the log.
-        asks: of the viewer.
+        topics: frames by topic, with unix_ns and fields; fields without numbers are left out.
+        text: description of the log, in Markdown.
+        name: name of the log.
+        asks: request of the viewer.
     """
     stamps = [frame["unix_ns"] for frame in topics.values() if frame.height]
     t0_ns = min((int(each[0]) for each in stamps), default=0)
@@ -115,7 +115,7 @@ def _decimate_fields(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> 
 
 
 def _make_panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> list[Panel]:
-    """A panel for the fields of one message part: `linear_acceleration.x`, `.y`, `.z` together."""
+    """Panels for the fields of each message part: `linear_acceleration.x`, `.y`, `.z` together."""
     parts: dict[str, list[str]] = {}
     for field in fields:
         cut = max(field.rfind("."), field.rfind("["))
@@ -160,7 +160,7 @@ def _send_scene(scene: Scene, asks: ViewerRequest, t0_unix_ns: int) -> None:
 
 
 def extra_timelines(asks: ViewerRequest) -> "dict[str, pa.Scalar]":
-    """Further timelines of every row, without those that rows have by themselves."""
+    """Additional timelines of every row, except those that rows have anyway."""
     import pyarrow as pa
 
     types = {

@@ -1,4 +1,4 @@
-"""Write a run as a Rerun recording: whole, verified, or not at all."""
+"""Write a run as a Rerun recording, verified by reading it back."""
 
 import json
 import os
@@ -13,7 +13,7 @@ import polars as pl
 from analysis.model.run_record import Run
 from analysis.model.schema import FRAMES
 from estimators.errors import OutputError, RecordingError
-from recordings.report.atomic_output import atomic_file, check_output
+from recordings.report.atomic_output import atomic_file, require_writable_output
 from recordings.report.finding_text import finding_line, findings_of_run
 from recordings.rrd.blueprint import events_entity, lay_out_run, picture_entity, text_entity
 from recordings.rrd.display_frames import display_frames, span_ns
@@ -50,9 +50,8 @@ class LiveView:
     """A viewer that shows a recording while it is written.
 
     Attributes:
-        address: of the viewer (`start_viewer`).
-        laid_out: whether it has our layout from an earlier recording, and keeps what a person
-            made of it.
+        address: address of the viewer (`start_viewer`).
+        laid_out: whether it keeps the layout of an earlier recording, with the user's changes.
     """
 
     address: str
@@ -67,29 +66,30 @@ def write_recording(
     The file gets its name only after everything in it was read back and found equal.
 
     Args:
-        run: what to write. Floats outside `raw` hold no NaN (missing is null).
+        run: run to write. Floats outside `raw` must not be NaN (missing is null).
         path: the `.rrd` file to write; its folder must exist.
-        force: whether to replace a file that is there already.
-        viewer: a viewer that shows it while it is written, or its address (`start_viewer`).
+        force: whether to replace an existing file.
+        viewer: viewer that shows the recording while it is written, or its address
+            (`start_viewer`).
 
     Returns:
         The path of the recording.
 
     Raises:
-        OutputError: it does not end in .rrd, the file exists, its folder is missing or refuses the
-            file, the disk is full, a column cannot be stored, or what was read back differs.
+        OutputError: the name does not end in .rrd, the file exists, its folder is missing or not
+            writable, the disk is full, a column cannot be stored, or what was read back differs.
     """
     return write_scene(run, make_scene, path, force=force, viewer=viewer)
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Scene of a recording in a viewer.
+    """What a viewer shows of a recording.
 
     Attributes:
-        name: that the viewer lists it by.
-        shown: frames that exist only to be drawn, with `t_ns`.
-        layout: the blueprint.
+        name: name in the viewer's list.
+        shown: drawn frames, with `t_ns`.
+        layout: blueprint.
         texts: in Markdown, by name.
     """
 
@@ -103,7 +103,7 @@ class Scene:
 
 
 def make_scene(run: Run, under: str = "") -> Scene:
-    """A run by the table of views, laid out under an entity."""
+    """Scene of a run by the table of views, below an entity."""
     shown = display_frames(run)
     name = recording_name(run.provenance)
     begin = (span_ns(run) or (0, 0))[0]
@@ -128,14 +128,14 @@ def write_scene(
     force: bool = False,
     viewer: str | LiveView | None = None,
 ) -> Path:
-    """Write a run as `write_recording` does, drawn in a way of its own.
+    """Write a run like `write_recording`, with a scene of its own.
 
     Args:
-        run: what is kept.
-        scene_of: what is drawn; called once the output is known to be writable.
+        run: run to store.
+        scene_of: makes the scene; called once the output is known to be writable.
         path: the `.rrd` file to write.
-        force: whether to replace a file that is there already.
-        viewer: a viewer that shows it while it is written, or its address.
+        force: whether to replace an existing file.
+        viewer: viewer that shows the recording while it is written, or its address.
 
     Raises:
         OutputError: as `write_recording`.
@@ -151,14 +151,16 @@ def write_scene(
 
 
 def check_recording(path: Path, *, force: bool) -> None:
-    """Refuse the name of a recording before the work that it is for.
+    """Raise an error before the work begins if a recording cannot be written.
 
     Raises:
         OutputError: as `write_recording`.
     """
     if path.suffix != SUFFIX:
-        raise OutputError(f"{path}: a recording ends in {SUFFIX}, or no viewer opens it")
-    check_output(path, force=force)
+        raise OutputError(
+            f"{path}: the name of a recording must end in {SUFFIX}; rename the output"
+        )
+    require_writable_output(path, force=force)
 
 
 def _write_to_pipe(
@@ -207,7 +209,7 @@ def _write_to_pipe(
 
 
 def send_texts(recording: "RecordingStream", scene: Scene, under: str = "") -> None:
-    """Send what holds for all times under an entity: texts and pictures of a scene."""
+    """Send the static parts of a scene below an entity: texts and pictures."""
     import rerun as rr
 
     for name, text in scene.texts.items():
@@ -224,7 +226,7 @@ def send_events(
     under: str = "",
     at: "Mapping[str, pa.Scalar] | None" = None,
 ) -> None:
-    """Send the events of a scene, on both timelines and at further times, under an entity."""
+    """Send the events of a scene below an entity, on both timelines and additional ones."""
     import numpy as np
     import rerun as rr
 
@@ -245,7 +247,7 @@ def send_events(
 
 
 def make_constant_timeline(name: str, time: "pa.Scalar", rows: int) -> "TimeColumn":
-    """A timeline on which all rows lie at one time."""
+    """Timeline with one time for all rows."""
     import numpy as np
     import pyarrow as pa
     import rerun as rr
@@ -259,7 +261,7 @@ def make_constant_timeline(name: str, time: "pa.Scalar", rows: int) -> "TimeColu
 
 
 def wait_until_written(recording: "RecordingStream", piped: PipedFile, path: Path) -> None:
-    """Wait until what was sent is in the file, as long as the file grows."""
+    """Wait until everything sent is in the file, as long as the file grows."""
     size = -1
     while True:
         piped.check()
@@ -268,7 +270,8 @@ def wait_until_written(recording: "RecordingStream", piped: PipedFile, path: Pat
         except RuntimeError as error:
             if piped.size == size:
                 raise OutputError(
-                    f"{path}: nothing is written beyond {size} bytes; is the disk or viewer stuck?"
+                    f"{path}: the file stopped growing at {size} bytes; check for a full disk or a "
+                    "stuck viewer"
                 ) from error
             size = piped.size
         else:
@@ -278,7 +281,7 @@ def wait_until_written(recording: "RecordingStream", piped: PipedFile, path: Pat
 def frame_batches(
     run: Run, shown: Mapping[str, pl.DataFrame]
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
-    """What is drawn, for a live viewer first, rows in time, then every frame; with its index."""
+    """Record batches with their index: drawn frames first, in order of time, then all others."""
     for name, frame in shown.items():
         for batch in iter_drawn_batches(name, frame, run.provenance.t0_unix_ns):
             yield [TIME, SINCE_START], batch
@@ -290,7 +293,7 @@ def frame_batches(
 
 
 def verify_written(run: Run, partial: Path, path: Path) -> None:
-    """Read everything back, a frame at a time, and compare."""
+    """Read every frame back, and compare it with the run."""
     try:
         with open_recording(partial) as held:
             if held.provenance != run.provenance:
@@ -300,19 +303,23 @@ def verify_written(run: Run, partial: Path, path: Path) -> None:
             for name, frame in run.frames.items():
                 back = held.read(name)
                 if back.schema != frame.schema or not back.equals(frame):
-                    raise OutputError(f"{path}: '{name}' read back differs, so nothing was kept")
+                    raise OutputError(
+                        f"{path}: '{name}' read back differs, so the file was removed; try again"
+                    )
     except RecordingError as error:
-        raise OutputError(f"{path}: cannot be read back; is the disk full?") from error
+        raise OutputError(
+            f"{path}: cannot be read back after writing; check for a full disk"
+        ) from error
 
 
 def make_timed_rows(
     frames: Mapping[str, pl.DataFrame], t0_unix_ns: int
 ) -> "Iterator[pa.RecordBatch]":
-    """Make a record batch of each frame that has rows; a row of the whole run is at its start.
+    """Record batch of each frame with rows; rows of the whole run are at its start.
 
     Args:
-        frames: of a run.
-        t0_unix_ns: where their times begin.
+        frames: frames of a run.
+        t0_unix_ns: Unix time of their time 0.
     """
     import pyarrow as pa
 

@@ -1,7 +1,6 @@
-"""JSON in canonical form (RFC 8785): one value, one sequence of bytes; and its careful reading.
+"""Canonical JSON (RFC 8785), with exactly one byte sequence per value, and its safe parsing.
 
-What is read may come from a stranger: its size, depth, numbers and names are bounded before and
-while it is parsed.
+Parsed data may be untrusted: size, depth, numbers and names are limited before and during parsing.
 """
 
 import json
@@ -21,7 +20,7 @@ _OPEN, _CLOSE, _QUOTE, _ESCAPE = b"[{", b"]}", ord('"'), ord("\\")
 
 
 def canonical_bytes(value: Any) -> bytes:
-    """A JSON value in canonical form.
+    """Canonical bytes of a JSON value.
 
     Raises:
         EvidenceError: it holds what JSON cannot: NaN, infinity, a whole number beyond 2^53.
@@ -35,11 +34,11 @@ def canonical_bytes(value: Any) -> bytes:
 
 
 def parse(data: bytes, what: str) -> Any:
-    """Parse canonical JSON of a stranger.
+    """Parse untrusted canonical JSON.
 
     Args:
-        data: the bytes.
-        what: what they are, for the error.
+        data: bytes to parse.
+        what: name of the data, for the error.
 
     Raises:
         EvidenceError: too long, too deep, a number too long or too large, a name that comes twice,
@@ -57,14 +56,14 @@ def parse(data: bytes, what: str) -> Any:
             object_pairs_hook=_object_of_unique_keys,
         )
     except (ValueError, RecursionError) as error:
-        raise EvidenceError(f"{what}: is no JSON that evidence may hold: {error}") from None
+        raise EvidenceError(f"{what}: is not valid JSON for evidence: {error}") from None
     if canonical_bytes(value) != data:
         raise EvidenceError(f"{what}: is not in the canonical form of RFC 8785")
     return value
 
 
 def _refuse_depth(data: bytes, what: str) -> None:
-    """Count brackets outside of texts, before a parser follows them."""
+    """Refuse data nested too deeply, by counting brackets outside of texts."""
     depth, quoted, escaped = 0, False, False
     for byte in data:
         if quoted:
@@ -86,7 +85,7 @@ def _refuse_depth(data: bytes, what: str) -> None:
 
 def _parse_integer(text: str) -> int | float:
     if len(text) > _LONGEST_NUMBER:
-        raise ValueError(f"a number of {len(text)} digits")
+        raise ValueError(f"it has a number of {len(text)} digits")
     value = int(text)
     # a double such as 1e20 has all its digits in canonical form
     return value if abs(value) <= _LARGEST_EXACT else float(value)
@@ -97,7 +96,7 @@ def _parse_float(text: str) -> float:
         raise ValueError(f"a number of {len(text)} characters")
     value = float(text)
     if not math.isfinite(value):
-        raise ValueError(f"the number {text}")
+        raise ValueError(f"it has the number {text}")
     return value
 
 
@@ -108,5 +107,5 @@ def _refuse_constant(text: str) -> float:
 def _object_of_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) != len(pairs):
-        raise ValueError("a name that comes twice in one object")
+        raise ValueError("a name appears twice in one object")
     return found

@@ -1,8 +1,7 @@
-"""The keyring: public keys whose owners the user knows, in one TOML file.
+"""Keyring of public keys whose owners the user knows, in one TOML file.
 
-The file is named by PAYSCOPE_KEYRING, else it is `payscope/keys.toml` in the user's configuration
-folder. An owner is whom the user says the key belongs to; what evidence calls itself counts for
-nothing here.
+PAYSCOPE_KEYRING names the file; the default is `payscope/keys.toml` in the user's configuration
+folder. The owner of a key is whom the user names; names in evidence are not trusted.
 """
 
 import datetime as dt
@@ -35,7 +34,7 @@ Owner = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r
 
 
 class KnownKey(BaseModel):
-    """A public key, its owner, and when its signatures count."""
+    """Public key with its owner and the period in which its signatures count."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -58,15 +57,15 @@ class KnownKey(BaseModel):
 
     @property
     def public(self) -> PublicKey:
-        """The key itself."""
+        """Public key itself."""
         return PublicKey.from_text(self.key)
 
     def distrust_reason(self, made: dt.date, proven: dt.date | None) -> str:
-        """Why a signature of that day does not count; "" where it does.
+        """Why a signature of that day does not count; "" if it does.
 
         Args:
-            made: the day that the evidence gives itself.
-            proven: the day by which a time stamp proves that the signature was there, if any.
+            made: date of signing according to the evidence.
+            proven: date by which a time stamp proves that the signature existed, if any.
         """
         day = proven or made
         if self.revoked is not None and (proven is None or proven >= self.revoked):
@@ -87,21 +86,21 @@ class Keyring:
     """Keys by their ids.
 
     Attributes:
-        path: the file; it need not be there.
-        keys: in the file's order.
+        path: path of the file, which need not exist.
+        keys: keys in the file's order.
     """
 
     path: Path
     keys: tuple[KnownKey, ...] = ()
 
     def find(self, key_id: str) -> KnownKey | None:
-        """The key of that id, or of the only one that begins so."""
+        """Key with that id, or the only one whose id begins so; None otherwise."""
         found = [each for each in self.keys if each.public.key_id.startswith(key_id)]
         return found[0] if key_id and len(found) == 1 else None
 
 
 def keyring_path() -> Path:
-    """Where the user's keyring is."""
+    """Path of the user's keyring."""
     named = os.environ.get(KEYRING_VARIABLE)
     if named:
         return Path(named)
@@ -113,10 +112,10 @@ def keyring_path() -> Path:
 
 
 def load_keyring(path: Path | None = None) -> Keyring:
-    """Read a keyring; without a file it is empty.
+    """Read a keyring; it is empty if the file does not exist.
 
     Args:
-        path: the file; None for the user's.
+        path: path of the file; None for the user's.
 
     Raises:
         EvidenceError: it cannot be read, is no keyring, or holds a key that is weak or twice there.
@@ -137,16 +136,16 @@ def load_keyring(path: Path | None = None) -> Keyring:
         raise EvidenceError(f"{path}: is not TOML: {error}") from None
     rows = content.pop("keys", [])
     if content or not isinstance(rows, list):
-        raise EvidenceError(f"{path}: is not a keyring; it has [[keys]] tables and nothing else")
+        raise EvidenceError(f"{path}: is not a keyring, which contains only [[keys]] tables")
     keys = tuple(_parse_key(path, number, row) for number, row in enumerate(rows, start=1))
     ids = [each.public.key_id for each in keys]
     if len(set(ids)) < len(ids):
-        raise EvidenceError(f"{path}: holds a key twice; remove one of them")
+        raise EvidenceError(f"{path}: lists the same key twice; remove one entry")
     return Keyring(path, keys)
 
 
 def save_keyring(path: Path, keys: Sequence[KnownKey]) -> Keyring:
-    """Write a keyring, whole or not at all; only its owner may write to it.
+    """Write a keyring, whole or not at all, writable only by its owner.
 
     Raises:
         EvidenceError: it cannot be written.

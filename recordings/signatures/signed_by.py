@@ -1,4 +1,4 @@
-"""Who signed evidence, as far as a reader can know: never by the name that it gives itself."""
+"""Signer of evidence as far as it can be verified; names in the evidence are not trusted."""
 
 from dataclasses import dataclass
 from shlex import quote
@@ -7,16 +7,15 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class SignedBy:
-    """Whose signature it is.
+    """Result of checking whose signature evidence has.
 
     Attributes:
-        how: "unsigned"; "unknown": by a key that nobody vouches for here; "given": by the key that
-            the user gave; "known": by a key of the user's keyring; "broken": what is there is no
-            signature of these files by that key.
-        claimed: what the evidence calls its signer.
-        owner: whose key it is by the keyring; "" where it is not in it.
+        how: "unsigned"; "unknown": by a key that is not in the keyring; "given": by the key given
+            by the user; "known": by a key in the keyring; "broken": the signature does not verify.
+        claimed: name of the signer according to the evidence.
+        owner: owner of the key according to the keyring; "" if it is not in it.
         key_id: SHA-256 of the public key.
-        public_key: the key, in base64.
+        public_key: public key in base64.
     """
 
     how: Literal["unsigned", "unknown", "given", "known", "broken"]
@@ -27,12 +26,12 @@ class SignedBy:
 
     @property
     def is_trusted(self) -> bool:
-        """Whether the user vouches for the key."""
+        """Whether the user trusts the key."""
         return self.how in ("given", "known")
 
     @property
     def add_line(self) -> str:
-        """The command that adds the key to the keyring."""
+        """Command that adds the key to the keyring."""
         return f"payscope keys add {quote(self.public_key)} --owner OWNER"
 
     def __str__(self) -> str:

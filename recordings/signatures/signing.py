@@ -59,10 +59,10 @@ _PUBLISHED_SEEDS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class PublicKey:
-    """Whom a signature is by.
+    """Ed25519 public key.
 
     Attributes:
-        raw: the 32 bytes of an Ed25519 public key.
+        raw: its 32 bytes.
     """
 
     raw: bytes
@@ -79,7 +79,7 @@ class PublicKey:
 
     @classmethod
     def from_text(cls, text: str) -> "PublicKey":
-        """Read what `text` gives.
+        """Parse a key in base64, as `text` returns it.
 
         Raises:
             EvidenceError: it is no base64 of 32 bytes, or a weak key.
@@ -90,7 +90,7 @@ class PublicKey:
         return cls(raw).require_sound()
 
     def require_sound(self) -> "PublicKey":
-        """The key, if signatures by it can be relied on.
+        """Return the key if its signatures can be relied on.
 
         Raises:
             EvidenceError: it is of small order, no point of the curve, or its private half known.
@@ -101,7 +101,7 @@ class PublicKey:
         return self
 
     def has_signed(self, signature: bytes, message: bytes) -> bool:
-        """Whether the signature is by this key, of this message."""
+        """Whether this key made this signature of this message."""
         from cryptography.exceptions import InvalidSignature
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
@@ -114,17 +114,17 @@ class PublicKey:
 
 @dataclass(frozen=True, slots=True)
 class SigningKey:
-    """A private key; `repr` does not show it."""
+    """Private key; `repr` does not show it."""
 
     private: "Ed25519PrivateKey"
 
     @property
     def public(self) -> PublicKey:
-        """The key that verifies."""
+        """Public key that verifies its signatures."""
         return _derive_public_key(self.private.public_key())
 
     def require_secret(self, where: str) -> "SigningKey":
-        """The key, if others do not have it.
+        """Return the key unless it is a published one.
 
         Raises:
             EvidenceError: it is published.
@@ -133,12 +133,12 @@ class SigningKey:
         return self
 
     def sign(self, message: bytes) -> bytes:
-        """Sign: 64 bytes."""
+        """Signature of a message, 64 bytes."""
         return self.private.sign(message)
 
 
 def make_key_pair() -> tuple[bytes, bytes]:
-    """Make a key: its private and its public half in PEM."""
+    """Generate a key: private and public half in PEM."""
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import (
         Encoding,
@@ -153,7 +153,7 @@ def make_key_pair() -> tuple[bytes, bytes]:
 
 
 def signing_key(path: Path | None) -> SigningKey | None:
-    """The private key of the file, else of the environment variable; None where there is neither.
+    """Private key from the file, or else from the environment variable; None without either.
 
     Raises:
         EvidenceError: it cannot be read, or is no private Ed25519 key in PEM without a password.
@@ -173,12 +173,12 @@ def signing_key(path: Path | None) -> SigningKey | None:
     except (ValueError, UnsupportedAlgorithm):
         raise EvidenceError(f"{where}: holds no private key in PEM; `{_MAKE}` makes one") from None
     if not isinstance(key, Ed25519PrivateKey):
-        raise EvidenceError(f"{where}: is no Ed25519 key; `{_MAKE}` makes one")
+        raise EvidenceError(f"{where}: is not an Ed25519 key; `{_MAKE}` makes one")
     return SigningKey(key).require_secret(where)
 
 
 def public_key(path: Path) -> PublicKey:
-    """The public key of a file.
+    """Public key from a file.
 
     Raises:
         EvidenceError: it cannot be read, is no public Ed25519 key in PEM, or a weak one.
@@ -195,18 +195,18 @@ def public_key(path: Path) -> PublicKey:
     except (ValueError, UnsupportedAlgorithm):
         raise EvidenceError(f"{path}: holds no public key in PEM; `{_PUBLISH}` writes it") from None
     if not isinstance(key, Ed25519PublicKey):
-        raise EvidenceError(f"{path}: is no Ed25519 key; evidence is signed by Ed25519")
+        raise EvidenceError(f"{path}: is not an Ed25519 key, which evidence requires")
     return _require_sound_key(_derive_public_key(key), str(path))
 
 
 def pre_authentication_encoding(payload_type: str, payload: bytes) -> bytes:
-    """What is signed: DSSE's pre-authentication encoding (protocol.md, "Signature Definition")."""
+    """Bytes to be signed: DSSE's pre-authentication encoding (protocol.md)."""
     kind = payload_type.encode()
     return b"DSSEv1 %d %b %d %b" % (len(kind), kind, len(payload), payload)
 
 
 def make_statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes:
-    """The in-toto statement about files: their SHA-256 by name, and what is said of them."""
+    """In-toto statement on files: their SHA-256 by name, and a predicate."""
     return canonical_bytes(
         {
             "_type": STATEMENT_TYPE,
@@ -220,7 +220,7 @@ def make_statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> 
 
 
 def make_envelope(payload: bytes, key: SigningKey) -> bytes:
-    """A DSSE envelope about a statement, signed."""
+    """Signed DSSE envelope with a statement."""
     signature = key.sign(pre_authentication_encoding(PAYLOAD_TYPE, payload))
     return canonical_bytes(
         {
@@ -235,13 +235,13 @@ def make_envelope(payload: bytes, key: SigningKey) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class EnvelopeContent:
-    """Content of an envelope.
+    """Content of a DSSE envelope.
 
     Attributes:
-        payload: the statement's bytes.
-        statement: the same, parsed.
+        payload: bytes of the statement.
+        statement: parsed statement.
         signature: 64 bytes.
-        key_id: whom the envelope names; a hint, which no check relies on.
+        key_id: key id in the envelope; a hint that no check relies on.
     """
 
     payload: bytes
@@ -271,10 +271,10 @@ def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
         signed = _decode_base64(signature["sig"], f"{what}: its signature")
         key_id = signature["keyid"]
     except (TypeError, KeyError, ValueError, AttributeError):
-        raise EvidenceError(f"{what}: is no DSSE envelope with one signature") from None
+        raise EvidenceError(f"{what}: is not a DSSE envelope with one signature") from None
     inside = parse(payload, f"{what}: its statement")
     if not fits or not isinstance(inside, dict) or not isinstance(key_id, str):
-        raise EvidenceError(f"{what}: is no DSSE envelope of an in-toto statement")
+        raise EvidenceError(f"{what}: is not a DSSE envelope of an in-toto statement")
     return EnvelopeContent(payload, inside, signed, key_id)
 
 
@@ -282,7 +282,7 @@ def _decode_base64(text: str, what: str) -> bytes:
     try:
         data = base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError, TypeError):
-        raise EvidenceError(f"{what} is no base64") from None
+        raise EvidenceError(f"{what} is not base64") from None
     # several texts decode alike; one counts
     if base64.b64encode(data).decode() != text:
         raise EvidenceError(f"{what} is not base64 in its one canonical form")
@@ -296,7 +296,7 @@ def _read_key_file(path: Path) -> bytes:
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
     if len(data) > _MOST_KEY_BYTES:
-        raise EvidenceError(f"{path}: is no key: larger than {_MOST_KEY_BYTES} bytes")
+        raise EvidenceError(f"{path}: is not a key file: it is larger than {_MOST_KEY_BYTES} bytes")
     return data
 
 
@@ -312,10 +312,10 @@ def _derive_public_key(key: "Ed25519PublicKey") -> PublicKey:
 
 
 def key_weakness(raw: bytes) -> str:
-    """Why no signature by this key may be relied on; "" if nothing is known against it.
+    """Why signatures by this key cannot be relied on; "" if nothing is known against it.
 
     Args:
-        raw: the 32 bytes of a public key.
+        raw: 32 bytes of a public key.
     """
     y = int.from_bytes(raw, "little") & ((1 << 255) - 1)
     if y >= _P:

@@ -1,4 +1,4 @@
-"""A calibration's evidence put to use: whose masses it calibrates, and which it refuses."""
+"""Apply a calibration's evidence: which masses it calibrates, and which it must not."""
 
 import datetime as dt
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,13 +34,13 @@ _MOST_NAMED: Final = 2
 
 @dataclass(frozen=True, slots=True)
 class CalibrationRequest:
-    """Request of a command.
+    """A command's request to apply a calibration.
 
     Attributes:
-        folder: the evidence.
-        key_file: the public key of whose signature is asked for.
-        signed: whether a signature by a key that the user gives or keeps is asked for.
-        ask: on a terminal, asks whether an unknown key is to be trusted and kept; None elsewhere.
+        folder: folder of the evidence.
+        key_file: public key of the required signer.
+        signed: whether a signature by a given or kept key is required.
+        ask: asks on a terminal whether to trust and keep an unknown key; None without a terminal.
     """
 
     folder: Path
@@ -51,13 +51,13 @@ class CalibrationRequest:
 
 @dataclass(frozen=True, slots=True)
 class MachineCalibration:
-    """Evidence that was checked and has a line.
+    """Verified evidence that contains a calibration line.
 
     Attributes:
-        folder: where it is.
-        document: its contents.
-        calibration: the line.
-        signed_by: whose signature it has.
+        folder: folder of the evidence.
+        document: contents of the evidence.
+        calibration: the calibration line.
+        signed_by: signer of the evidence.
     """
 
     folder: Path
@@ -67,14 +67,14 @@ class MachineCalibration:
 
     @property
     def machine_id(self) -> str:
-        """The serial number of the machine that it is of."""
+        """Serial number of the calibrated machine."""
         return self.document.campaign.machine.id
 
     def describe(self, logged_id: str) -> str:
-        """Describe it in a sentence.
+        """One sentence about the calibration.
 
         Args:
-            logged_id: the machine that the logs name; "" where they do not.
+            logged_id: machine named by the logs; "" if they name none.
         """
         document = self.document
         of = "" if logged_id else ", which the log does not name"
@@ -85,7 +85,7 @@ class MachineCalibration:
         )
 
     def weighing_machine(self, machine: Machine) -> Machine:
-        """The machine with the empty mass and the priors that the calibration has."""
+        """The machine with the calibration's empty mass and priors."""
         document = self.document
         machine = machine_with_campaign_mass(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
@@ -96,10 +96,10 @@ class MachineCalibration:
         return Machine.model_validate_json(canonical_bytes(weighing.model_dump(mode="json")))
 
     def differences_of_machine(self, weighing: Machine) -> str:
-        """Settings of a machine that differ from the calibration's; "" if none.
+        """Settings that differ from the calibration's; "" if none.
 
-        Serial number, channels, settings, priors: all that defines its mass. The name counts where
-        a machine has no serial number.
+        Serial number, channels, settings and priors are compared, since they define the mass; the
+        name is compared if there is no serial number.
         """
         mine_id = weighing.machine.id
         if mine_id not in (None, self.machine_id):
@@ -122,34 +122,35 @@ class MachineCalibration:
         return f"was made with other settings: {named}{more}" if differ else ""
 
     def require_machine(self, weighing: Machine, what: object) -> Machine:
-        """The machine with its serial number, if it is the one that was calibrated.
+        """Return the machine with its serial number if it is the calibrated one.
 
-        A log that names another is refused from then on.
+        Logs that name another machine are rejected from then on.
 
         Args:
-            weighing: as `weighing` gives it, or as a recording has it.
-            what: which file it is of.
+            weighing: machine from `weighing_machine`, or from a recording.
+            what: file that the machine comes from, for the error message.
 
         Raises:
-            EvidenceError: it is another one, or weighs otherwise.
+            EvidenceError: another machine, or other settings.
         """
         other = self.differences_of_machine(weighing)
         if other:
             raise EvidenceError(
-                f"{self.folder}: {other} ({what}); calibrate with these, or weigh with those"
+                f"{self.folder}: {other} ({what}); calibrate again with these settings, or replay "
+                "with those of the calibration"
             )
         body = weighing.machine.model_copy(update={"id": self.machine_id})
         return weighing.model_copy(update={"machine": body})
 
     def refuse_after_expiry(self, start_ns: int | None, what: object) -> None:
-        """Refuse a log of a day after the last of the evidence; without a date, today counts.
+        """Raise an error for a log after the evidence expired; an undated log counts as today's.
 
         Args:
-            start_ns: unix time of the log's beginning, if it is known.
-            what: which log.
+            start_ns: Unix time of the log's begin, if known.
+            what: the log, for the error message.
 
         Raises:
-            EvidenceError: expired.
+            EvidenceError: the evidence expired before the log.
         """
         zone = self.document.machine.machine.zone
         if start_ns is not None and start_ns >= FIRST_DATE_NS:
@@ -164,13 +165,13 @@ class MachineCalibration:
             )
 
     def check_logs(self, logs: Sequence[Log]) -> str:
-        """Refuse logs of another machine, or of a day after the last of the evidence.
+        """Raise an error for logs of another machine, or after the evidence expired.
 
         Returns:
-            The serial number of the machine in their metadata; "" where they do not tell.
+            The machine's serial number in the logs' metadata; "" if they have none.
 
         Raises:
-            EvidenceError: expired.
+            EvidenceError: the evidence expired.
             LogError: a log is of another machine.
         """
         logged = logged_id(logs, self.machine_id)
@@ -184,22 +185,22 @@ class MachineCalibration:
     def calibrate_loads_frame(
         self, frames: Mapping[str, pl.DataFrame], other: str = ""
     ) -> pl.DataFrame:
-        """The frame `loads` with its calibrated masses; none where the log contradicts it.
+        """The frame `loads` with calibrated masses, or without any if the log contradicts it.
 
         Args:
-            frames: `FRAMES`, of a replay by the machine that `weighing` gives.
-            other: what that machine has otherwise than the calibration.
+            frames: `FRAMES` of a replay by `weighing_machine`.
+            other: differences of that machine from the calibration.
         """
         body = self.weighing_machine(self.document.machine).machine
         log = describe_later_log(frames, body, f"the calibration {other}" if other else "")
         return calibrate_loads(frames["loads"], self.calibration, log)
 
     def calibrate_run(self, run: Run, other: str = "") -> Run:
-        """A run with its calibrated masses, and a note of the evidence.
+        """The run with calibrated masses and a note about the evidence.
 
         Args:
-            run: a replay by the machine that `weighing` gives.
-            other: what that machine has otherwise than the calibration.
+            run: a replay by `weighing_machine`.
+            other: differences of that machine from the calibration.
         """
         loads = self.calibrate_loads_frame(run.frames, other)
         said = self.describe(run.provenance.logged_machine_id)
@@ -209,11 +210,11 @@ class MachineCalibration:
 
 
 def load_calibration(asked: CalibrationRequest) -> MachineCalibration:
-    """Read evidence, and check it as a stranger would.
+    """Read evidence and verify it like `payscope verify`.
 
     Raises:
-        EvidenceError: no evidence, something wrong with it, unsigned or by an unknown key where a
-            signature is asked for, no calibration, or one of a mass that `loads` does not have.
+        EvidenceError: the folder has no evidence or no calibration, verification fails, a required
+            signature is missing or by an unknown key, or the calibrated mass is not in `loads`.
     """
     folder = asked.folder
     key = None if asked.key_file is None else public_key(asked.key_file)
@@ -247,10 +248,10 @@ def load_calibration(asked: CalibrationRequest) -> MachineCalibration:
 
 
 def _require_known_signature(asked: CalibrationRequest, by: SignedBy, keyring: Keyring) -> SignedBy:
-    """A signature by a key that the user knows; one that is trusted at first use is kept.
+    """Return the signature if its key is known; a key trusted on first use is kept.
 
     Raises:
-        EvidenceError: unsigned, or by an unknown key that is not accepted.
+        EvidenceError: unsigned, or signed by an unknown key that the user rejects.
     """
     if by.is_trusted:
         return by
@@ -274,17 +275,17 @@ def calibrated_frame(
     asked: CalibrationRequest,
     recording: Path,
 ) -> pl.DataFrame:
-    """The frame `loads` of a recording with its calibrated masses.
+    """The frame `loads` of a recording with calibrated masses.
 
     Args:
         frames: `FRAMES`, as far as the recording has them.
-        about: how it was recorded.
-        asked: the evidence.
-        recording: where it is.
+        about: provenance of the recording.
+        asked: the evidence to apply.
+        recording: path of the recording.
 
     Raises:
-        EvidenceError: as `load_calibration`; also where it was recorded with other settings or
-            priors than those of the calibration, or is of a later day.
+        EvidenceError: as `load_calibration`, or if the recording has other settings or priors than
+            the calibration, or is later than its expiry.
     """
     by = load_calibration(asked)
     other = by.differences_of_machine(recorded_machine(about))
@@ -298,7 +299,7 @@ def calibrated_frame(
 
 
 def recorded_machine(about: Provenance) -> Machine:
-    """The machine that a recording was made with."""
+    """The machine settings of a recording."""
     content = {**about.machine, "settings": about.settings.model_dump()}
     return Machine.model_validate(content)
 

@@ -1,4 +1,4 @@
-"""The command `calibrate`: a campaign file in, a bundle of evidence out."""
+"""The command `calibrate`: from a campaign file to a bundle of evidence."""
 
 import hashlib
 from collections.abc import Callable
@@ -46,7 +46,12 @@ from recordings.calibration.evidence_document import (
 )
 from recordings.calibration.timestamp import refuse_without_library, timestamp_request
 from recordings.calibration.write_bundle import encode_tables, write_bundle
-from recordings.report.atomic_output import atomic_file, atomic_files, check_folder, check_output
+from recordings.report.atomic_output import (
+    atomic_file,
+    atomic_files,
+    require_writable_folder,
+    require_writable_output,
+)
 from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, signing_key
@@ -76,11 +81,11 @@ class CalibrationOutcome:
     """Result of `calibrate`, and the files it wrote.
 
     Attributes:
-        folder: the bundle.
-        document: its evidence.
+        folder: folder of the bundle.
+        document: the evidence.
         readings: frame `readings`.
-        points: a row a run.
-        remarks: for whoever made it, a line each.
+        points: frame with a row per run.
+        remarks: remarks for the user, one per line.
     """
 
     folder: Path
@@ -91,18 +96,18 @@ class CalibrationOutcome:
 
     @property
     def rejected(self) -> pl.DataFrame:
-        """Readings that count for nothing, with their reasons."""
+        """Readings that are not used, with their reasons."""
         return self.readings.filter(~pl.col("used"))
 
     @property
     def is_good(self) -> bool:
-        """Whether there is a line, within its limits, and no drift."""
+        """Whether there is a line within its limits and without drift."""
         said = self.document
         limits = said.limits is None or said.limits.verdict == WITHIN
         return said.calibration is not None and limits and not _has_drift(said.drift)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain values."""
+        """The fields as JSON-compatible values."""
         return {
             "folder": str(self.folder),
             "evidence": self.document.model_dump(mode="json"),
@@ -114,23 +119,23 @@ class CalibrationOutcome:
 
 
 def _has_drift(drift: DriftCheck | None) -> bool:
-    """Whether a check found drift, or could not tell."""
+    """Whether a check found drift or was inconclusive."""
     return drift is not None and drift.drifted is not False
 
 
 @dataclass(frozen=True, slots=True)
 class EvidenceParts:
-    """Parts of evidence, before they are written.
+    """Parts of evidence before it is written.
 
     Attributes:
         kind: "calibration" or "check".
-        campaign: masses and runs.
-        machine: with its settings.
-        learnt: what narrowed its priors.
+        campaign: reference masses and runs.
+        machine: machine with its settings.
+        learnt: learnt priors.
         replayed: readings and logs.
-        options: of the fit.
-        fitted: line, points, limits.
-        drift: of a check.
+        options: options of the fit.
+        fitted: line, points and limits.
+        drift: drift found by a check.
     """
 
     kind: Literal["calibration", "check"]
@@ -158,18 +163,18 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     """Replay a campaign's runs, fit the line, and write the evidence.
 
     Args:
-        campaign_file: the campaign.
-        folder: the bundle to write.
-        key_file: private key; without it the environment may hold one.
-        previous: the machine's evidence before this.
-        recordings: whether each replay's recording is part of the bundle.
+        campaign_file: path of the campaign file.
+        folder: bundle to write.
+        key_file: private key; without it PAYSCOPE_SIGNING_KEY may hold one.
+        previous: the machine's previous evidence.
+        recordings: whether to include each replay's recording in the bundle.
         force: whether evidence in `folder` may be replaced.
-        timestamp_request_file: where to write the query for a time-stamp authority, if at all.
-        dcc: where to write the digital calibration certificate, if at all, and what signs it.
-        on_log: told each log's name as its replay begins.
+        timestamp_request_file: file for the query to a time-stamp authority; None writes none.
+        dcc: output of the digital calibration certificate; None writes none.
+        on_log: called with each log's name when its replay begins.
 
     Raises:
-        PayscopeError: whatever is wrong with the input, before anything is written.
+        PayscopeError: the input is wrong; nothing has been written then.
     """
     campaign, machine = load_campaign(campaign_file)
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
@@ -177,7 +182,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     key = signing_key(key_file)
     xml_key = None if dcc is None else check_dcc_output(campaign_file, campaign, dcc, force=force)
     before = None if previous is None else previous_evidence(previous, campaign.machine.id, key)
-    check_folder(folder, force=force)
+    require_writable_folder(folder, force=force)
     stretch = load_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
         check_can_request_timestamp(timestamp_request_file, key, force=force)
@@ -222,7 +227,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
 
 
 def check_can_request_timestamp(file: Path, key: SigningKey | None, *, force: bool) -> None:
-    """Refuse a query to a time-stamp authority before the work that it is for.
+    """Raise an error before the work begins if a time stamp cannot be requested.
 
     Raises:
         EvidenceError: there is no signature to stamp, or rfc3161-client is not installed.
@@ -231,11 +236,11 @@ def check_can_request_timestamp(file: Path, key: SigningKey | None, *, force: bo
     if key is None:
         raise EvidenceError("--timestamp-request needs a signature; give --key")
     refuse_without_library()
-    check_output(file, force=force)
+    require_writable_output(file, force=force)
 
 
 def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
-    """Write the query for the signature of a bundle."""
+    """Write the time-stamp query for the signature of a bundle."""
     query = timestamp_request((folder / STATEMENT).read_bytes())
     with atomic_file(file, force=force) as partial:
         partial.write_bytes(query)
@@ -244,22 +249,22 @@ def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
 def previous_evidence(
     previous: Path, machine_id: str | None, key: SigningKey | None
 ) -> CheckedBundle:
-    """The machine's evidence before this, checked.
+    """Read and verify the machine's previous evidence.
 
     Args:
-        previous: its folder.
-        machine_id: of the machine that it has to be of, if that is known.
-        key: that signs what follows; None where that is unsigned.
+        previous: folder of the evidence.
+        machine_id: serial number it must have; None for any.
+        key: key that signs the new evidence; None if it stays unsigned.
 
     Raises:
-        EvidenceError: it is of another machine, something is wrong with it, or it is signed by a
-            key that is neither this one nor in the user's keyring.
+        EvidenceError: it is of another machine, verification fails, or it is signed by a key that
+            is neither this one nor in the user's keyring.
     """
     checked = check_bundle(previous, None, None, load_keyring())
     wrong = checked.faults
     if wrong or checked.document is None:
         first = str(wrong[0]) if wrong else "no evidence"
-        raise EvidenceError(f"{previous}: nothing can be chained to it: {first}")
+        raise EvidenceError(f"{previous}: cannot be used as --previous: {first}")
     machine = checked.document.campaign.machine.id
     if machine_id not in (None, machine):
         raise EvidenceError(
@@ -269,14 +274,14 @@ def previous_evidence(
     by = checked.signed_by
     if key is not None and by.how == "unsigned":
         raise EvidenceError(
-            f"{previous}: is unsigned: nothing that is signed is chained to what nobody vouches "
-            "for; calibrate without --previous, or without --key if that chain is to go on"
+            f"{previous}: is unsigned, and signed evidence cannot follow unsigned evidence; leave "
+            "out --previous to start a signed chain, or --key to continue the unsigned one"
         )
     own = key is not None and by.key_id == key.public.key_id
     if by.how == "unknown" and not own:
         raise EvidenceError(
-            f"{previous}: is {by}: nothing is chained to what cannot be verified; keep the key, if "
-            f"the signer gave it to you by another way: {by.add_line}"
+            f"{previous}: is {by}, so its signature cannot be verified; if the signer gave you "
+            f"this key in person, keep it with {by.add_line}"
         )
     return checked
 
@@ -290,26 +295,26 @@ def finish_evidence(
     previous: Path | None,
     stretch: bytes | None = None,
 ) -> CalibrationOutcome:
-    """Write the evidence, and check it as a stranger would before it gets its name.
+    """Write the evidence, verify it, and move it to its final folder.
 
     Args:
-        evidence: what it is made of.
-        made: where it is written; recordings of the replays are there already.
-        folder: the name that it will get.
-        key: signs; None leaves it unsigned.
-        before: the machine's evidence before it.
-        previous: where that is.
-        stretch: of the recorder's list, if the campaign names one.
+        evidence: parts of the evidence.
+        made: temporary folder, which already contains the recordings.
+        folder: final folder.
+        key: signing key; None leaves it unsigned.
+        before: the machine's previous evidence.
+        previous: folder of that evidence.
+        stretch: part of the recorder's notary list, if the campaign names one.
 
     Raises:
         CampaignError: no run gave a reading.
-        OutputError: what was written does not pass the check.
+        OutputError: the written evidence fails verification.
     """
     readings, points = evidence.replayed.readings, evidence.fitted.frame
     if readings["mass_kg"].null_count() == readings.height:
         raise CampaignError(
-            f"{', '.join(evidence.campaign.logs)}: no run gave a reading; `payscope run` says of "
-            "each log why"
+            f"{', '.join(evidence.campaign.logs)}: no run gave a reading; run `payscope run` on "
+            "each log to see why"
         )
     tables, digests = encode_tables(readings, points)
     document = _make_document(evidence, digests, key, before)
@@ -319,7 +324,7 @@ def finish_evidence(
     wrong = [str(each) for each in checked.faults]
     if wrong:
         raise OutputError(
-            f"{folder}: what was written does not pass its own check, so nothing was kept: "
+            f"{folder}: the written evidence failed verification, so it was removed: "
             + "; ".join(wrong[:_MOST_LINES])
         )
     return CalibrationOutcome(folder, document, readings, points, tuple(remarks))
@@ -368,7 +373,7 @@ def _make_document(
 
 
 def estimator_of_this_version(last: EvidenceDocument | None) -> Estimator | None:
-    """The estimator of the evidence before, digested as this version does."""
+    """Estimator of the previous evidence, with its digest by this version."""
     return None if last is None else estimator_with_digest(last.campaign, last.weighing)
 
 

@@ -1,4 +1,4 @@
-"""Campaign files of a calibration: TOML in, a validated campaign out, every fault in one line."""
+"""Campaign files: validated from TOML, with every error in one line."""
 
 import hashlib
 import re
@@ -20,15 +20,15 @@ _TODO: Final = re.compile(r"TODO\b")
 
 
 def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
-    """Read a campaign file, and the machine file that it names.
+    """Read a campaign file and the machine file that it names.
 
     Args:
-        path: a TOML file; logs and machine file are named from its folder.
+        path: TOML file; paths in it are relative to its folder.
 
     Raises:
-        CampaignError: one line with the file, the fault, the choices and the remedy; also where a
-            certificate had expired on the day of a run, or a log is not there.
-        MachineError: likewise, of the machine file.
+        CampaignError: one line with the file, the fault, the choices and the remedy; also if a
+            certificate had expired on the day of a run, or a log is missing.
+        MachineError: the same for the machine file.
     """
     if not path.exists():
         raise CampaignError(
@@ -42,8 +42,8 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     campaign = validate(path, content, CalibrationCampaign, CampaignError)
     if campaign.laboratory is not None and campaign.missing_statements:
         raise CampaignError(
-            f"{path}: [laboratory] makes this a certificate after ISO/IEC 17025, 7.8, which lacks "
-            f"{', '.join(campaign.missing_statements)}; complete them, or leave [laboratory] out"
+            f"{path}: [laboratory] makes this a certificate by ISO/IEC 17025, 7.8, which also "
+            f"needs {', '.join(campaign.missing_statements)}; add them, or leave out [laboratory]"
         )
     beside = path.parent / campaign.machine.file
     shipped = machine_path(Path(campaign.machine.file))
@@ -65,19 +65,19 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     for log in campaign.logs:
         if not (path.parent / log).exists():
             raise CampaignError(
-                f"{path}: no log '{log}' in {path.parent}; logs are named from the campaign file's "
-                "folder"
+                f"{path}: no log '{log}' in {path.parent}; paths of logs are relative to the "
+                "campaign file"
             )
     return campaign, machine
 
 
 def machine_with_serial_number(machine: Machine, wanted: str, what: object) -> Machine:
-    """The machine with its serial number.
+    """The machine with the given serial number.
 
     Args:
-        machine: as its file has it.
-        wanted: its serial number.
-        what: the file that gives it, for the error.
+        machine: machine as read from its file.
+        wanted: serial number.
+        what: file that gives it, for the error message.
 
     Raises:
         CampaignError: the machine file is that of another machine.
@@ -85,14 +85,14 @@ def machine_with_serial_number(machine: Machine, wanted: str, what: object) -> M
     named = machine.machine.id
     if named not in (None, wanted):
         raise CampaignError(
-            f"{what}: is of machine '{wanted}', and its machine file of '{named}'; name the "
+            f"{what}: is for machine '{wanted}', but its machine file is of '{named}'; name the "
             f"machine file of '{wanted}', or correct machine.id"
         )
     return machine.model_copy(update={"machine": machine.machine.model_copy(update={"id": wanted})})
 
 
 def unfinished_entries(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
-    """Where a draft was not completed: the place of each text whose first word is TODO, and it."""
+    """Places and texts in a draft that still begin with TODO."""
     if isinstance(content, dict):
         for name, value in content.items():
             yield from unfinished_entries(value, f"{place}.{name}" if place else name)
@@ -104,7 +104,7 @@ def unfinished_entries(content: Any, place: str = "") -> Iterator[tuple[str, str
 
 
 def machine_with_campaign_mass(campaign: CalibrationCampaign, machine: Machine) -> Machine:
-    """The machine with the empty mass that the campaign file gives, where it gives any."""
+    """The machine with the empty mass of the campaign file, if that gives one."""
     about = campaign.machine
     given = {"empty_mass_kg": about.empty_mass_kg, "empty_mass_u_kg": about.empty_mass_u_kg}
     known = {name: value for name, value in given.items() if value is not None}
@@ -113,17 +113,17 @@ def machine_with_campaign_mass(campaign: CalibrationCampaign, machine: Machine) 
 
 
 def add_certified_masses(source: Path, content: dict[str, Any]) -> dict[str, Any]:
-    """The content of a campaign file with the masses that it takes from certificates.
+    """Complete a campaign file's content with masses from its certificates.
 
-    `masses = "cert.xml#item"` (or a list of such) takes all of a mass from there; a block
-    `[[masses]]` with `dcc = "cert.xml#item"` may add its id, last day and shared part.
+    `masses = "cert.xml#item"` (or a list) takes all data of a mass from the certificate; a block
+    `[[masses]]` with `dcc = "cert.xml#item"` may add id, last day and shared part.
 
     Args:
-        source: the campaign file; certificates are named from its folder.
-        content: of it.
+        source: campaign file; paths of certificates are relative to its folder.
+        content: content of the campaign file.
 
     Raises:
-        CampaignError: a certificate cannot be read, or a block states what its certificate has.
+        CampaignError: a certificate cannot be read, or a block repeats data of its certificate.
     """
     masses = content.get("masses", [])
     blocks = [masses] if isinstance(masses, str) else masses
@@ -146,7 +146,7 @@ def add_certified_masses(source: Path, content: dict[str, Any]) -> dict[str, Any
 
 
 def _weight_keys(source: Path, content: dict[str, Any]) -> list[str]:
-    """Ids of the keys that the campaign file trusts."""
+    """Ids of the keys that the campaign file trusts for certificates."""
     from recordings.dcc.dcc_signature import trusted_key_id
 
     named = content.get("dcc_keys", [])
@@ -181,7 +181,10 @@ def _read_mass_tables(source: Path, block: dict[str, Any], keys: list[str]) -> l
     except EvidenceError as fault:
         raise CampaignError(str(fault)) from None
     if len(masses) > 1 and "id" in block:
-        raise CampaignError(f"{path}: has {len(masses)} items, and '{block['id']}' is one of them")
+        raise CampaignError(
+            f"{path}: has {len(masses)} items, but '{block['id']}' names a single mass; leave out "
+            "its id"
+        )
     return [
         {
             "id": re.sub(r"[^A-Za-z0-9._-]", "-", mass.item_id).lstrip("._-")[:64],

@@ -1,4 +1,4 @@
-"""The runs of a campaign replayed, and what evidence keeps of them."""
+"""Replays of a campaign's runs, and the parts of them that evidence keeps."""
 
 import datetime as dt
 import platform
@@ -18,7 +18,7 @@ from analysis.calibration.campaign.campaign_readings import (
     read_campaign_runs,
     responses_of_runs_to_learnt_means,
 )
-from analysis.calibration.line.unlike_driving import RunResponse
+from analysis.calibration.line.shared_errors import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
     TermOfLog,
@@ -54,11 +54,11 @@ class CampaignReplay:
     """Replays of the logs of a campaign.
 
     Attributes:
-        readings: frame `readings` of all runs, in the campaign's order of logs.
-        logs: what is kept of each log.
-        budgets: frame `budget` of each.
-        terms: what each that can weigh says of the nuisances.
-        responses: of the runs to the errors of learnt means.
+        readings: frame `readings` of all runs, in the campaign's order.
+        logs: record of each log for the evidence.
+        budgets: frame `budget` of each log.
+        terms: nuisance estimates of each log that can weigh.
+        responses: responses of the runs to errors of learnt means.
     """
 
     readings: pl.DataFrame
@@ -69,7 +69,7 @@ class CampaignReplay:
 
     @property
     def learnt(self) -> LearntPriors | None:
-        """Priors learnt from all of them; None if they are too few."""
+        """Priors learnt from all logs; None if there are too few."""
         terms = learn_terms_of_logs(self.terms)
         return LearntPriors(terms=terms, logs=self.terms) if terms else None
 
@@ -84,14 +84,14 @@ def replay_runs(
     """Replay every log of a campaign once.
 
     Args:
-        campaign: its runs.
+        campaign: the campaign.
         machine: channels and settings.
-        path_of: where a log of the campaign is.
-        recordings: the folder to record each replay in, if any.
-        on_log: told each log's name as its replay begins.
+        path_of: returns the path of a log of the campaign.
+        recordings: folder for recordings of the replays, if any.
+        on_log: called with each log's name when its replay begins.
 
     Raises:
-        PayscopeError: a log cannot be read or worked with.
+        PayscopeError: a log cannot be read or used.
     """
     frames: list[pl.DataFrame] = []
     logs: list[EvidenceLog] = []
@@ -125,7 +125,7 @@ def replay_runs(
 
 @cache
 def software_versions() -> Software:
-    """Which payscope, libraries and platform this is."""
+    """Versions of payscope, its libraries and the platform."""
     return Software(
         payscope=version("payscope"),
         distributions=_installed_requirements(),
@@ -135,7 +135,7 @@ def software_versions() -> Software:
 
 
 def _installed_requirements() -> dict[str, str]:
-    """Versions of what is installed of all that payscope needs, directly or not."""
+    """Versions of all installed direct and indirect requirements of payscope."""
     found: dict[str, str] = {}
     waiting = ["payscope"]
     while waiting:
@@ -151,19 +151,19 @@ def _installed_requirements() -> dict[str, str]:
 
 
 def time_for_evidence() -> str:
-    """The time as evidence has it."""
+    """Current time in the format of evidence."""
     return f"{dt.datetime.now(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
 def draw_evidence_id() -> str:
-    """An id that no other evidence has."""
+    """Random unique id for evidence."""
     return str(uuid4())
 
 
 def evidence_of_replay(
     name: str, replayed: Run, topics: pl.DataFrame, recording: str
 ) -> EvidenceLog:
-    """Part of a replay that evidence keeps."""
+    """The record of a replay that evidence keeps."""
     about = replayed.provenance
     said = answer(replayed)
     excitation = replayed.frames["excitation"]

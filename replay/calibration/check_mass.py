@@ -1,4 +1,4 @@
-"""`calibrate --check`: a machine against one known mass, between calibrations."""
+"""`calibrate --check`: check a machine with one known mass between calibrations."""
 
 import datetime as dt
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from analysis.calibration.campaign.campaign_subjects import Conditions, Referenc
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.report.atomic_output import atomic_files, check_folder
+from recordings.report.atomic_output import atomic_files, require_writable_folder
 from recordings.signatures.signing import signing_key
 from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
@@ -30,13 +30,13 @@ _MASS: Final = "check-mass"
 
 @dataclass(frozen=True, slots=True)
 class KnownMassOnBoard:
-    """The known mass.
+    """A known mass on board.
 
     Attributes:
-        value_kg: on board; 0 where nothing is.
+        value_kg: the mass; 0 for an empty machine.
         u_kg: its standard uncertainty.
-        certificate: id of its certificate.
-        day: of the log, as YYYY-MM-DD; None where the log has it.
+        certificate: number of its certificate.
+        day: day of the log as YYYY-MM-DD; None takes it from the log.
     """
 
     value_kg: float
@@ -55,21 +55,21 @@ def check_mass(
     force: bool = False,
     on_log: Callable[[str], None] = lambda _: None,
 ) -> CalibrationOutcome:
-    """Replay a log with a known mass on board, compare, and write the evidence.
+    """Replay a log with a known mass, compare the reading, and write the evidence.
 
     Machine, settings and priors are those of the calibration.
 
     Args:
-        log: with the known mass on board throughout.
+        log: log with the known mass on board throughout.
         known: the mass.
-        folder: the bundle to write.
-        previous: evidence of the calibration, or of a check of it.
-        key_file: private key; without it the environment may hold one.
+        folder: bundle to write.
+        previous: evidence of the calibration, or of an earlier check.
+        key_file: private key; without it PAYSCOPE_SIGNING_KEY may hold one.
         force: whether evidence in `folder` may be replaced.
-        on_log: told the log's name as its replay begins.
+        on_log: called with the log's name when its replay begins.
 
     Raises:
-        PayscopeError: whatever is wrong with the input, before anything is written.
+        PayscopeError: the input is wrong; nothing has been written then.
     """
     key = signing_key(key_file)
     before = previous_evidence(previous, None, key)
@@ -77,7 +77,7 @@ def check_mass(
     if last is None or last.calibration is None:
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")
     campaign = _check_campaign(last, log, known)
-    check_folder(folder, force=force)
+    require_writable_folder(folder, force=force)
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
@@ -97,9 +97,9 @@ def check_mass(
 def _check_campaign(
     last: EvidenceDocument, log: Path, known: KnownMassOnBoard
 ) -> CalibrationCampaign:
-    """A campaign of one run."""
+    """A campaign with a single run."""
     if known.value_kg < 0.0:
-        raise CampaignError(f"--check {known.value_kg:g}: a mass on board is 0 kg or more")
+        raise CampaignError(f"--check {known.value_kg:g}: give a mass of at least 0 kg")
     mass = ReferenceMass.model_validate(
         {
             "id": _MASS,

@@ -1,4 +1,4 @@
-"""The logs of evidence found by their digests, replayed, and compared with what it says of them."""
+"""Find the logs of evidence by their digests, replay them, and compare the results."""
 
 import os
 import stat
@@ -47,7 +47,7 @@ _TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
 def replay_and_compare_logs(
     checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, folder: Path
 ) -> None:
-    """Replay every log, and compare reading by reading."""
+    """Replay every log and compare each reading with the evidence."""
     paths: dict[str, Path] = {}
     found = _files_by_name(folder, {file.name for log in document.logs for file in log.files})
     for log in document.logs:
@@ -76,7 +76,7 @@ def replay_and_compare_logs(
 def _compare_log(
     checked: CheckedBundle, document: EvidenceDocument, kept: EvidenceLog, anew: EvidenceLog
 ) -> None:
-    """Everything that evidence keeps of a log."""
+    """Compare everything that evidence records about a log."""
     item = f"{EVIDENCE}: logs: {kept.log}"
     if (kept.can_weigh, kept.failed_checks) != (anew.can_weigh, anew.failed_checks):
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives another verdict")
@@ -105,7 +105,7 @@ def _compare_log(
 
 
 def are_equal_values(there: object, here: object) -> bool:
-    """Whether two values of a log are the same; of seconds and speeds up to their last bits."""
+    """Whether two values are equal; seconds and speeds may differ in their last bits."""
     if isinstance(there, float) and isinstance(here, float):
         return abs(there - here) <= _LAST_BITS * max(abs(there), abs(here))
     if isinstance(there, tuple) and isinstance(here, tuple):
@@ -121,7 +121,7 @@ def _format_compared_value(value: object) -> str:
 def _compare_learnt_terms(
     checked: CheckedBundle, stored: tuple[TermOfLog, ...], anew: tuple[TermOfLog, ...]
 ) -> None:
-    """Compare each log's nuisances under the machine's own priors."""
+    """Compare each log's nuisance estimates under the machine's own priors."""
     by_name = {(each.log, each.term): each for each in anew}
     wrong = [
         each for each in stored if not _do_terms_agree(each, by_name.get((each.log, each.term)))
@@ -145,7 +145,7 @@ def _do_terms_agree(kept: TermOfLog, now: TermOfLog | None) -> bool:
 def compare_readings(
     checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, anew: pl.DataFrame
 ) -> None:
-    """Reading by reading, within the declared tolerance."""
+    """Compare reading by reading, within the declared tolerance."""
     if stored.height != anew.height:
         what = f"has {stored.height} readings, and the replay gives {anew.height}"
         checked.add(BundleOutcome.IRREPRODUCIBLE, READINGS, what)
@@ -178,7 +178,7 @@ def _is_near_enough(kept: float | None, now: float | None, tolerance: float) -> 
 def _find_log_path(
     checked: CheckedBundle, log: EvidenceLog, found: dict[str, list[Path]]
 ) -> Path | None:
-    """Where a log is: its files, by name and digest, all in one folder."""
+    """Path of a log whose files match by name and digest, all in one folder; None if absent."""
     item = f"logs: {log.log}"
     places: list[Path] | None = None
     for file in log.files:
@@ -203,7 +203,7 @@ def _find_log_path(
 
 
 def _files_by_name(folder: Path, wanted: set[str]) -> dict[str, list[Path]]:
-    """Regular files of these names in a folder and those in it; no link is followed."""
+    """Regular files with these names in a folder tree; links are not followed."""
     found: dict[str, list[Path]] = {}
     for number, entry in enumerate(_walk_folder(folder, 0)):
         if number >= _MOST_ENTRIES:

@@ -9,7 +9,7 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import SUMS
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.report.atomic_output import atomic_file, check_output
+from recordings.report.atomic_output import atomic_file, require_writable_output
 
 if TYPE_CHECKING:
     from recordings.dcc.dcc_signature import DccKey
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class DccOutput:
-    """Where a certificate is written, and with what it is signed.
+    """Output file and signing keys of a digital calibration certificate.
 
     Attributes:
-        file: the certificate.
+        file: certificate file to write.
         key_file: private ECDSA or RSA key in PEM; None leaves it unsigned.
-        certificate_file: the key's own certificate in PEM, if it has one.
+        certificate_file: certificate of that key in PEM, if it has one.
     """
 
     file: Path
@@ -33,20 +33,20 @@ class DccOutput:
 def check_dcc_output(
     source: Path, campaign: CalibrationCampaign, dcc: DccOutput, *, force: bool
 ) -> "DccKey | None":
-    """Refuse a certificate before the work that it is of.
+    """Raise an error before the work begins if no certificate can be made.
 
     Returns:
-        The key that signs it, if one is given.
+        The signing key, if one is given.
 
     Raises:
-        EvidenceError: the campaign lacks what a certificate needs, or the key is none.
+        EvidenceError: the campaign lacks data for a certificate, or the key is invalid.
         OutputError: the file cannot be written.
     """
     from recordings.dcc.dcc_signature import dcc_key
     from recordings.dcc.write_dcc import refuse_incomplete
 
     refuse_incomplete(campaign, source)
-    check_output(dcc.file, force=force)
+    require_writable_output(dcc.file, force=force)
     if dcc.key_file is None and dcc.certificate_file is not None:
         raise EvidenceError("--dcc-certificate and --dcc-key belong together; give both")
     return None if dcc.key_file is None else dcc_key(dcc.key_file, dcc.certificate_file)
@@ -55,13 +55,13 @@ def check_dcc_output(
 def write_dcc_output(
     folder: Path, document: EvidenceDocument, dcc: DccOutput, key: "DccKey | None", *, force: bool
 ) -> str:
-    """Write the certificate of a bundle, and check it as a reader would.
+    """Write the certificate of a bundle, and verify it.
 
     Returns:
-        A remark for whoever makes it.
+        A remark for the user.
 
     Raises:
-        EvidenceError: there is no line to certify, or what was made does not pass its own check.
+        EvidenceError: there is no line to certify, or the certificate fails verification.
     """
     from recordings.dcc.dcc_document import dcc_bytes, parse_dcc
     from recordings.dcc.dcc_signature import check_signature, sign_dcc

@@ -1,4 +1,4 @@
-"""Refuse a campaign that its logs, its machine file or the list of its recorder contradict."""
+"""Reject campaigns that contradict their logs, machine file or notary list."""
 
 import datetime as dt
 from pathlib import Path
@@ -15,16 +15,16 @@ from replay.calibration.campaign_runs import CampaignReplay
 def refuse_days(
     source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
 ) -> None:
-    """Refuse days of runs that their logs contradict.
+    """Raise an error if a run's day contradicts its log.
 
     Args:
-        source: what gives the days, for the error.
-        campaign: its runs.
-        replayed: their logs.
-        machine: of them; its zone is that of the days.
+        source: file that gives the days, for the error message.
+        campaign: the campaign.
+        replayed: replays of its logs.
+        machine: machine file, whose time zone applies to the days.
 
     Raises:
-        CampaignError: a run is of another day than its log.
+        CampaignError: a run's log is of another day.
     """
     faults = find_day_faults(campaign, replayed.logs, machine.machine.zone, dt.datetime.now(dt.UTC))
     fault = next(faults, None)
@@ -35,10 +35,10 @@ def refuse_days(
 def refuse_machine(
     source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
 ) -> None:
-    """Refuse logs and a machine file that name another machine than the campaign.
+    """Raise an error if logs or machine file name another machine than the campaign.
 
     Raises:
-        CampaignError: they do.
+        CampaignError: another machine is named.
     """
     fault = next(machine_faults(campaign.machine.id, machine, replayed.logs), None)
     if fault is not None:
@@ -46,14 +46,14 @@ def refuse_machine(
 
 
 def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
-    """The stretch of the recorder's list that a campaign names, checked; None where it names none.
+    """Read and verify the part of a notary list that a campaign names; None if it names none.
 
     Args:
-        source: the campaign file; the list is named from its folder.
+        source: campaign file; the list's path is relative to its folder.
         campaign: the campaign.
 
     Raises:
-        CampaignError: the list cannot be read, is not whole, or does not reach so far.
+        CampaignError: the list cannot be read, is incomplete, or is too short.
     """
     stretch = campaign.notary
     if stretch is None:
@@ -74,19 +74,19 @@ def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
     ]
     if faults:
         raise CampaignError(
-            f"{path}: {faults[0]}; `payscope verify {path}` lists all, and a log is left out with "
-            "a reason in notary.left_out"
+            f"{path}: {faults[0]}; `payscope verify {path}` lists all faults; to leave out a log, "
+            "give the reason in notary.left_out"
         )
     if last < stretch.last:
         raise CampaignError(
-            f"{source}: notary.last is {stretch.last}, and {path} ends with number {last}; "
-            "`payscope notarise` goes on with it"
+            f"{source}: notary.last is {stretch.last}, and {path} ends at number {last}; `payscope "
+            "notarise` continues the list"
         )
     wanted = campaign.machine.id
     if kept.head is not None and kept.head.machine_id not in ("", wanted):
         raise CampaignError(
-            f"{path}: is the list of machine '{kept.head.machine_id}', and the campaign is of "
-            f"'{wanted}'; name the list of that machine's recorder"
+            f"{path}: is the notary list of machine '{kept.head.machine_id}', and the campaign is "
+            f"of '{wanted}'; name the list of that machine's recorder"
         )
     return stretch_bytes(data, stretch)
 
@@ -94,10 +94,10 @@ def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
 def refuse_unaccounted(
     source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, stretch: bytes | None
 ) -> None:
-    """Refuse a campaign that leaves a log of its stretch out without a reason.
+    """Raise an error if a campaign omits a log of its part of the list without a reason.
 
     Raises:
-        CampaignError: it does, or a log of it is not in the list.
+        CampaignError: a log is omitted, or a log of the campaign is not in the list.
     """
     if campaign.notary is None or stretch is None:
         return
@@ -105,6 +105,6 @@ def refuse_unaccounted(
     fault = next(find_unaccounted_logs(campaign.notary, replayed.logs, kept.entries), None)
     if fault is not None:
         raise CampaignError(
-            f"{source}: notary: {fault}; add a run of it, or leave it out with a reason in "
-            "notary.left_out"
+            f"{source}: notary: {fault}; add a run for that log, or give the reason for leaving it "
+            "out in notary.left_out"
         )

@@ -1,4 +1,4 @@
-"""The command `verify`: a bundle checked by itself, then against its files and its logs."""
+"""The command `verify`: verify a bundle by itself, then against its files and logs."""
 
 import datetime as dt
 from collections.abc import Iterator, Mapping
@@ -48,13 +48,13 @@ class Verification:
     """Result of a verification.
 
     Attributes:
-        folder: the bundle.
-        findings: what is wrong, each with its item.
-        notes: what a reader should know besides.
-        done: what was checked, in words.
-        unseen: what no check can find.
-        signed_by: whose signature it has.
-        checked: what the check of the folder found.
+        folder: folder of the bundle.
+        findings: errors, each with its item.
+        notes: further notes for the reader.
+        done: checks that were made, in words.
+        unseen: claims that no check can verify.
+        signed_by: signer of the bundle.
+        checked: result of checking the folder.
     """
 
     folder: Path
@@ -67,7 +67,7 @@ class Verification:
 
     @property
     def outcome(self) -> BundleOutcome | None:
-        """The exit status; None where nothing is wrong."""
+        """Exit status; None if nothing is wrong."""
         return worst_outcome(self.findings)
 
     @property
@@ -76,7 +76,7 @@ class Verification:
         return verdict_text(self.folder, self.findings, f"verified; {self.signed_by}")
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain values."""
+        """The fields as JSON-compatible values."""
         return {
             "folder": str(self.folder),
             "outcome": 0 if self.outcome is None else int(self.outcome),
@@ -100,20 +100,20 @@ def verify_bundle(
     on: dt.date | None = None,
     tsa: Path | None = None,
 ) -> Verification:
-    """Check a bundle.
+    """Verify a bundle.
 
     Args:
-        folder: the bundle; nothing in it is run, no link followed.
-        logs: where its logs are; all are replayed and compared. They are found by their digests.
-        key_file: the public key of whose signature is asked for.
-        previous: the machine's evidence before it.
-        signed: whether a signature by `key_file` or by a key of the user's keyring is asked for.
-        on: the day on which it is to be valid; None for today, where the machine is.
+        folder: the bundle; no file in it is executed and no link followed.
+        logs: folder of its logs; they are found by their digests, replayed and compared.
+        key_file: public key of the required signer.
+        previous: the machine's previous evidence.
+        signed: whether a signature by `key_file` or a key in the user's keyring is required.
+        on: day on which it must be valid; None for today in the machine's time zone.
 
-        tsa: root certificates of the time-stamp authorities that are trusted, in PEM.
+        tsa: root certificates of trusted time-stamp authorities, in PEM.
 
     Raises:
-        EvidenceError: no such folder, or a key or certificate that cannot be read.
+        EvidenceError: the folder does not exist, or a key or certificate cannot be read.
     """
     key = None if key_file is None else public_key(key_file)
     authorities = () if tsa is None else authority_certificates(tsa)
@@ -169,7 +169,7 @@ def unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
 
 
 def _check_expiry(checked: CheckedBundle, document: EvidenceDocument, on: dt.date | None) -> None:
-    """Whether it is still valid on the day, today where the machine is by default."""
+    """Check that the evidence is valid on the day, by default today in the machine's time zone."""
     zone = document.machine.machine.zone
     day = on or dt.datetime.now(zone).date()
     if document.expires < day:
@@ -178,7 +178,7 @@ def _check_expiry(checked: CheckedBundle, document: EvidenceDocument, on: dt.dat
 
 
 def list_checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
-    """List what the check of the folder by itself has covered."""
+    """Checks of the folder itself that were made, in words."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if checked.document is not None:
         done.append("the schema of evidence.json")
@@ -198,11 +198,11 @@ def list_checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class FilesCheck:
-    """Files compared, and files that could not be.
+    """Results of comparing files, and files that could not be compared.
 
     Attributes:
-        done: what was compared, in words.
-        unseen: what was not, and why.
+        done: comparisons that were made, in words.
+        unseen: comparisons that could not be made, and why.
     """
 
     done: tuple[str, ...] = ()
@@ -212,13 +212,13 @@ class FilesCheck:
 def compare_files(
     checked: CheckedBundle, document: EvidenceDocument, folder: Path, *, whole: bool
 ) -> FilesCheck:
-    """Compare the recordings of runs with their fingerprints and, if asked for, what takes longer.
+    """Compare recordings of runs with their fingerprints, and optionally slower items.
 
     Args:
-        checked: of the bundle; gets what is found.
-        document: its evidence.
-        folder: the bundle.
-        whole: whether the recording of the calibration and the PDF are read as well.
+        checked: the bundle, which receives the findings.
+        document: evidence of the bundle.
+        folder: folder of the bundle.
+        whole: whether to compare the calibration's recording and the PDF as well.
     """
     try:
         sums = parse_sums(checked.sums)
@@ -255,7 +255,7 @@ def compare_files(
 
 
 def _compare_run(checked: CheckedBundle, log: EvidenceLog, found: RecordingDigests | str) -> None:
-    """Whether a recording is that of the replay whose fingerprint the evidence has."""
+    """Check that a recording matches the replay's fingerprint in the evidence."""
     if isinstance(found, str):
         checked.add(BundleOutcome.TAMPERED, log.recording, found)
         return
@@ -277,7 +277,7 @@ def _compare_run(checked: CheckedBundle, log: EvidenceLog, found: RecordingDiges
 def _compare_calibration(
     checked: CheckedBundle, document: EvidenceDocument, found: RecordingDigests | str
 ) -> None:
-    """Whether the recording of a bundle has the frames that its evidence gives."""
+    """Check that the bundle's recording contains the frames of the evidence."""
     if isinstance(found, str):
         checked.add(BundleOutcome.TAMPERED, RECORDING, found)
         return
@@ -302,7 +302,7 @@ def _compare_calibration(
 def _compare_pdf(
     checked: CheckedBundle, document: EvidenceDocument, folder: Path, sums: Mapping[str, str]
 ) -> str:
-    """Compare the PDF; why it could not be, or ""."""
+    """Compare the PDF; returns why that was not possible, or ""."""
     if document.other_version:
         return f"its page is one by {document.other_version}"
     if checked.readings is None or checked.points is None:

@@ -1,4 +1,4 @@
-"""The command `verify` of several bundles: each by itself, and the chain of each machine."""
+"""The command `verify` for several bundles: each one, and the chain of each machine."""
 
 import datetime as dt
 from collections.abc import Mapping, Sequence
@@ -18,9 +18,9 @@ class VerifiedChain:
     """Result of verifying several bundles.
 
     Attributes:
-        bundles: each by itself, in the order given.
-        findings: what is wrong with the chains.
-        notes: who signed which number.
+        bundles: results of the bundles, in the given order.
+        findings: errors in the chains.
+        notes: signer of each number.
     """
 
     bundles: tuple[Verification, ...]
@@ -29,7 +29,7 @@ class VerifiedChain:
 
     @property
     def outcome(self) -> BundleOutcome | None:
-        """The exit status of all together; None where nothing is wrong."""
+        """Exit status for all bundles; None if nothing is wrong."""
         return worst_outcome(
             [*self.findings, *(each for made in self.bundles for each in made.findings)]
         )
@@ -45,7 +45,7 @@ class VerifiedChain:
         return f"{these}: {kind.upper()} ({counted(wrong, 'finding')})"
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain values."""
+        """The fields as JSON-compatible values."""
         return {
             "outcome": 0 if self.outcome is None else int(self.outcome),
             "bundles": [made.to_dict() for made in self.bundles],
@@ -68,20 +68,20 @@ def verify_chain(
     on: dt.date | None = None,
     tsa: Path | None = None,
 ) -> VerifiedChain:
-    """Check the evidence of one machine or several, and whether each machine's is one chain.
+    """Verify several bundles, and that each machine's bundles form one chain.
 
-    Evidence that a later one replaces may have expired.
+    Evidence that was superseded may have expired.
 
     Args:
         folders: the bundles, in any order.
-        logs: as `verify` has it, of each.
-        key_file: likewise.
-        signed: likewise.
-        on: the day on which the last of each machine is to be valid.
-        tsa: as `verify` has it.
+        logs: as in `verify_bundle`, for each bundle.
+        key_file: as in `verify_bundle`.
+        signed: as in `verify_bundle`.
+        on: day on which the latest evidence of each machine must be valid.
+        tsa: as in `verify_bundle`.
 
     Raises:
-        EvidenceError: no such folder, or a key or certificate that cannot be read.
+        EvidenceError: a folder does not exist, or a key or certificate cannot be read.
     """
     made = [
         verify_bundle(folder, logs=logs, key_file=key_file, signed=signed, on=on, tsa=tsa)
@@ -111,7 +111,7 @@ def _chain_counter(checked: CheckedBundle) -> int:
 
 
 def _is_last(made: Verification, last: Mapping[str, int]) -> bool:
-    """Whether it is the last of its machine, or of none."""
+    """Whether a bundle is its machine's latest, or names no machine."""
     document = made.checked.document
     return document is None or document.chain.counter == last[document.campaign.machine.id]
 

@@ -1,1 +1,1 @@
-"""The commands, one a file; each imports what it needs when it is called."""
+"""Commands, one per file; each imports what it needs when called."""

@@ -91,7 +91,7 @@ def _print_version(
 
 
 def main() -> None:
-    """Run the command line and leave with its exit status."""
+    """Run the command line and exit with its status."""
     _open_closed_streams()
     received = _end_by_exception()
     try:
@@ -127,7 +127,7 @@ def main() -> None:
 
 
 def describe_usage_error(error: typer.TyperException) -> str:
-    """Say what a command line lacks; where it is the machine file, which command drafts one."""
+    """Message for a wrong command line; without a machine file it names `payscope init`."""
     said = error.format_message() or "see payscope --help"
     if said.startswith("Missing option") and "--machine" in said:
         return f"{said.rstrip('.')}; `payscope init LOG -o machine.toml` drafts a machine file"
@@ -135,7 +135,7 @@ def describe_usage_error(error: typer.TyperException) -> str:
 
 
 def _open_closed_streams() -> None:
-    """Started with `>&-`, Python has no stdout at all, and the next file would get its number."""
+    """Open stdout and stderr if they were closed (`>&-`), or the next file gets their number."""
     for name, flag, mode in (
         ("stdin", os.O_RDONLY, "r"),
         ("stdout", os.O_WRONLY, "w"),
@@ -146,10 +146,10 @@ def _open_closed_streams() -> None:
 
 
 def _end_by_exception() -> list[int]:
-    """Let a signal raise, so that what is half written is removed on the way out.
+    """Turn signals into exceptions, so that partial outputs are removed on exit.
 
     Returns:
-        The numbers of the signals received, filled as they come.
+        Numbers of the signals received so far.
     """
     received: list[int] = []
 
@@ -166,7 +166,7 @@ def _end_by_exception() -> list[int]:
 
 @contextmanager
 def _tell_old_names() -> Generator[None]:
-    """Say once, in a line on stderr, that a file has keys under old names."""
+    """Warn once on stderr if a file uses old names of keys."""
     from replay.machines.old_names import OldNameWarning
 
     with warnings.catch_warnings():
@@ -190,7 +190,7 @@ def _close_stdout() -> None:
 
 
 def discard_broken_cache(error: Exception) -> str:
-    """Remove compiled code that cannot be read; any other error of that kind is raised again.
+    """Remove compiled code that cannot be read; other errors are raised again.
 
     Two processes may have written it at once, or the disk was full.
     """

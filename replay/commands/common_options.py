@@ -1,4 +1,4 @@
-"""Options that several commands have."""
+"""Options shared by several commands."""
 
 import sys
 from collections.abc import Callable
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class FrameFormat(StrEnum):
-    """How a frame is printed or written."""
+    """Format in which a frame is printed or written."""
 
     table = "table"
     csv = "csv"
@@ -63,10 +63,10 @@ FrictionLimit = Annotated[
 def read_calibration(
     folder: Path | None, key: Path | None, *, signed: bool
 ) -> "CalibrationRequest | None":
-    """Read the calibration named by these options.
+    """Calibration request from these options; None without a calibration.
 
     Raises:
-        BadParameter: what is asked of evidence, without any.
+        BadParameter: an option needs --calibration.
     """
     if folder is None:
         if key is not None or signed:
@@ -92,10 +92,10 @@ _UNITS = ("s", "ms", "us", "ns")
 def time_axis_from_options(
     column: str | None, unit: str | None, keys: list[str] | None = None
 ) -> "TimeAxis | None":
-    """Where a table keeps its time, and how it is written; None where all is to be recognised.
+    """Time column and format of a table from these options; None to detect them.
 
     Raises:
-        BadParameter: no such unit or key.
+        BadParameter: unknown unit or key.
     """
     if column is None and unit is None and not keys:
         return None
@@ -125,7 +125,7 @@ def owner_question() -> "Callable[[SignedBy], str] | None":
 
 
 def ask_for_owner(by: "SignedBy") -> str:
-    """Ask whose key it is; "" where it is not to be trusted."""
+    """Ask for the owner of a key; "" if the key is not trusted."""
     from estimators.errors import one_line
 
     typer.echo(f"This evidence is {one_line(str(by))}.", err=True)

@@ -37,7 +37,7 @@ def command(
 
 
 def _print_demo(result: "Demo") -> "RenderableType":
-    """Lay the result out for a terminal."""
+    """Tables and notes of the demo for the terminal."""
     import polars as pl
     from rich.console import Group
 

@@ -55,14 +55,14 @@ def command(
     determines the parameters least. Exit status 1 when no waveform reaches the accuracy.
     """
     from analysis.excitation import design_excitation
-    from recordings.report.atomic_output import check_output, refuse_input_as_output
+    from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
     from replay.commands.print_tables import print_json, stdout_console
     from replay.simulation.scenario_file import load_scenario, write_scenario
 
     wanted = _parse_share(accuracy)
     if output:
         refuse_input_as_output(output, [scenario] if scenario else [])
-        check_output(output, force=force)
+        require_writable_output(output, force=force)
     base = load_scenario(scenario, overrides or [])
     made = design_excitation(base, motion, wanted, window, yard)
     if as_json:
@@ -77,7 +77,7 @@ def command(
 
 
 def _parse_share(text: str) -> float:
-    """`1%` or `0.01` as 0.01."""
+    """Parse `1%` or `0.01` as 0.01."""
     number, percent, rest = text.strip().partition("%")
     try:
         value = float(number) / (100.0 if percent else 1.0)
@@ -89,7 +89,7 @@ def _parse_share(text: str) -> float:
 
 
 def _print_design(design: Design) -> RenderableType:
-    """Lay a design out for a terminal."""
+    """Table and notes of a design for the terminal."""
     from rich.console import Group
 
     from replay.commands.print_tables import make_plain_table
@@ -136,7 +136,7 @@ def _describe_timing(design: Design) -> list[str]:
 def _describe_verdict(design: Design) -> str:
     best, wanted = design.best, f"{design.accuracy:.3g}"
     if best is None:
-        return "No waveform fits the yard."
+        return "No waveform stays within the yard; give a longer --yard."
     name, error = f"{best.waveform}, {best.ways}", f"{best.relative_error:.2g}"
     if design.is_reached:
         return f"The accuracy of {wanted} is reached: {name}, has {error}."

@@ -62,7 +62,7 @@ def command(
 
     picture, mended_file = picture_and_machine_file(output or [], apply=apply)
     if overrides and machine is None:
-        raise typer.BadParameter("--set overrides a machine file: name it with -m")
+        raise typer.BadParameter("--set changes a machine file; name the file with -m")
     asked = ExplainRequest(
         recording, machine, tuple(overrides or ()), at_s, picture, mended_file, force=force
     )
@@ -78,19 +78,22 @@ def command(
 
 
 def picture_and_machine_file(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
-    """The picture and the machine file among the outputs.
+    """Split the outputs into picture and machine file.
 
     Raises:
-        BadParameter: two of a kind, or --apply without a file for it, or a file without --apply.
+        BadParameter: two outputs of a kind, --apply without a .toml output, or a .toml output
+            without --apply.
     """
     files = [path for path in paths if path.suffix == ".toml"]
     pictures = [path for path in paths if path.suffix != ".toml"]
     if len(files) > 1 or len(pictures) > 1:
         raise typer.BadParameter("-o takes one picture, and with --apply one .toml")
     if apply and not files:
-        raise typer.BadParameter("--apply writes a machine file: name it, as -o mended.toml")
+        raise typer.BadParameter(
+            "--apply writes a machine file; name it, for example -o mended.toml"
+        )
     if files and not apply:
-        raise typer.BadParameter(f"{files[0]}: a machine file is written with --apply")
+        raise typer.BadParameter(f"{files[0]}: a machine file is only written with --apply")
     return (pictures[0] if pictures else None), (files[0] if files else None)
 
 
@@ -175,7 +178,7 @@ def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
 
 
 def _format_mass(answer: "Answer") -> str:
-    """The mass of the heaviest load, or of the only one; nothing where it is withheld."""
+    """Mass of the heaviest or only load as text; empty if it is withheld."""
     from recordings.report.number_text import format_plus_minus
 
     if not answer.verdict.can_weigh:

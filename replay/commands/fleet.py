@@ -47,7 +47,7 @@ _ROWS_SHOWN: Final = 40
 
 @app.callback(invoke_without_command=True)
 def require_fleet_libraries(context: typer.Context) -> None:
-    """Refuse in one line where the libraries of the extra are missing."""
+    """Raise an error if the libraries of the extra `fleet` are missing."""
     from estimators.errors import FleetError
     from replay.fleet.ray_engine import missing_library
 
@@ -121,13 +121,13 @@ def query_command(
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
     """Query all results by SQL; the rows are always in the same order."""
-    from recordings.report.atomic_output import check_output
+    from recordings.report.atomic_output import require_writable_output
     from replay.commands.frame_output import choose_format, frame_text, print_frame
     from replay.fleet.gathered_tables import fleet_query, fleet_results
 
     chosen = choose_format(output_format and output_format.value, output)
     if output is not None:
-        check_output(output, force=force)
+        require_writable_output(output, force=force)
     rows = fleet_query(fleet_results(destination), sql)
     if chosen == "table" and output is None and rows.height > _ROWS_SHOWN:
         typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
@@ -209,7 +209,9 @@ def compare_command(
     from replay.fleet.gathered_tables import fleet_results
 
     if (b is None) == (not overrides):
-        raise typer.BadParameter("name other results, B, or settings, --set: one of both")
+        raise typer.BadParameter(
+            "give either other results (B) or other settings (--set), but not both"
+        )
     days = _parse_days(first, last)
     results = fleet_results(a)
     if b is None:
@@ -271,7 +273,9 @@ def _make_engine(
     from replay.fleet.ray_engine import ray_engine
 
     if address is not None and workers is not None:
-        raise typer.BadParameter("--workers is for this machine; a cluster has its own number")
+        raise typer.BadParameter(
+            "--workers applies to this machine only; leave it out with --address"
+        )
     return partial(ray_engine, address, workers)
 
 

@@ -1,4 +1,4 @@
-"""Progress of a fleet's run on stderr: recordings done, and an honest estimate of the time left."""
+"""Progress of a fleet run on stderr: recordings done, and the estimated time left."""
 
 import math
 import sys
@@ -23,7 +23,7 @@ _K: Final = 2.0
 
 
 class FleetProgress:
-    """A bar where a person watches."""
+    """Progress bar, shown only on a terminal."""
 
     def __init__(self) -> None:
         self._bar = Progress(
@@ -40,16 +40,16 @@ class FleetProgress:
         self._slots = 1
 
     def begin(self, logs: "Sequence[FleetLog]") -> None:
-        """The logs are known."""
+        """Start the bar with the known logs."""
         self._left = TimeLeft([log.size_bytes for log in logs])
         self._bar.update(self._task, total=len(logs))
 
     def note_engine_slots(self, engine: "Engine") -> None:
-        """The engine is open."""
+        """Take the number of parallel slots from the opened engine."""
         self._slots = engine.slots()
 
     def mark_done(self, log: "FleetLog", outcome: "TaskOutcome") -> None:
-        """A log is done."""
+        """Count a finished log."""
         took = outcome.seconds + outcome.overhead_s
         self._left.add_recording(log.size_bytes, took if outcome.status == "made" else None)
         left = interval_text(self._left.interval_s(self._slots))
@@ -69,7 +69,7 @@ class FleetProgress:
 
 
 class TimeLeft:
-    """An estimate by the recordings that are done: their seconds by size, and how these scatter."""
+    """Estimate of the time left, from the seconds per size of finished recordings."""
 
     def __init__(self, sizes_bytes: list[int]) -> None:
         self._left = sum(map(_duration_weight, sizes_bytes))
@@ -77,7 +77,7 @@ class TimeLeft:
         self._done: list[tuple[float, float]] = []
 
     def add_recording(self, size_bytes: int, seconds: float | None) -> None:
-        """A recording is done, after so many seconds on its node; None where it was there."""
+        """Add a finished recording and its seconds on the node; None if it already existed."""
         weight = _duration_weight(size_bytes)
         self._left -= weight
         self._squares -= weight**2
@@ -85,7 +85,7 @@ class TimeLeft:
             self._done.append((weight, seconds))
 
     def interval_s(self, slots: int) -> tuple[float, float] | None:
-        """From and to, in s, for so many at once; None while nothing can be said.
+        """Interval of the time left in s for `slots` in parallel; None if not yet known.
 
         Seconds are a rate times a weight, with a scatter that grows with the weight.
         """
@@ -106,7 +106,7 @@ def _duration_weight(size_bytes: int) -> float:
 
 
 def interval_text(interval_s: tuple[float, float] | None) -> str:
-    """The interval in words, in the unit that suits it."""
+    """Format the interval in a suitable unit."""
     if interval_s is None:
         return ""
     low, high = interval_s

@@ -1,4 +1,4 @@
-"""The panel of `follow`: where the machine is, what the gate says, what the estimators have."""
+"""Panel of `follow`: state of the machine, gate and estimates."""
 
 import sys
 from collections import deque
@@ -23,7 +23,7 @@ _GATE_COLOURS: Final = {"accepted": "green", "warming_up": "dim", "gap": "red"}
 
 
 class FollowPanel:
-    """Drawn on stderr where that is a terminal."""
+    """Panel on stderr, shown only on a terminal."""
 
     def __init__(self) -> None:
         self._live: Live | None = None
@@ -52,7 +52,7 @@ class FollowPanel:
             self._live.stop()
 
     def show(self, following: Following, reports: list[OnlineReport]) -> None:
-        """Show how far a log was followed."""
+        """Show the state of a followed log."""
         for report in reports:
             self._last = report
             if report.event == "manoeuvre":

@@ -1,4 +1,4 @@
-"""Frames as CSV, JSON, Parquet or Arrow, on the screen or in files; tables are each command's."""
+"""Print or write frames as CSV, JSON, Parquet or Arrow; commands render tables themselves."""
 
 import sys
 from collections.abc import Callable
@@ -22,20 +22,20 @@ _NO_LIMIT = 10_000
 
 
 def choose_format(asked: str | None, output: Path | None) -> str:
-    """The format that was asked for, or that the output's suffix says, or a table on the screen.
+    """Requested format, else that of the output's suffix, else a table.
 
     Raises:
-        OutputError: a suffix that says no format, or bytes to a screen.
+        OutputError: unknown suffix, or a binary format for a terminal.
     """
     if asked is None and output is not None:
         asked = output.suffix.removeprefix(".")
         if asked not in _WRITTEN:
             raise OutputError(
                 f"{output}: no format '{output.suffix}'; use "
-                f"{', '.join(f'.{x}' for x in _WRITTEN)}, or say --format"
+                f"{', '.join(f'.{x}' for x in _WRITTEN)}, or give --format"
             )
     if asked in _BINARY and output is None:
-        raise OutputError(f"{asked.capitalize()} is not for a screen: name a file with -o")
+        raise OutputError(f"{asked.capitalize()} is a binary format; name a file with -o")
     return asked or "table"
 
 
@@ -53,10 +53,10 @@ def print_frame(
     Args:
         frame: the rows.
         output_format: table, csv, json, parquet or arrow.
-        output: the file; none for stdout.
-        force: whether to replace it.
-        table: the frame as a table, lines ended.
-        records: what JSON gives instead of the rows as they are.
+        output: file to write; None for stdout.
+        force: whether to replace an existing file.
+        table: renders the frame as a table.
+        records: values for JSON instead of the rows.
 
     Raises:
         OutputError: the output cannot be written.

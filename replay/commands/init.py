@@ -27,7 +27,11 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
     """Draft a machine file from a log, or a campaign file, to be checked and completed by hand."""
-    from recordings.report.atomic_output import atomic_file, check_output, refuse_input_as_output
+    from recordings.report.atomic_output import (
+        atomic_file,
+        refuse_input_as_output,
+        require_writable_output,
+    )
     from replay.commands.common_options import time_axis_from_options
     from replay.init.guess_by_replay import BRAKING, lines_from_replay
     from replay.init.guess_machine import draft_machine_file
@@ -39,7 +43,7 @@ def command(
     if campaign is not None:
         from replay.init.campaign_draft import draft_campaign
 
-        check_output(output, force=force)
+        require_writable_output(output, force=force)
         text, lacking = draft_campaign(campaign, output, machine)
     else:
         assert log is not None

@@ -58,7 +58,7 @@ def add(
 
     public = _read_public_key(key)
     if not owner.strip():
-        raise EvidenceError("--owner: name whose key it is")
+        raise EvidenceError("--owner: give the name of the key's owner")
     if valid_from and valid_to and valid_to < valid_from:
         raise EvidenceError("--valid-to is before --valid-from")
     known = KnownKey(

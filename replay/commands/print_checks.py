@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def make_check_table(checks: Sequence["Check"]) -> "Table":
-    """A row a check: its number, its limit, what it led to."""
+    """Table with one row per check: number, limit and consequence."""
     from recordings.report.number_text import format_check_outcome
 
     table = make_plain_table("check", "value", "limit")

@@ -1,4 +1,4 @@
-"""How commands print: tables for people, JSON for machines (what is not finite is null)."""
+"""Printing of commands: tables for people, JSON for machines (null for non-finite numbers)."""
 
 import json
 import math
@@ -23,7 +23,7 @@ _NARROWEST = 80
 
 
 def stdout_console() -> Console:
-    """The console of stdout: as wide as the screen, or wide enough where there is none."""
+    """Console of stdout: as wide as the terminal, or wide enough without one."""
     screen = Console(highlight=False)
     return screen if screen.is_terminal else Console(highlight=False, width=_PIPED_WIDTH)
 

@@ -1,4 +1,4 @@
-"""Progress on stderr: a bar where a person watches, seconds a stage where they were asked for."""
+"""Progress on stderr: a bar on a terminal, and seconds per stage on request."""
 
 import sys
 import time
@@ -19,7 +19,7 @@ COMPILING: Final = (
 
 
 class Stages:
-    """Told when each stage begins; shows where the work is, and keeps the seconds."""
+    """Shows the current stage and measures the seconds of each."""
 
     def __init__(self, total: int, *, timing: bool = False, warns: bool = True) -> None:
         self._timing, self._warns = timing, warns
@@ -36,10 +36,10 @@ class Stages:
         self._until_exit = ExitStack()
 
     def begin(self, stage: str) -> None:
-        """A stage begins; the one before it has ended.
+        """Begin a stage, which ends the previous one.
 
         Args:
-            stage: its name in a word, and how far it is: "decode 3 of 8".
+            stage: short name and position: "decode 3 of 8".
         """
         name = stage.partition(" ")[0]
         if not self._began or self._began[-1][0] != name:
@@ -83,12 +83,12 @@ class Stages:
 
 @contextmanager
 def warn_on_slow_compile(tell: Callable[[], None]) -> Generator[None]:
-    """Call `tell` once when numba has compiled for `LONG_S`; what it has kept is not compiled."""
+    """Call `tell` once after numba has compiled for `LONG_S`; cached code does not count."""
     # numba is slow to import: whoever shows stages has loaded it already
     from numba.core import event
 
     class Compiling(event.Listener):
-        """Adds up the seconds; functions that others call are compiled while those are."""
+        """Adds up the seconds of compilation; nested compilations count once."""
 
         def __init__(self) -> None:
             self._nested = 0

@@ -84,11 +84,11 @@ def command(
 def _print(
     asked: "Query", apart_s: float | None, chosen: str, output: Path | None, *, force: bool
 ) -> None:
-    from recordings.report.atomic_output import check_output
+    from recordings.report.atomic_output import require_writable_output
     from replay.commands.frame_output import frame_text, print_frame
 
     if output is not None:
-        check_output(output, force=force)
+        require_writable_output(output, force=force)
     rows = asked.collect(apart_s)
     if chosen == "table" and output is None:
         typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)

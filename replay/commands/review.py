@@ -155,7 +155,7 @@ def command(
         report_week(logs, output, friction_limit, as_json=as_json)
         return
     if friction_limit is not None:
-        raise typer.BadParameter("--friction-limit needs shifts of several days: add --week")
+        raise typer.BadParameter("--friction-limit compares several days; add --week")
     labels = {
         "product": product,
         "operator": operator,
@@ -171,8 +171,8 @@ def command(
         needs_logs = (asked is not None, target is not None, overrides, full, decimal_comma, label)
         if any(needs_logs):
             raise typer.BadParameter(
-                "--calibration, --target, --set, --full, --decimal-comma and --label need the "
-                "logs, -m and -o once more"
+                "--calibration, --target, --set, --full, --decimal-comma and --label count the "
+                "loads again; give the logs, -m and -o as well"
             )
         made = recount_review(logs[0], given)
     elif machine is None or output is None:
@@ -199,7 +199,7 @@ def command(
 
 
 def _check_options_of_one_shift(context: typer.Context) -> None:
-    """Refuse what a week is not made with, so that no option is ignored."""
+    """Raise an error for options that --week would ignore."""
     for name in context.params:
         source = context.get_parameter_source(name)
         if name in _WEEK_OPTIONS or source is None or source.name != "COMMANDLINE":
@@ -212,13 +212,13 @@ def _check_options_of_one_shift(context: typer.Context) -> None:
 def report_week(
     folders: list[Path], page: Path | None, friction_limit: float | None, *, as_json: bool
 ) -> None:
-    """Print what reviews add up to by day, machine and product; nothing is replayed.
+    """Print the sums of reviews by day, machine and product, without a replay.
 
     Args:
-        folders: of the reviews.
-        page: to write, if any.
-        friction_limit: in N·s/m, if any.
-        as_json: print numbers instead of sentences.
+        folders: folders of the reviews.
+        page: HTML page to write, if any.
+        friction_limit: limit in N·s/m, if any.
+        as_json: whether to print JSON.
     """
     from recordings.report.shift_text import K
     from recordings.review.week_page import week_sentence, write_week_page
@@ -262,9 +262,9 @@ def report_week(
 
 
 def print_review(screen: "Console", made: "ShiftReview") -> None:
-    """Print a review's sums, what is wrong with it, and where its page is.
+    """Print a review's sums, its problems and the path of its page.
 
-    Why there are no tonnes is a message, which the command prints on stderr.
+    If there are no tonnes, the command prints the reason on stderr.
     """
     from recordings.review.review_page import NOT_CALIBRATED, PAGE
     from recordings.review.shift_facts import (

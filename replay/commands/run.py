@@ -94,9 +94,9 @@ def command(
     from replay.runs.run_logs import STEPS, RecordTo, replay_logs
 
     if live and output is None:
-        raise typer.BadParameter("--live shows a recording: name it with -o")
+        raise typer.BadParameter("--live shows the recording while it is written; name it with -o")
     if goal is not None and as_json:
-        raise typer.BadParameter("--goal prints text: leave out --json")
+        raise typer.BadParameter("--goal prints text only; leave out --json")
     settings = [*(overrides or []), *_empty_span_settings(empty)]
     asked = read_calibration(calibration, key, signed=require_signed)
 
@@ -135,7 +135,7 @@ def _watch_machine_file(
     replay: "Callable[[RecordTo], Answer]",
     show: "Callable[[Answer], None]",
 ) -> None:
-    """Replay after each change, with a line of what changed, until interrupted."""
+    """Replay after each change of the machine file and print the change, until interrupted."""
     from estimators.errors import PayscopeError, one_line
     from replay.commands.print_tables import value_text
     from replay.runs.watch_machine_file import watch_machine_file
@@ -159,7 +159,7 @@ def _watch_machine_file(
 
 
 def _empty_span_settings(span: str | None) -> list[str]:
-    """`FROM:TO` as settings."""
+    """Overrides for an empty span given as `FROM:TO`."""
     if span is None:
         return []
     begin, colon, end = span.partition(":")
@@ -179,9 +179,9 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
     """Print the answer on stdout.
 
     Args:
-        answer: of a run.
-        goal: a standard uncertainty in kg; how many more starts would reach it is printed.
-        verbose: 1 adds budget, methods and what was left out above; 2 every check.
+        answer: answer of a run.
+        goal: standard uncertainty in kg; prints how many more starts would reach it.
+        verbose: 1 adds budget, methods and omitted lines; 2 adds every check.
     """
     screen = print_tables.stdout_console()
     if answer.verdict.can_weigh:
@@ -266,7 +266,7 @@ def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
 
 
 def _limit_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterator[str]":
-    """The first lines, and the number of the others."""
+    """The first `most` lines, and a line that counts the others."""
     yield from lines[:most]
     left = len(lines) - most
     if left > 0:
@@ -274,7 +274,7 @@ def _limit_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "
 
 
 def _describe_inertia(answer: "Answer") -> "Iterator[str]":
-    """Yaw inertia in a line: of the joint fit, else of the first method that has one."""
+    """Line with the yaw inertia of the joint fit, or else of the first method that has one."""
     from recordings.report.number_text import format_plus_minus
 
     for row in answer.rows:
@@ -302,7 +302,7 @@ def _print_budget(screen: "Console", answer: "Answer") -> None:
 
 
 def _print_methods(screen: "Console", answer: "Answer") -> None:
-    """Print what each method makes of the whole log."""
+    """Print the estimate of each method for the whole log."""
     verdict = answer.verdict
     if len(answer.loads) > 1 and not verdict.can_tell_inertia:
         screen.print("Other methods: not shown, since they give one mass per log")

@@ -49,21 +49,25 @@ def command(
         wanted = output_format and output_format.value
         asked = read_calibration(calibration, key, signed=require_signed)
         if at_s is not None and (start_s, end_s) != (None, None):
-            raise typer.BadParameter("--at is one moment, --from and --to are a range; take one")
+            raise typer.BadParameter(
+                "--at gives one time, --from and --to give a range; use one or the other"
+            )
         seconds = (start_s, end_s) if at_s is None else at_s
         _show_frame((recording, frame, asked), seconds, wanted, output, force=force)
     elif calibration is not None:
-        raise typer.BadParameter("--calibration goes with the frame loads alone; name that frame")
+        raise typer.BadParameter("--calibration applies to the frame 'loads' only; name that frame")
     elif (start_s, end_s, at_s, output) != (None, None, None, None):
-        raise typer.BadParameter("--from, --to, --at and -o are for a frame; name one")
+        raise typer.BadParameter("--from, --to, --at and -o need the name of a frame")
     elif output_format not in (None, FrameFormat.table, FrameFormat.json):
-        raise typer.BadParameter("frames are listed as table or json; name one to print it")
+        raise typer.BadParameter(
+            "the list of frames is printed as table or json; name a frame for other formats"
+        )
     else:
         _list_frames(recording, as_json=output_format is FrameFormat.json)
 
 
 def _list_frames(recording: Path, *, as_json: bool) -> None:
-    """Print the recording's frames with their columns, and what was lost on the way to them."""
+    """Print the recording's frames with their columns, and its losses."""
     from rich.markup import escape
 
     from recordings import read_provenance, stage_columns
@@ -101,8 +105,8 @@ def _show_frame(
     *,
     force: bool,
 ) -> None:
-    """Print the rows of one frame from one second to another, or at one, or write them."""
-    from recordings.report.atomic_output import check_output, refuse_input_as_output
+    """Print or write the rows of one frame in a time range, or at one time."""
+    from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
     from replay.commands.frame_output import choose_format, frame_text, print_frame
     from replay.recording.read_stage import RecordedStage
 
@@ -110,7 +114,7 @@ def _show_frame(
     output_format = choose_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [recording])
-        check_output(output, force=force)
+        require_writable_output(output, force=force)
     stage = RecordedStage.read(recording, name)
     if calibration is not None:
         stage = stage.calibrate_loads(calibration)

@@ -116,13 +116,13 @@ def _print_sweep(
     outputs: tuple[Path | None, Path | None],
     force: bool,
 ) -> bool:
-    """Sweep logs, machine file and overrides over values; print, write and draw the rows.
+    """Run the sweep; print, write and draw its rows.
 
     Returns:
         Whether any combination can weigh.
     """
     from estimators.errors import OutputError
-    from recordings.report.atomic_output import check_output, refuse_input_as_output
+    from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
     from recordings.report.picture import check_picture
     from replay.commands.frame_output import choose_format, print_frame
     from replay.commands.print_tables import stdout_console
@@ -134,12 +134,14 @@ def _print_sweep(
     output_format = choose_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [*logs, machine_file])
-        check_output(output, force=force)
+        require_writable_output(output, force=force)
     if figure is not None:
         refuse_input_as_output(figure, [*logs, machine_file])
         check_picture(figure, force=force)
         if figure == output:
-            raise OutputError(f"{figure}: is named twice; the table and the picture are two files")
+            raise OutputError(
+                f"{figure}: is named for both -o and --figure; give two different files"
+            )
     grid = value_combinations(over)
     with Stages(len(grid)) as stages:
         rows = sweep_settings(
@@ -173,7 +175,7 @@ def _print_sweep(
 
 
 def _make_swept_row(row: Row) -> SweptRow:
-    """A row as its figure has it."""
+    """Row for the sweep's figure."""
     from recordings.plots.sweep_figure import SweptRow
 
     names = shorten_dotted_names(row.over)
@@ -192,7 +194,7 @@ def _make_swept_row(row: Row) -> SweptRow:
 
 
 def _nest_row_for_json(row: Row) -> dict[str, Any]:
-    """A row as `run --json` gives it, with what was varied and the errors."""
+    """Row in the format of `run --json`, with the varied settings and the errors."""
     # logs that are replayed many times are not hashed
     left_out = ("losses", "notes", "recording", "fingerprint")
     told = {name: value for name, value in row.answer.to_dict().items() if name not in left_out}
@@ -200,7 +202,7 @@ def _nest_row_for_json(row: Row) -> dict[str, Any]:
 
 
 def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
-    """A row a combination, a column a method and quantity; what was varied is a number or text."""
+    """Frame with a row per combination and a column per method and quantity."""
     names = shorten_dotted_names(rows[0].over)
     flat = [
         {
@@ -215,7 +217,7 @@ def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
                     row.errors.get(name) or _quantity_by_method(row, name)
                 ).items()
             },
-            **calibrated_mass(row),
+            **calibrated_mass_fields(row),
             "accepted_share_1": row.answer.accepted_share,
             "can_weigh": row.answer.verdict.can_weigh,
             "failed": " ".join(_failed_checks(row)),
@@ -228,8 +230,8 @@ def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     return pl.from_dicts(flat, infer_schema_length=None)
 
 
-def calibrated_mass(row: Row) -> dict[str, float | str | None]:
-    """The calibrated mass of a log of one load, where a calibration was given."""
+def calibrated_mass_fields(row: Row) -> dict[str, float | str | None]:
+    """Fields of the calibrated mass, None for several loads; empty without a calibration."""
     loads = row.answer.loads
     if not loads or "calibrated_kg" not in loads[0]:
         return {}
@@ -238,14 +240,14 @@ def calibrated_mass(row: Row) -> dict[str, float | str | None]:
 
 
 def render_sweep(rows: Sequence[Row]) -> RenderableType:
-    """Masses and verdict a combination; below, where a truth is known, how wrong they are."""
+    """Table of masses and verdicts, and a table of errors if the truth is known."""
     from rich.console import Group
 
     from replay.commands.print_tables import kg_text
 
     masses = method_table(rows, _format_mass, ("used", "weighs"), _make_verdict_cells)
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
-    if calibrated_mass(rows[0]):
+    if calibrated_mass_fields(rows[0]):
         parts += ["", "Calibrated mass and its interval, kg", calibrated_table(rows)]
     for name in rows[0].errors:
         errors = method_table(
@@ -261,7 +263,7 @@ def method_table(
     more: Sequence[str] = (),
     rest: Callable[[Row], Sequence[str]] = lambda _: (),
 ) -> Table:
-    """A row a combination: what was varied, a cell a method, and more columns."""
+    """Table with a row per combination and a cell per method, plus further columns."""
     from replay.commands.print_tables import make_plain_table
 
     methods = list(
@@ -277,7 +279,7 @@ def method_table(
 
 
 def calibrated_table(rows: Sequence[Row]) -> Table:
-    """A row a combination: the calibrated mass, or why there is none."""
+    """Table with the calibrated mass of each combination, or why there is none."""
     from replay.commands.print_tables import kg_text, make_plain_table
 
     table = make_plain_table(
@@ -285,7 +287,7 @@ def calibrated_table(rows: Sequence[Row]) -> Table:
     )
     table.add_column("", overflow="fold")
     for row in rows:
-        mass, low, high, reason = calibrated_mass(row).values()
+        mass, low, high, reason = calibrated_mass_fields(row).values()
         numbers = (value if isinstance(value, float) else None for value in (mass, low, high))
         why = reason if reason is not None else "several loads: --json has each"
         table.add_row(*row.over.values(), *map(kg_text, numbers), str(why))
@@ -316,7 +318,7 @@ def _failed_checks(row: Row) -> list[str]:
 
 
 def _quantity_by_method(row: Row, quantity: str) -> Mapping[str, float | None]:
-    """A quantity of the answer; a log without masses has none."""
+    """A quantity of the answer by method; empty for a log without masses."""
     return row.answer.rows[0].quantities[quantity] if row.answer.rows else {}
 
 
@@ -327,12 +329,12 @@ def _type_swept_columns(row: Row) -> dict[str, Any]:
 
 
 def _value_for_file(value: Any, written: str) -> Any:
-    """A value for a column that a file may hold: a list or table as it was written."""
+    """Value for a column of a file; lists and tables stay as written."""
     return written if isinstance(value, list | dict) else value
 
 
 def shorten_dotted_names(keys: Iterable[str]) -> dict[str, str]:
-    """Short name of each dotted key: its last part, or all of it if two share that."""
+    """Shortest distinct name of each dotted key: its last part, or the whole key."""
     last = {key: key.rpartition(".")[2] for key in keys}
     shared = Counter(last.values())
     return {key: name if shared[name] == 1 else key for key, name in last.items()}

@@ -77,10 +77,13 @@ def command(
 
     first, *more = folders
     if not more and first.is_file():
-        _verify_list(first, key, signed=require_signed, as_json=as_json)
+        _verify_notary_list(first, key, signed=require_signed, as_json=as_json)
         return
     if more and previous is not None:
-        raise typer.BadParameter("--previous needs a single folder; name it among the others")
+        raise typer.BadParameter(
+            "--previous needs a single folder; add the previous evidence to the list of folders "
+            "instead"
+        )
     check = (
         partial(verify_chain, folders) if more else partial(verify_bundle, first, previous=previous)
     )
@@ -114,8 +117,8 @@ def _write_page(folders: list[Path], output: Path | None, *, force: bool) -> Non
     typer.echo(f"{target}: SHA-256 {verifier_sha256()}")
 
 
-def _verify_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:
-    """Check a notary's list."""
+def _verify_notary_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:
+    """Verify a notary list and print the result."""
     from replay.commands.print_tables import print_json, print_line, stdout_console
     from replay.notary.verify_list import UNSEEN, verify_list
 

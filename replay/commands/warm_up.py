@@ -21,8 +21,8 @@ def command(
     folder = persistent_folder()
     if folder is None:
         raise OutputError(
-            "no folder for compiled code can be written to, neither beside the packages nor in "
-            "~/.cache; set NUMBA_CACHE_DIR to one that can"
+            "compiled code cannot be cached: neither the package's folder nor ~/.cache is "
+            "writable; set NUMBA_CACHE_DIR to a writable folder"
         )
     if force or not are_all_compiled():
         from replay.commands.progress_bar import Stages

@@ -1,4 +1,4 @@
-"""The command `compare`: two recordings held against each other, read a few columns at a time."""
+"""The command `compare`: compare two recordings, reading a few columns at a time."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 
 
 class RecordedRun:
-    """A recording as a replay to compare: only what is asked for is read."""
+    """A recording that is compared; columns are read on demand."""
 
     def __init__(self, held: OpenRecording, asked: "CalibrationRequest | None" = None) -> None:
-        """Take what describes it.
+        """Read the recording's description.
 
         Args:
-            held: the recording.
-            asked: evidence that calibrates the masses of its loads.
+            held: the open recording.
+            asked: evidence that calibrates its loads, if any.
 
         Raises:
-            EvidenceError: the evidence is refused.
+            EvidenceError: the evidence does not apply.
         """
         self._held = held
         self.path = held.path
@@ -53,7 +53,7 @@ class RecordedRun:
         return self._held.read(stage, columns)
 
     def drawn_columns(self) -> Run:
-        """The columns that a view draws."""
+        """The columns that views draw."""
         wanted = {stage: drawn_columns(stage, names) for stage, names in self.stages.items()}
         frames = {stage: self.read(stage, names) for stage, names in wanted.items() if names}
         return Run(frames, self.provenance)
@@ -61,11 +61,11 @@ class RecordedRun:
 
 @dataclass(frozen=True, slots=True)
 class OverlayOutput:
-    """Where two recordings are drawn over each other.
+    """Output for a recording of both runs.
 
     Attributes:
-        path: the recording; None draws nothing.
-        force: replace an existing one.
+        path: recording to write; None writes none.
+        force: whether to replace an existing file.
     """
 
     path: Path | None = None
@@ -84,15 +84,15 @@ def compare_recordings(
     other_logs: bool = False,
     calibration: "CalibrationRequest | None" = None,
 ) -> Comparison:
-    """Compare two recordings, and draw them over each other.
+    """Compare two recordings, and optionally write both into one recording.
 
     Args:
-        a: the one that changes are counted from.
-        b: the other.
-        output: a recording of both to write.
-        rtol: relative differences of numbers up to this count as none.
-        other_logs: whether the two may be of different logs; then only settings, masses and
-            verdict are compared.
+        a: baseline recording.
+        b: recording to compare with it.
+        output: recording of both to write.
+        rtol: relative tolerance of numbers.
+        other_logs: whether they may be of different logs; then only settings, masses and verdict
+            are compared.
         calibration: evidence that calibrates the masses of both.
 
     Raises:
@@ -115,9 +115,9 @@ def compare_recordings(
                 for replay in (mine, theirs)
             ]
             raise RecordingError(
-                f"{a} and {b}: are replays of different inputs ({names[0]} | {names[1]}, by "
-                "SHA-256), so that their rows do not correspond; --other-logs compares settings, "
-                "masses and verdict alone"
+                f"{a} and {b}: are replays of different logs ({names[0]} | {names[1]}, by "
+                "SHA-256), so their rows cannot be compared; give --other-logs to compare "
+                "settings, masses and verdict only"
             )
         found = compare_runs(mine, theirs, rtol=rtol, rows=not other_logs)
         if output.path is not None:
@@ -135,7 +135,7 @@ def compare_recordings(
 
 
 def are_of_one_log(mine: RecordedRun, theirs: RecordedRun) -> bool:
-    """Whether both are replays of the same bytes, or one is a replay of the other."""
+    """Whether both replay the same bytes, or one is a replay of the other recording."""
     return (
         same_inputs(mine.provenance, theirs.provenance)
         or is_replay_of_recording(mine.path, theirs.provenance)
@@ -144,7 +144,7 @@ def are_of_one_log(mine: RecordedRun, theirs: RecordedRun) -> bool:
 
 
 def is_replay_of_recording(recording: Path, by: Provenance) -> bool:
-    """Whether a replay is of this recording."""
+    """Whether a run's input is this recording."""
     # a shift takes a second to read: most others are told by their size
     if [each.size_bytes for each in by.inputs] != [recording.stat().st_size]:
         return False

@@ -1,4 +1,4 @@
-"""The command `convert`: a log as Parquet by topic, which is a log of payscope again."""
+"""The command `convert`: a log as Parquet by topic, which payscope reads as a log again."""
 
 import json
 import re
@@ -15,7 +15,7 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, OutputError, nearest
-from recordings.report.atomic_output import check_folder, refuse_input_as_output
+from recordings.report.atomic_output import refuse_input_as_output, require_writable_folder
 from replay.convert.unfinished_folder import (
     ConversionPlan,
     PartWriter,
@@ -50,11 +50,11 @@ class Conversion:
     """Result of a conversion.
 
     Attributes:
-        folder: where.
-        topics: with what is in them.
-        losses: what could not be read.
-        spans: of the log, and how many of them were done before.
-        taken_up: see `spans`.
+        folder: output folder.
+        topics: topics with their parts.
+        losses: data that could not be read.
+        spans: number of time spans.
+        taken_up: number of spans from an earlier, interrupted conversion.
     """
 
     folder: Path
@@ -65,16 +65,16 @@ class Conversion:
 
     @property
     def rows(self) -> int:
-        """Number of rows written, over all topics."""
+        """Number of rows written over all topics."""
         return sum(part.rows for topic in self.topics for part in topic.parts)
 
     @property
     def size_bytes(self) -> int:
-        """Size of all parts."""
+        """Size of all parts in bytes."""
         return sum(part.size_bytes for topic in self.topics for part in topic.parts)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain JSON values."""
+        """The fields as JSON-compatible values."""
         return {
             "folder": str(self.folder),
             "rows": self.rows,
@@ -106,24 +106,24 @@ def convert_log(
 ) -> Conversion:
     """Write every topic of a log as Parquet, in bounded memory.
 
-    What a conversion that was cut off has done is taken up, if the log is the same. Where anything
-    is lost, or an index lists other messages than are there, the log is converted in one go without
-    its index of times, so that the rows are those that reading it gives.
+    An interrupted conversion of the same log is resumed. If data is lost, or an index disagrees
+    with the messages, the log is converted in one pass without its time index, so that the rows
+    equal those of reading it.
 
     Args:
-        log: opened.
-        target: the folder; it appears when it is whole.
-        topics: which; all that can be decoded where None.
-        force: whether to replace a converted log.
-        on_span: told when a span begins: "convert 2 of 7".
-        span_messages: messages of a span.
+        log: opened log.
+        target: output folder; it appears when complete.
+        topics: topics to convert; None converts all decodable ones.
+        force: whether to replace an existing converted log.
+        on_span: called when a span begins: "convert 2 of 7".
+        span_messages: messages per span.
 
     Raises:
         LogError: no such topic.
         OutputError: the folder cannot be written, or is there already.
     """
     refuse_input_as_output(target, [log.path])
-    check_folder(target, force=force)
+    require_writable_folder(target, force=force)
     making = RunningConversion(log, topics)
     try:
         with unfinished_folder(target) as folder:
@@ -139,7 +139,7 @@ def convert_log(
 
 
 def _replace_folder(made: Path, target: Path) -> None:
-    """Give what was made its name; what had it before goes when that is done."""
+    """Move the finished folder to its name; the old one is deleted afterwards."""
     before = made / ".replaced"
     if target.exists():
         target.replace(before)
@@ -151,7 +151,7 @@ _Parts = Mapping[str, ConvertedPart]
 
 
 class RunningConversion:
-    """A conversion on its way."""
+    """A conversion in progress."""
 
     def __init__(self, log: Log, topics: Sequence[str] | None) -> None:
         self._log = log
@@ -174,10 +174,10 @@ class RunningConversion:
     def convert_by_spans(
         self, folder: UnfinishedFolder, span_messages: int, on_span: Callable[[str], None]
     ) -> tuple[list[_Parts], int]:
-        """Go through the log span by span, or in one go where that may give other rows.
+        """Convert span by span, or in one pass if spans might give other rows.
 
         Returns:
-            The parts of each span, and how many spans were done before.
+            Parts of each span, and number of spans from an earlier conversion.
         """
         borders = self._span_borders(span_messages)
         plan = ConversionPlan(
@@ -222,7 +222,7 @@ class RunningConversion:
     def _convert_span(
         self, folder: Path, number: int, first_ns: int | None, last_ns: int | None
     ) -> dict[str, ConvertedPart]:
-        """Write the rows of a span, a part a topic that has any."""
+        """Write the rows of a span: a part for each topic with rows."""
         with ExitStack() as open_files:
             writers: dict[str, PartWriter] = {}
             names = {topic: [f.name for f in fields] for topic, fields in self._fields.items()}
@@ -239,7 +239,7 @@ class RunningConversion:
         return f"{self._folders[topic]}/part-{number:05}.parquet"
 
     def _is_complete(self, done: Sequence[_Parts]) -> bool:
-        """Whether as many rows were written as the index lists messages."""
+        """Whether the rows written match the messages that the index lists."""
         rows = dict.fromkeys(self._fields, 0)
         for parts in done:
             for topic, part in parts.items():
@@ -247,7 +247,7 @@ class RunningConversion:
         return all(self._summaries[topic]["messages"] == count for topic, count in rows.items())
 
     def describe(self, folder: UnfinishedFolder, done: Sequence[_Parts]) -> ConvertedDescription:
-        """The description; a topic without a row gets a part that says what its columns are."""
+        """Description of the folder; a topic without rows gets a part with its columns."""
         topics: list[ConvertedTopic] = []
         for topic, summary in self._summaries.items():
             if topic not in self._fields:
@@ -277,7 +277,7 @@ class RunningConversion:
         )
 
     def _make_topic_schema(self, topic: str) -> "pa.Schema":
-        """The columns of a topic, with what a reader of the file alone should know."""
+        """Schema of a topic with metadata for readers of a single file."""
         log, summary = self._log, self._summaries[topic]
         leaves = log.leaf_fields(topic, [field.name for field in self._fields[topic]])
         schema = pl.Schema(
@@ -313,7 +313,7 @@ def _list_converted_fields(log: Log, topic: str) -> tuple[ConvertedField, ...]:
 
 
 def _name_topic_folders(topics: Sequence[str]) -> dict[str, str]:
-    """A folder a topic, in letters, digits and underscores, no two alike."""
+    """Unique folder name of each topic, in letters, digits and underscores."""
     found: dict[str, str] = {}
     taken: set[str] = set()
     for topic in topics:

@@ -1,4 +1,4 @@
-"""A conversion that is not finished: what it is of, and which spans of the log are done.
+"""State of an unfinished conversion: its plan, and the completed time spans.
 
 It lies beside the output, under another name. A span is done when its record is there, which is
 written behind its parts, a Parquet file a topic; whatever else is there is of a span that was cut
@@ -34,15 +34,15 @@ _GROUP_BYTES: Final = 32 << 20
 
 
 class PartWriter:
-    """Writes a part under a temporary name; `close` gives it its own."""
+    """Writes a part under a temporary name; `close` renames it."""
 
     def __init__(self, folder: Path, file: str, schema: pa.Schema) -> None:
-        """Begin a file.
+        """Create the file.
 
         Args:
-            folder: of the conversion.
-            file: below it, as its description names it.
-            schema: of the topic.
+            folder: folder of the conversion.
+            file: path below the folder, as in the description.
+            schema: schema of the topic.
         """
         self._path, self._file, self._schema = folder / file, file, schema
         self._path.parent.mkdir(exist_ok=True)
@@ -57,7 +57,7 @@ class PartWriter:
         self._last: int | None = None
 
     def write(self, rows: pl.DataFrame) -> None:
-        """Take rows, which follow those before."""
+        """Append rows."""
         self._waiting.append(rows)
         self._waiting_rows += rows.height
         self._waiting_bytes += int(rows.estimated_size())
@@ -77,7 +77,7 @@ class PartWriter:
         self._writer.write_table(table, row_group_size=_GROUP_ROWS)
 
     def close(self) -> ConvertedPart:
-        """End the file, and say what is in it."""
+        """Finish the file and describe its content."""
         self._flush()
         self._writer.close()
         with self._partial.open("rb") as written:
@@ -101,12 +101,12 @@ class PartWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Let go of a file that was not closed: it stays under its temporary name."""
+        """Release a file that was not closed; it keeps its temporary name."""
         self._writer.close()
 
 
 class ConversionPlan(BaseModel):
-    """Plan of a conversion; another plan has other parts."""
+    """Plan of a conversion; parts of another plan cannot be reused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -118,7 +118,7 @@ class ConversionPlan(BaseModel):
 
 
 class DoneSpan(BaseModel):
-    """The parts of a span, by topic."""
+    """Parts of a completed span, by topic."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -129,17 +129,17 @@ class UnfinishedFolder:
     """The folder of an unfinished conversion.
 
     Attributes:
-        path: of the folder.
+        path: path of the folder.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def resume(self, plan: ConversionPlan) -> list[DoneSpan]:
-        """Take up a conversion by the same plan; whatever else is there is removed.
+        """Resume a conversion with the same plan; other content is removed.
 
         Returns:
-            The spans that are done, from the first.
+            Completed spans, from the first.
         """
         if load_json(self.path / _PLAN, ConversionPlan) != plan:
             self.clear()
@@ -153,7 +153,7 @@ class UnfinishedFolder:
         return done
 
     def add_finished_part(self, number: int, parts: dict[str, ConvertedPart]) -> DoneSpan:
-        """Note that a span is done."""
+        """Record that a span is complete."""
         span = DoneSpan(parts=parts)
         write_file_whole(self.path / _name_record(number), span.model_dump_json(indent=1))
         return span
@@ -167,7 +167,7 @@ class UnfinishedFolder:
                 each.unlink()
 
     def drop_records(self, kept: set[str]) -> None:
-        """Remove all but the parts of a conversion that is done.
+        """Remove everything except the parts of a finished conversion.
 
         Args:
             kept: files below the folder.
@@ -179,10 +179,10 @@ class UnfinishedFolder:
 
 @contextmanager
 def unfinished_folder(target: Path) -> Generator[UnfinishedFolder]:
-    """The folder in which a conversion to `target` is made; it is no other process's meanwhile.
+    """Context with the working folder for `target`, locked for this process.
 
     Raises:
-        OutputError: another process converts to the same output.
+        OutputError: another process is converting to the same output.
     """
     path = target.with_name(f"{target.name}{_SUFFIX}")
     path.mkdir(exist_ok=True)
@@ -190,12 +190,15 @@ def unfinished_folder(target: Path) -> Generator[UnfinishedFolder]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise OutputError(f"{target}: another process is converting to it") from None
+            raise OutputError(
+                f"{target}: another process is converting to this folder; wait for it, or name "
+                "another folder"
+            ) from None
         yield UnfinishedFolder(path)
 
 
 def write_file_whole(path: Path, text: str) -> None:
-    """Write a small file whole: after a power cut it is there as it should be, or not at all."""
+    """Write a small file atomically, safe against a power cut."""
     partial = path.with_suffix(".partial")
     with partial.open("w", encoding="utf-8") as file:
         file.write(text)
@@ -209,7 +212,7 @@ def _name_record(number: int) -> str:
 
 
 def load_json(path: Path, model: type[_Model]) -> _Model | None:
-    """Read a written file; None if it is missing or of another version."""
+    """Read a file of this model; None if it is missing or of another version."""
     try:
         return model.model_validate_json(path.read_bytes())
     except (FileNotFoundError, ValidationError):
@@ -217,7 +220,7 @@ def load_json(path: Path, model: type[_Model]) -> _Model | None:
 
 
 def arrow_schema(schema: pl.Schema, units: dict[str, str], metadata: dict[str, str]) -> pa.Schema:
-    """The schema of a topic's files, its fields with their units, with metadata of its own."""
+    """Schema of a topic's files, with units of fields and metadata."""
     plain = pl.DataFrame(schema=schema).to_arrow(compat_level=pl.CompatLevel.oldest()).schema
     fields = [
         field.with_metadata({"unit": units[field.name]}) if units.get(field.name) else field

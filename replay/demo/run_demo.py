@@ -1,4 +1,4 @@
-"""The demo: the paper's campaign as real logs, calibrated, verified; and a shift, reviewed."""
+"""The demo: simulate the paper's campaign as logs, calibrate and verify; review a shift."""
 
 import datetime as dt
 import shutil
@@ -24,7 +24,11 @@ from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
-from recordings.report.atomic_output import atomic_file, check_folder, check_output
+from recordings.report.atomic_output import (
+    atomic_file,
+    require_writable_folder,
+    require_writable_output,
+)
 from recordings.signatures.signing import make_key_pair
 from replay.calibration.apply_evidence import CalibrationRequest
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
@@ -121,7 +125,7 @@ class Demo:
     files: tuple[Path, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain values."""
+        """The fields as JSON-compatible values."""
         return {
             "evidence": self.calibrated.to_dict(),
             "verified": self.verified.to_dict(),
@@ -139,18 +143,18 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
     Then a shift of the same machine is simulated and reviewed under that evidence.
 
     Args:
-        folder: where the files go; made when it is not there.
-        seed: of the simulated noise.
+        folder: folder for the files, created if missing.
+        seed: seed of the simulated noise.
         force: whether files of an earlier demo may be replaced.
-        on_stage: told the name of each stage as it begins.
+        on_stage: called with the name of each stage when it begins.
 
     Raises:
-        OutputError: a file is there already, or the folder cannot be written to.
+        OutputError: a file already exists, or the folder cannot be written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
+        raise OutputError(f"{folder}: cannot be created ({error.strerror})") from error
     machine_file = folder / _MACHINE.name
     recording, picture = folder / "campaign.rrd", folder / "campaign.png"
     campaign_file, evidence = folder / "calibration.toml", folder / "evidence"
@@ -160,12 +164,12 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
     hauling = scenario.model_copy(update={"shift": _SHIFT})
     hauled, truth = log_paths(hauling, shift), shift_truth_path(shift)
     for output in (machine_file, campaign_file, *keys, recording, picture, *hauled, truth):
-        check_output(output, force=force)
-    check_folder(evidence, force=force)
+        require_writable_output(output, force=force)
+    require_writable_folder(evidence, force=force)
     if page.exists() and force:
         check_review_folder(page)
     else:
-        check_folder(page, force=force)
+        require_writable_folder(page, force=force)
     with atomic_file(machine_file, force=force) as partial:
         shutil.copyfile(machine_path(_MACHINE), partial)
     on_stage("simulate")
@@ -205,7 +209,7 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
 
 
 def add_evidence_line(replayed: Run, calibrated: CalibrationOutcome, empty_kg: float) -> Run:
-    """The run with the line of the evidence before those of the methods."""
+    """The run with the evidence's line before those of the methods."""
     document = calibrated.document
     points = () if document.calibration is None else document.calibration.points
     first = calibration_frame(
@@ -218,7 +222,7 @@ def add_evidence_line(replayed: Run, calibrated: CalibrationOutcome, empty_kg: f
 def replay_campaign(
     logs: Sequence[Path], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
-    """Replay simulated logs in one time line; a line by their truth for each of the methods."""
+    """Replay simulated logs on one time line, with a calibration line by truth for each method."""
     with ExitStack() as stack:
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         replayed = run(opened, machine, on_stage)
@@ -228,12 +232,12 @@ def replay_campaign(
 
 
 def demo_campaign(scenario: Scenario, logs: Sequence[Path], machine: str) -> str:
-    """The campaign file of simulated logs in one folder, each with a mass more than the last.
+    """Text of the campaign file for simulated logs with ascending masses.
 
     Args:
-        scenario: that was simulated, loads ascending from 0.
-        logs: a log a load.
-        machine: the machine file beside them.
+        scenario: simulated scenario, with loads ascending from 0.
+        logs: one log per load.
+        machine: path of the machine file, relative to the campaign file.
     """
     loads_kg = scenario.campaign.loads_kg
     names = [f"mass-{number}" for number in range(1, len(loads_kg))]

@@ -1,4 +1,4 @@
-"""The command `explain`: why an estimate is bad, and the machine file that mends it."""
+"""The command `explain`: why an estimate is bad, and a corrected machine file."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ from analysis.explain.explanation import COLUMNS, SMALL
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError, RecordingError
-from recordings.report.atomic_output import check_output, refuse_input_as_output
+from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
 from recordings.report.picture import check_picture
 from recordings.rrd.reader import OpenRecording, open_recording
 from recordings.rrd.recording_table import drawn_columns
@@ -33,12 +33,12 @@ class ExplainRequest:
 
     Attributes:
         path: a recording, or a log.
-        machine_file: to replay it with; None takes a recording as it is.
-        overrides: `key=value`, of the machine file.
-        at_s: the moment; None: the whole run.
-        picture: where it is drawn; None draws nothing.
-        mended_file: where the machine file is written with the proposals that pay.
-        force: replace what is there already.
+        machine_file: machine file for a replay; None uses a recording as it is.
+        overrides: `key=value` overrides of the machine file.
+        at_s: time in s to explain; None for the whole run.
+        picture: picture to write; None draws none.
+        mended_file: corrected machine file to write; None writes none.
+        force: whether to replace existing files.
     """
 
     path: Path
@@ -53,18 +53,18 @@ class ExplainRequest:
 def explain_run(
     asked: ExplainRequest, on_stage: Callable[[str], None] = lambda _: None
 ) -> "tuple[Explanation, MendedMachine | None]":
-    """Explain a recording or a log, draw that, and mend its machine file, as far as asked for.
+    """Explain a recording or a log; optionally draw it and write a corrected machine file.
 
     Args:
-        asked: what.
-        on_stage: told the stages of replays as they begin.
+        asked: the request.
+        on_stage: called with each stage of the replays when it begins.
 
     Returns:
-        The explanation, and what the mended machine file does; None where nothing pays, or where
-        it was not asked for.
+        The explanation, and the effect of the corrected machine file; None if no proposal helps, or
+        if it was not requested.
 
     Raises:
-        PayscopeError: whatever is wrong with the input, before anything is written.
+        PayscopeError: the input is wrong; nothing has been written then.
     """
     _check_request(asked)
     whole = frames_to_explain(asked, on_stage)
@@ -98,10 +98,10 @@ def _check_request(asked: ExplainRequest) -> None:
     if asked.mended_file is not None:
         if asked.machine_file is None:
             raise MachineError(
-                f"{asked.mended_file}: --apply mends a machine file; name it with -m"
+                f"{asked.mended_file}: --apply corrects a machine file; name that file with -m"
             )
         refuse_input_as_output(asked.mended_file, inputs)
-        check_output(asked.mended_file, force=asked.force)
+        require_writable_output(asked.mended_file, force=asked.force)
 
 
 def _check_moment(asked: ExplainRequest, run: Run) -> None:
@@ -111,12 +111,12 @@ def _check_moment(asked: ExplainRequest, run: Run) -> None:
     first_s, last_s = (round(int(gate["t_ns"][place]) / 1e9, 1) for place in (0, -1))
     if not first_s <= round(asked.at_s, 1) <= last_s:
         raise RecordingError(
-            f"{asked.path}: nothing at {asked.at_s:g} s; it has {first_s:g} to {last_s:g} s"
+            f"{asked.path}: has no data at {asked.at_s:g} s; it has {first_s:g} to {last_s:g} s"
         )
 
 
 def frames_to_explain(asked: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
-    """The frames that are explained: as recorded, or of a replay."""
+    """The frames to explain, from the recording or from a replay."""
     if asked.machine_file is None:
         with open_recording(asked.path) as held:
             return read_explained_frames(held, pictured=asked.picture is not None)
@@ -142,7 +142,7 @@ def _is_other_machine(held: OpenRecording, machine: Machine) -> bool:
 
 
 def read_explained_frames(held: OpenRecording, *, pictured: bool) -> Run:
-    """Read the frames of an explanation or a picture, a small part of a shift."""
+    """Read the frames needed for an explanation or a picture."""
     held.refuse_without_stages()
     wanted: dict[str, Sequence[str]] = {}
     for name, columns in held.stages.items():
@@ -160,7 +160,7 @@ def read_explained_frames(held: OpenRecording, *, pictured: bool) -> Run:
     if lost:
         more = f" (and {len(lost) - 1} more stages miss rows)" if len(lost) > 1 else ""
         raise RecordingError(
-            f"{held.path}: is not whole: '{lost[0].name}' has {frames[lost[0].name].height} of "
-            f"{lost[0].rows} rows{more}; replay its log"
+            f"{held.path}: is incomplete: '{lost[0].name}' has {frames[lost[0].name].height} of "
+            f"{lost[0].rows} rows{more}; replay the log"
         )
     return Run(frames, held.provenance)

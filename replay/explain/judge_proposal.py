@@ -1,4 +1,4 @@
-"""Whether a proposal for the machine file does good: the replay with it against the one without.
+"""Judge a proposed setting by comparing replays with and without it.
 
 A value is found in the whole log, and would be confirmed by it. So it is found once more in the
 first half and tried on the second, which it was not fitted to.
@@ -39,12 +39,12 @@ Replay = Callable[[Sequence[Proposal], Stretch], Run]
 
 @dataclass(frozen=True)
 class ProposalTrial:
-    """A proposal, with what the log says before and after it.
+    """A finding's proposal, with the replays before and after.
 
     Attributes:
-        finding: that proposes it.
-        before: the replay without.
-        after: the replay with it.
+        finding: finding with the proposal.
+        before: replay without the proposal.
+        after: replay with the proposal.
     """
 
     finding: Finding
@@ -52,7 +52,7 @@ class ProposalTrial:
     after: Run
 
     def find_objection(self) -> str:
-        """Why the replay with it is no better on the whole log; empty where it is."""
+        """Why the replay with the proposal is not better; empty if it is."""
         was, now = answer(self.before), answer(self.after)
         open_before = was.verdict.can_weigh
         if open_before and not now.verdict.can_weigh:
@@ -74,7 +74,7 @@ class ProposalTrial:
         return ""
 
     def _object_by_empty_mass(self, was: Answer, now: Answer) -> str:
-        """Objection by the empty machine's mass or gravity at rest."""
+        """Objection by the empty mass or by gravity at rest; empty if there is none."""
         empty_kg = self.before.provenance.machine["machine"].get("empty_mass_kg")
         one, other = _find_lightest_load(was), _find_lightest_load(now)
         nearer = False
@@ -100,13 +100,13 @@ class ProposalTrial:
 def held_out_objection(
     finding: Finding, before: Run, span_ns: tuple[int, int], replay: Replay
 ) -> str:
-    """Why the proposal does not hold on a half of the log that it was not fitted to.
+    """Why the proposal fails on a held-out half of the log; empty if it holds.
 
     Args:
-        finding: that proposes it, in the whole log.
-        before: the replay of the whole.
-        span_ns: its first and last log time.
-        replay: replays a stretch, by log times, with proposals beside what was kept.
+        finding: finding of the whole log with the proposal.
+        before: replay of the whole log.
+        span_ns: first and last log time.
+        replay: replays a range of log times with additional proposals.
 
     Returns:
         Empty where it holds.
@@ -137,14 +137,14 @@ def held_out_objection(
 
 
 def find_matching_finding(finding: Finding, run: Run) -> Finding | None:
-    """The finding of a cause with a proposal for the same keys."""
+    """Finding of the same cause with a proposal for the same keys; None if absent."""
     keys = finding.setting
     shown = (each for each in findings_of_run(run) if each.cause == finding.cause)
     return next((each for each in shown if each.setting == keys), None)
 
 
 def _middle_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
-    """A log time between two starts in the middle; None where there are too few of them."""
+    """Log time between two starts near the middle; None if there are too few starts."""
     t_ns, starts = run.frames["excitation"]["t_ns"], run.frames["manoeuvres"]
     if t_ns.is_empty() or 0 < starts.height < _FEWEST_STARTS:
         return None
@@ -157,7 +157,7 @@ def _middle_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
 
 
 def failed_checks(said: Answer) -> set[str]:
-    """The checks of the mass that failed and cost something."""
+    """Failed checks of the mass that have a consequence."""
     costs = ("withhold", "widen")
     return {
         each.check
@@ -172,7 +172,7 @@ def _find_lightest_load(said: Answer) -> tuple[float, float] | None:
 
 
 def _reads_gravity(run: Run) -> bool:
-    """Whether the z axis reads gravity at rest: then the accelerometer's scale is right."""
+    """Whether the z axis reads gravity at rest, so that the accelerometer's scale is right."""
     frame = run.frames["excitation"]
     if "specific_force_z_m_s2" not in frame.columns:
         return False
@@ -183,13 +183,13 @@ def _reads_gravity(run: Run) -> bool:
 
 
 def is_cause_reduced(still: Finding, finding: Finding, *, as_claimed: bool) -> bool:
-    """Whether a cause is nearly gone, or shows less and moved the mass as was claimed."""
+    """Whether a cause is nearly gone, or is weaker and moved the mass as claimed."""
     left = still.strength_1 / finding.strength_1
     return left < _REMAINDER or (left < 1.0 and as_claimed)
 
 
 def is_change_as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:
-    """Whether the masses moved by what the finding claims, and by more than nothing."""
+    """Whether the masses changed significantly and as the finding claims."""
     claimed, u_kg = finding.mass_change_kg, finding.mass_change_u_kg
     if claimed is None or u_kg is None or abs(claimed) <= _COVERAGE * u_kg:
         return False
@@ -201,5 +201,5 @@ def is_change_as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:
 
 
 def _u_kg(said: Answer) -> float:
-    """Uncertainty of the load that is known best."""
+    """Standard uncertainty of the best-known load."""
     return min((load["u_kg"] for load in said.loads if load["u_kg"] is not None), default=math.inf)

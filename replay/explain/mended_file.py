@@ -1,4 +1,4 @@
-"""A machine file with proposals in it: comments and order stay, each change says why."""
+"""Write proposals into a machine file, keeping comments and order."""
 
 import tomllib
 from collections.abc import Sequence
@@ -14,15 +14,15 @@ from replay.machines.old_names import BothNamesError, migrate_text
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A key of the machine file, and the value that a finding proposes for it.
+    """A key of the machine file and its proposed value.
 
     Attributes:
-        key: dotted.
-        value: as TOML has it.
-        cause: of the finding.
-        comment: why, in a line.
-        change_kg: what it would do to the mass; None where that is not known, or said elsewhere.
-        change_u_kg: standard uncertainty of that.
+        key: dotted key.
+        value: value as TOML.
+        cause: cause of the finding.
+        comment: reason, in one line.
+        change_kg: change of the mass; None if unknown or given with another key.
+        change_u_kg: standard uncertainty of the change.
     """
 
     key: str
@@ -34,7 +34,7 @@ class Proposal:
 
 
 def proposals_of_finding(finding: Finding) -> tuple[Proposal, ...]:
-    """Proposals of a finding, a key each; none if there is nothing to write."""
+    """Proposals of a finding, one per key; empty if there are none."""
     if not finding.has_proposal:
         return ()
     keys = [key.strip() for key in str(finding.setting).split(",")]
@@ -58,7 +58,7 @@ def proposals_of_finding(finding: Finding) -> tuple[Proposal, ...]:
 
 
 def _parse_toml_values(text: str) -> list[Any]:
-    """Values by commas, each as TOML; none where they are not."""
+    """Parse comma-separated TOML values; empty if they are invalid."""
     try:
         return tomllib.loads(f"values = [{text}]")["values"]
     except ValueError:
@@ -66,17 +66,17 @@ def _parse_toml_values(text: str) -> list[Any]:
 
 
 def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
-    """Write changes into the text of a machine file, each with a comment behind the user's own.
+    """Insert proposals into a machine file, each with a comment after the user's own.
 
-    Keys with old names get those that they have now, lest a change meet its own old name.
+    Old names of keys are replaced first, so that no proposal duplicates an old name.
 
     Args:
-        text: the file.
+        text: text of the machine file.
         changes: the proposals.
-        path: of the file, for messages.
+        path: path of the file, for error messages.
 
     Raises:
-        MachineError: it is no TOML, a key leads through a value, or a person has to rename one.
+        MachineError: invalid TOML, a key leads through a value, or an old name needs a decision.
     """
     import tomlkit
     from tomlkit.container import OutOfOrderTableProxy
@@ -107,7 +107,7 @@ def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
 
 
 def _change_comment(place: Any, name: str, why: str) -> str:
-    """Comment behind a key: the user's words, why it changed, and its old value."""
+    """Comment of a changed key: the user's comment, the reason, and the old value."""
     import tomlkit
     from tomlkit.items import Table
 

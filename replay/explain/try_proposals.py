@@ -1,4 +1,4 @@
-"""A machine file mended by what a log shows: one proposal at a time, each tried by replays.
+"""Correct a machine file from findings, trying each proposal by replays.
 
 A proposal is kept where the log then still weighs, fails no other check, no longer shows that cause
 (or less than half of it, or less of it and the mass moved as claimed), where that holds on a half
@@ -39,11 +39,11 @@ _MOST: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class MachineText:
-    """A machine file, and overrides that count beside it.
+    """A machine file with its overrides.
 
     Attributes:
-        path: of the file, or the name of a shipped one.
-        overrides: `key=value`.
+        path: path of the file, or name of a shipped one.
+        overrides: `key=value` overrides.
     """
 
     path: Path
@@ -52,11 +52,11 @@ class MachineText:
 
 @dataclass(frozen=True, slots=True)
 class RejectedProposal:
-    """A proposal that was tried and does not pay, or was not tried.
+    """A proposal that was rejected or not tried.
 
     Attributes:
-        proposal: its first key.
-        why: in words.
+        proposal: the proposal of its first key.
+        why: reason, in words.
     """
 
     proposal: Proposal
@@ -65,15 +65,15 @@ class RejectedProposal:
 
 @dataclass(frozen=True)
 class MendedMachine:
-    """A mended machine file and its effect.
+    """A corrected machine file and its effect.
 
     Attributes:
-        path: of the file; None where nothing pays, so that none was written.
-        changes: what was written into it.
-        taken_back: what was left out.
-        before: the answer without.
-        after: the answer of a replay with it.
-        left: what the log then still shows.
+        path: path of the file; None if no proposal helps and none was written.
+        changes: accepted proposals.
+        taken_back: rejected proposals.
+        before: answer without the proposals.
+        after: answer with the accepted proposals.
+        left: remaining findings.
     """
 
     path: Path | None
@@ -86,13 +86,13 @@ class MendedMachine:
 
 @dataclass(frozen=True)
 class Replays:
-    """Replays of one log with a machine file as it is and with proposals in it.
+    """Replays of one log with different proposals in its machine file.
 
     Attributes:
-        log: that is replayed.
-        text: of the machine file.
-        load: makes the machine of a text in which keys are proposed.
-        on_stage: told the stages of each replay.
+        log: the log.
+        text: text of the machine file.
+        load: reads a machine from a text, with proposed keys.
+        on_stage: called with each stage of a replay when it begins.
     """
 
     log: Log
@@ -102,11 +102,11 @@ class Replays:
     on_stage: Callable[[str], None] = lambda _: None
 
     def run(self, changes: Sequence[Proposal], stretch: Stretch = (None, None)) -> Run:
-        """Replay the log, or a stretch of it, with proposals in its machine file.
+        """Replay the log, or a part of it, with proposals in its machine file.
 
         Raises:
-            DataError: nothing can be replayed so.
-            MachineError: the proposals make no machine file.
+            DataError: the log cannot be replayed so.
+            MachineError: the proposals give an invalid machine file.
         """
         machine = self.load(
             write_proposals(self.text, changes, self.path), [each.key for each in changes]
@@ -116,7 +116,7 @@ class Replays:
 
     @cached_property
     def span_ns(self) -> tuple[int, int]:
-        """First and last log time of the topics that are read."""
+        """First and last log time of the topics that the machine file uses."""
         topics = self.log.topics().filter(
             pl.col("topic").is_in(list(channel_fields(self.load(self.text, ()))))
         )
@@ -126,14 +126,14 @@ class Replays:
 
 @dataclass
 class Progress:
-    """Proposals kept and rejected so far.
+    """Proposals accepted and rejected so far.
 
     Attributes:
-        run: the replay with what was kept.
-        changes: that were kept.
-        taken_back: what was not.
-        seen: causes and channels that were tried.
-        while_withheld: findings that were kept while the mass stayed withheld.
+        run: replay with the accepted proposals.
+        changes: accepted proposals.
+        taken_back: rejected proposals.
+        seen: causes and channels already tried.
+        while_withheld: findings accepted while the mass was withheld.
     """
 
     run: Run
@@ -150,17 +150,17 @@ def mend_machine_file(
     output: tuple[Path, bool],
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> MendedMachine:
-    """Write the machine file with the proposals that pay.
+    """Write a machine file with the proposals that help.
 
     Args:
-        path: the log, or a recording of it.
-        source: the machine file that it was replayed with.
-        before: that replay.
-        output: the file to write, and whether to replace one that is there.
-        on_stage: told the stages of each replay.
+        path: log, or recording of it.
+        source: machine file of the replay.
+        before: replay without proposals.
+        output: file to write, and whether to replace an existing one.
+        on_stage: called with each stage of a replay when it begins.
 
     Raises:
-        PayscopeError: the machine file cannot be read, or the output not written.
+        PayscopeError: the machine file cannot be read, or the output cannot be written.
     """
     file = machine_path(source.path)
     text = _read_machine_text(file)
@@ -188,11 +188,11 @@ def mend_machine_file(
 
 
 def try_all_proposals(before: Run, replays: Replays) -> Progress:
-    """Try the proposals of a replay one by one, and keep those that pay.
+    """Try the proposals one by one, and accept those that help.
 
     Args:
-        before: the replay without any.
-        replays: replays its log.
+        before: replay without proposals.
+        replays: replays of the log.
     """
     tried = Progress(before)
     for _ in range(_MOST):
@@ -220,12 +220,12 @@ def try_all_proposals(before: Run, replays: Replays) -> Progress:
 
 
 def _first_proposal_of_each_cause(changes: Sequence[Proposal]) -> list[Proposal]:
-    """The first key of each cause."""
+    """Proposal for the first key of each cause."""
     return list({each.cause: each for each in reversed(changes)}.values())[::-1]
 
 
 def take_back_needless(tried: Progress, replays: Replays) -> None:
-    """Take back what was kept while the mass was withheld, and is as open without it."""
+    """Reject proposals accepted while the mass was withheld that turn out unnecessary."""
     for finding in tried.while_withheld[:-1]:
         others = [each for each in tried.changes if each.cause != finding.cause]
         try:
@@ -247,7 +247,7 @@ def _read_machine_text(file: Path) -> str:
 
 
 def _find_next_proposal(tried: Progress) -> Finding | None:
-    """The likeliest cause that has a proposal, was not tried, and stands behind none that stays."""
+    """Most likely untried cause with a proposal that no remaining cause explains."""
     return next(
         (each for each in list_untried(tried) if each.cause not in list_masked(tried)), None
     )
@@ -264,9 +264,9 @@ def list_untried(tried: Progress) -> list[Finding]:
 
 
 def list_masked(tried: Progress) -> dict[str, str]:
-    """Causes that may be seen where another one is that stays, and that one.
+    """Causes that a remaining cause may explain, with that cause.
 
-    Those under which no mass is worth anything are not among them: nothing is lost by a trial.
+    Causes that invalidate the mass are left out, since trying them loses nothing.
     """
     # the table brings all that looks for causes
     from analysis.findings import CAUSES
@@ -293,7 +293,7 @@ def _finding_key(finding: Finding) -> tuple[str, str | None]:
 
 
 def try_proposal(tried: Progress, finding: Finding, replays: Replays) -> None:
-    """Replay with a proposal, and keep it or take it back."""
+    """Replay with a proposal, and accept or reject it."""
     tried.seen.add(_finding_key(finding))
     changes = list(proposals_of_finding(finding))
     try:

@@ -1,1 +1,1 @@
-"""Many recordings: replayed on an engine, kept once, queried as one table."""
+"""Fleet: many recordings, replayed once on an engine and queried as one table."""

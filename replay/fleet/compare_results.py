@@ -1,4 +1,4 @@
-"""The command `fleet compare`: two sets of results, or one and what other settings would give."""
+"""The command `fleet compare`: compare two sets of results, or one with other settings."""
 
 import datetime as dt
 import hashlib
@@ -27,13 +27,13 @@ _DIGITS: Final = 12
 
 @dataclass(frozen=True, slots=True)
 class DayRange:
-    """Days of recordings, both ends included; None leaves an end open."""
+    """Range of days, both ends included; None leaves an end open."""
 
     first: dt.date | None = None
     last: dt.date | None = None
 
     def select_results(self, results: pl.DataFrame) -> pl.DataFrame:
-        """The results of these days; of all where both ends are open."""
+        """Results within the range."""
         if self.first is None and self.last is None:
             return results
         day = pl.col("day")
@@ -44,12 +44,12 @@ class DayRange:
 
 @dataclass(frozen=True, slots=True)
 class RunCallbacks:
-    """Told of a run.
+    """Callbacks of a fleet run.
 
     Attributes:
-        logs: which are replayed.
-        done: each log, and what became of it.
-        engine: once it is open.
+        logs: called with the logs to replay.
+        done: called with each finished log and its outcome.
+        engine: called with the opened engine.
     """
 
     logs: Callable[[Sequence[FleetLog]], None] = lambda _: None
@@ -59,12 +59,12 @@ class RunCallbacks:
 
 @dataclass(frozen=True)
 class OtherSettings:
-    """The plan of the last run under other settings.
+    """The last run's plan with other settings.
 
     Attributes:
-        last: what the last run was told.
-        overrides: `key=value`, of every machine file, behind those that it had.
-        machines: of which machine each log is.
+        last: options of the last run.
+        overrides: `key=value` for every machine file, applied after its own.
+        machines: machines of each log.
     """
 
     last: LastRun
@@ -73,19 +73,19 @@ class OtherSettings:
 
     @property
     def name(self) -> str:
-        """The fleet's name."""
+        """Name of the fleet."""
         return self.last.fleet
 
     @property
     def limits(self) -> TaskLimits:
-        """Limits of one recording."""
+        """Resource limits of one recording."""
         return self.last.limits
 
     def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
-        """How a log is to be replayed; evidence that does not fit the settings is left out."""
+        """Replay setups of a log; evidence that does not fit the settings is left out."""
         machine = self.machines[log]
         if machine not in self.last.machines:
-            raise FleetError(f"{log}: no run has machine '{machine}' since; run the fleet again")
+            raise FleetError(f"{log}: the last run has no machine '{machine}'; run the fleet again")
         files = self.last.machines[machine].files
         overrides = (*files.overrides, *self.overrides)
         return _setups_of_machine(machine, NamedFiles(files.file, overrides, files.calibrations))
@@ -97,10 +97,10 @@ def _setups_of_machine(machine: str, files: NamedFiles) -> tuple[MachineSetup, .
 
 
 def fleet_compare(a: FleetResults, b: FleetResults, days: DayRange) -> FleetComparison:
-    """Compare the results of some days.
+    """Compare the results in a range of days.
 
     Raises:
-        FleetError: no log is in both.
+        FleetError: the two have no log in common.
     """
     found = compare_results(days.select_results(a.results), days.select_results(b.results))
     if found.logs.is_empty():
@@ -117,20 +117,20 @@ def replay_with_settings(
     engine: Callable[[], AbstractContextManager[Engine]],
     told: RunCallbacks,
 ) -> tuple[FleetResults, FleetRun, int]:
-    """Replay the logs of some days under other settings, each once, beside the results.
+    """Replay logs under other settings, each once, and keep the results separately.
 
     Args:
-        results: with the logs and the machine files to begin with.
-        overrides: `key=value`, of every machine file.
-        days: of the logs.
-        engine: opens one.
-        told: of the run.
+        results: results with the logs and machine files.
+        overrides: `key=value` for every machine file.
+        days: range of days of the logs.
+        engine: opens an engine.
+        told: callbacks of the run.
 
     Returns:
-        Their results, what the run did, and how many logs are no longer where they were.
+        New results, summary of the run, and number of logs that no longer exist.
 
     Raises:
-        FleetError: none of the logs is there any more.
+        FleetError: none of the logs exists any more.
     """
     rows = days.select_results(results.results).select("source", "machine")
     machines: dict[str, str] = dict(rows.iter_rows())
@@ -143,8 +143,8 @@ def replay_with_settings(
             gone += 1
     if not logs:
         raise FleetError(
-            f"{results.store.place}: none of its logs of these days is where it was; restore them, "
-            "or compare two destinations"
+            f"{results.store.place}: none of the logs of these days exists at its old path; "
+            "restore them, or compare two destinations"
         )
     plan = OtherSettings(results.last_run, tuple(overrides), machines)
     digest = hashlib.sha256("\n".join(overrides).encode()).hexdigest()[:_DIGITS]

@@ -1,4 +1,4 @@
-"""Fleet files: which machine file and which calibrations belong to a log, by rules; TOML in."""
+"""Fleet files (TOML): rules that assign machine files and calibrations to logs."""
 
 import glob
 import re
@@ -29,7 +29,7 @@ _Text = Annotated[str, StringConstraints(min_length=1)]
 
 
 class AboutFleet(BaseModel):
-    """Whose machines they are."""
+    """Owner of the fleet."""
 
     model_config = _STRICT
 
@@ -37,7 +37,7 @@ class AboutFleet(BaseModel):
 
 
 class MachineRule(BaseModel):
-    """Logs, and the machine that they are of; of several rules the first that fits counts."""
+    """A rule that assigns logs to a machine; the first rule that matches applies."""
 
     model_config = _STRICT
 
@@ -57,7 +57,7 @@ class MachineRule(BaseModel):
     overrides: tuple[str, ...] = Field((), description="`key=value`, of the machine file")
 
     def machine_of_log(self, log: str) -> str | None:
-        """The machine of a log; None where the rule does not fit."""
+        """Machine of a log; None if the rule does not match."""
         found = _compile_path_pattern(self.logs).search(log)
         if found is None:
             return None
@@ -65,7 +65,7 @@ class MachineRule(BaseModel):
 
 
 class FleetRules(BaseModel):
-    """A whole fleet file."""
+    """Content of a fleet file."""
 
     model_config = _STRICT
 
@@ -76,12 +76,12 @@ class FleetRules(BaseModel):
 
 @dataclass(frozen=True)
 class Fleet:
-    """A fleet file that was read.
+    """A fleet file with its path and overrides.
 
     Attributes:
-        path: of the file.
-        rules: what it says.
-        overrides: `key=value`, of every machine file, behind those of the rules.
+        path: path of the file.
+        rules: content of the file.
+        overrides: `key=value` for every machine file, applied after those of the rules.
     """
 
     path: Path
@@ -90,27 +90,29 @@ class Fleet:
 
     @property
     def name(self) -> str:
-        """The fleet's name."""
+        """Name of the fleet."""
         return self.rules.fleet.name
 
     @property
     def limits(self) -> TaskLimits:
-        """Limits of one recording."""
+        """Resource limits of one recording."""
         return self.rules.limits
 
     def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
-        """How a log is to be replayed: under one of the machine's calibrations, or none.
+        """Replay setups of a log: one per calibration of the machine, or one without.
 
         Raises:
-            FleetError: no rule fits.
-            PayscopeError: the machine file or evidence that the rule names is wrong.
+            FleetError: no rule matches.
+            PayscopeError: the machine file or evidence of the rule is wrong.
         """
         for rule in self.rules.machines:
             name = rule.machine_of_log(log)
             if name is not None:
                 return self._make_setups(rule, name)
         patterns = ", ".join(rule.logs for rule in self.rules.machines)
-        raise FleetError(f"{log}: no rule of {self.path} fits it; its rules: {patterns}")
+        raise FleetError(
+            f"{log}: no rule in {self.path} matches this log; the rules are {patterns}"
+        )
 
     def _make_setups(self, rule: MachineRule, name: str) -> tuple[MachineSetup, ...]:
         file = rule.file.replace(NAME, name)
@@ -133,7 +135,7 @@ def _setups_of_rule(name: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
 
 @cache
 def _compile_path_pattern(text: str) -> re.Pattern[str]:
-    """Compile a pattern that matches the end of a path, from a slash or from its beginning."""
+    """Compile a pattern for the end of a path, anchored at a slash or at its begin."""
     end = 0
     found: list[str] = []
     for part in _PART.finditer(text):
@@ -147,13 +149,13 @@ def load_fleet(path: Path, overrides: tuple[str, ...] = ()) -> Fleet:
 
     Args:
         path: a TOML file.
-        overrides: `key=value`, of every machine file.
+        overrides: `key=value` for every machine file.
 
     Raises:
         FleetError: one line with the file, the fault, the choices and the remedy.
     """
     if not path.exists():
-        raise FleetError(f"{path}: no such fleet file; docs/fleet.md has one to begin with")
+        raise FleetError(f"{path}: no such fleet file; docs/fleet.md has an example")
     content = read_toml(path, FleetError)
     if "channels" in content and "machines" not in content:
         raise FleetError(

@@ -34,10 +34,10 @@ _ORDER: Final = ("t0_unix_ns", "key")
 
 @dataclass
 class FleetResults:
-    """The results in a destination.
+    """Results of a fleet at a destination.
 
     Attributes:
-        store: where they are.
+        store: storage of the results.
     """
 
     store: Store
@@ -54,7 +54,7 @@ class FleetResults:
 
     @cached_property
     def _gathered(self) -> Mapping[str, str]:
-        """Folder of the up-to-date gathered tables of every machine."""
+        """Folder of the current gathered tables of every machine."""
         there: dict[str, list[str]] = {}
         for each in self.store.list_names(_GATHERED):
             folder, _, name = each.rpartition("/")
@@ -71,7 +71,7 @@ class FleetResults:
         return found
 
     def gather(self) -> None:
-        """Bring what is gathered up to date."""
+        """Update the gathered tables."""
         _ = self._gathered
 
     def _gather_machine(self, folder: str, names: Sequence[ResultName], old: Sequence[str]) -> None:
@@ -99,7 +99,7 @@ class FleetResults:
         return pl.read_parquet(io.BytesIO(self.store.read(name)))
 
     def all_results(self, name: str) -> pl.LazyFrame:
-        """A table with all results, by machine and log, whatever settings they are of."""
+        """Table of all results under any settings, ordered by machine and log."""
         files = [f"{folder}/{name}.parquet" for folder in self._gathered.values()]
         if not files:
             return pl.LazyFrame(schema=table_schema(name))
@@ -111,7 +111,7 @@ class FleetResults:
 
     @cached_property
     def results(self) -> pl.DataFrame:
-        """One row a log and machine: under the settings of the last run, else the latest made."""
+        """One row per log and machine: of the last run's settings, else the most recent."""
         bases = [basis for each in self.last_run.machines.values() for basis in each.bases]
         return (
             self.all_results(MARK)
@@ -123,7 +123,7 @@ class FleetResults:
         )
 
     def scan(self, name: str) -> pl.LazyFrame:
-        """A table with the rows of the results that count; see `results`."""
+        """Table with the rows of the selected results; see `results`."""
         if name == MARK:
             return self.results.lazy()
         rows = self.all_results(name)
@@ -138,16 +138,18 @@ class FleetResults:
             return LastRun.model_validate_json(self._read_or_empty(CURRENT, b"{}"))
         except ValidationError:
             place = self.store.full_name(CURRENT)
-            raise FleetError(f"{place}: is not as payscope wrote it; run the fleet again") from None
+            raise FleetError(
+                f"{place}: was changed after payscope wrote it; run the fleet again"
+            ) from None
 
     @cached_property
     def failed(self) -> dict[str, str]:
-        """Recordings without a result, and why, by source."""
+        """Recordings without a result, with the reason, by source."""
         return json.loads(self._read_or_empty(FAILED, b"{}"))
 
     @cached_property
     def calibrations(self) -> list[FleetCalibration]:
-        """Calibrations that were in use."""
+        """Calibrations used for the results."""
         kept = json.loads(self._read_or_empty(CALIBRATIONS, b"[]"))
         return [FleetCalibration.model_validate(each) for each in kept]
 
@@ -158,7 +160,7 @@ class FleetResults:
             return nothing
 
     def set_last_run(self, run: LastRun) -> None:
-        """Say which setups count from now on; machines that are not named keep theirs."""
+        """Select the setups that count from now on; other machines keep theirs."""
         machines = {**self.last_run.machines, **run.machines}
         now = run.model_copy(update={"machines": dict(sorted(machines.items()))})
         if now != self.last_run:
@@ -166,17 +168,17 @@ class FleetResults:
 
 
 def fleet_results(place: str) -> FleetResults:
-    """The results in a destination.
+    """Open the results at a destination.
 
     Raises:
-        FleetError: there are none.
+        FleetError: there are no results.
     """
     store = Store(place)
     if store.folder is not None and not store.folder.is_dir():
         raise FleetError(f"{place}: no such folder; `payscope fleet run` makes one")
     found = FleetResults(store)
     if not found.names:
-        raise FleetError(f"{place}: no results of a fleet there; `payscope fleet run` makes them")
+        raise FleetError(f"{place}: has no results of a fleet; `payscope fleet run` makes them")
     try:
         found.gather()
     except OutputError as error:
@@ -191,7 +193,7 @@ def _results_digest(names: Sequence[ResultName]) -> str:
 
 
 def fleet_tables(results: FleetResults) -> Tables:
-    """The tables of a fleet's results, by name."""
+    """Tables of a fleet's results, by name."""
     return {name: partial(results.scan, name) for name in TABLES}
 
 
@@ -200,10 +202,10 @@ def fleet_query(results: FleetResults, sql: str) -> pl.DataFrame:
 
     Args:
         results: of a fleet.
-        sql: one SELECT, as polars reads it.
+        sql: one SELECT in the dialect of polars.
 
     Raises:
-        QueryError: no such table or column, or no SELECT.
+        QueryError: unknown table or column, or not a SELECT.
     """
     tables = fleet_tables(results)
     try:

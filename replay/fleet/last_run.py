@@ -13,7 +13,7 @@ FAILED: Final = "failed.json"
 
 
 class TaskLimits(BaseModel):
-    """Limits of one recording."""
+    """Resource limits of one recording."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -24,7 +24,7 @@ class TaskLimits(BaseModel):
     )
 
     def memory_bytes(self, size_bytes: int) -> int:
-        """Memory that the task of a log of that size declares."""
+        """Memory that the task declares for a log of this size."""
         return int(self.memory_GiB * 2**30 + self.memory_per_byte * size_bytes)
 
 
@@ -33,8 +33,8 @@ class NamedFiles:
     """Files that a fleet file names for a machine.
 
     Attributes:
-        file: machine file.
-        overrides: `key=value`, of that.
+        file: path of the machine file.
+        overrides: `key=value` overrides of the machine file.
         calibrations: folders of evidence.
     """
 

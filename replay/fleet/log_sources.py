@@ -18,11 +18,11 @@ class FleetLog:
     """A log of a fleet.
 
     Attributes:
-        source: its path or address, as a person names it.
-        place: of object storage that it is fetched from; empty for a file.
-        names: its objects there.
-        size_bytes: of its files.
-        stamp: what changes when one of its files does.
+        source: path or address, as given by the user.
+        place: object storage it is fetched from; empty for a file.
+        names: names of its objects.
+        size_bytes: total size of its files.
+        stamp: value that changes if one of its files changes.
     """
 
     source: str
@@ -33,15 +33,15 @@ class FleetLog:
 
 
 def list_fleet_logs(sources: Sequence[str]) -> list[FleetLog]:
-    """Every log that the sources name, once, by name.
+    """Every log in the sources, without duplicates, by name.
 
     Args:
-        sources: logs, folders of logs, globs of them, and `s3://bucket/prefix` with or without a
-            glob.
+        sources: logs, folders of logs, glob patterns, and `s3://bucket/prefix` with or without a
+            pattern.
 
     Raises:
-        FleetError: a source without a log.
-        PayscopeError: storage that does not answer.
+        FleetError: a source contains no log.
+        PayscopeError: the storage does not answer.
     """
     found: dict[str, FleetLog] = {}
     for source in sources:
@@ -49,7 +49,7 @@ def list_fleet_logs(sources: Sequence[str]) -> list[FleetLog]:
             _list_logs_of_bucket(source) if source.startswith(S3) else _list_logs_of_folder(source)
         )
         if not logs:
-            raise FleetError(f"{source}: no log there; name a log, a folder, a glob or s3://…")
+            raise FleetError(f"{source}: contains no log; name a log, a folder, a glob or s3://…")
         found |= {log.source: log for log in logs}
     return [found[name] for name in sorted(found)]
 

@@ -1,4 +1,4 @@
-"""How logs of one machine are replayed: its file as resolved, and its calibrations by day."""
+"""Replay setups of a machine: its resolved file with one of its calibrations."""
 
 import datetime as dt
 import hashlib
@@ -32,12 +32,12 @@ class MachineSetup:
     """One way to replay logs of a machine.
 
     Attributes:
-        name: of the machine, by the fleet file.
-        files: that it was read from.
-        machine: as resolved.
-        by: the evidence that calibrates it; None for none.
-        first: first day that the evidence is of.
-        basis: digest of all that a result depends on besides its log.
+        name: name of the machine in the fleet file.
+        files: files that it was read from.
+        machine: resolved machine file.
+        by: evidence that calibrates it, or None.
+        first: first day on which the evidence applies.
+        basis: digest of everything besides the log that a result depends on.
     """
 
     name: str
@@ -48,20 +48,20 @@ class MachineSetup:
     basis: str
 
     def applies_on_day(self, day: dt.date | None) -> bool:
-        """Whether it is for logs of a day; None is an unknown one."""
+        """Whether it applies to logs of a day; None for an unknown day."""
         if self.by is None:
             return True
         return day is not None and self.first <= day <= self.by.document.expires
 
     def local_day(self, unix_ns: int | None) -> dt.date | None:
-        """The day where the machine is; None without a date."""
+        """Day in the machine's time zone; None without a date."""
         if unix_ns is None or unix_ns < FIRST_DATE_NS:
             return None
         return dt.datetime.fromtimestamp(unix_ns // _S, self.machine.machine.zone).date()
 
     @property
     def calibration(self) -> FleetCalibration | None:
-        """Its calibration, as a fleet compares it."""
+        """Its calibration, for comparisons within the fleet."""
         if self.by is None:
             return None
         document = self.by.document
@@ -70,16 +70,16 @@ class MachineSetup:
 
 
 def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[MachineSetup, ...]:
-    """A setup a calibration, the latest first, and one without any.
+    """One setup for each calibration, the latest first, and one without calibration.
 
     Args:
-        name: of the machine.
-        files: machine file and evidence; checks of a known mass among it are passed over.
-        lenient: leave out evidence of other settings.
+        name: name of the machine.
+        files: machine file and evidence; evidence of single-mass checks is skipped.
+        lenient: whether to skip evidence with other settings.
 
     Raises:
-        PayscopeError: the machine file is wrong, or evidence is wrong, of another machine or signed
-            by a key that is not in the user's keyring.
+        PayscopeError: the machine file is wrong, or evidence is wrong, of another machine, or
+            signed by a key outside the user's keyring.
     """
     machine = load_machine(files.file, files.overrides)
     calibrations: list[tuple[MachineCalibration, Machine]] = []
@@ -90,8 +90,8 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
         if by.signed_by.how == "unknown":
             # nobody sits beside a fleet to be asked
             raise EvidenceError(
-                f"{folder}: is {by.signed_by}; keep the key, if the signer gave it to you by "
-                f"another way: {by.signed_by.add_line}"
+                f"{folder}: is {by.signed_by}; if the signer gave you this key in person, keep it "
+                f"with {by.signed_by.add_line}"
             )
         try:
             weighing = by.require_machine(by.weighing_machine(machine), files.file)
@@ -106,7 +106,7 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
 
 
 def setup_of_day(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
-    """The setup of logs of a day: under the latest calibration that holds then, or under none."""
+    """Setup for logs of a day: with the latest calibration valid then, or without one."""
     return next(each for each in setups if each.applies_on_day(day))
 
 
@@ -128,7 +128,7 @@ def _make_setup(
 
 
 def last_day_of_campaign(by: MachineCalibration) -> dt.date:
-    """The last day of the campaign: from then on its line is the latest."""
+    """Last day of the campaign, from which its line applies."""
     return max(run.day for run in by.document.campaign.runs)
 
 

@@ -1,4 +1,4 @@
-"""The command `fleet open`: a recording of a fleet in the viewer, wherever it or its log lies."""
+"""The command `fleet open`: show the recording of a result in the viewer."""
 
 import tempfile
 from collections.abc import Generator
@@ -20,14 +20,14 @@ from replay.machines.machine_file import time_axis
 
 @contextmanager
 def recording_of_result(results: FleetResults, key: str) -> Generator[Path]:
-    """The recording of a result: the one that is kept, or one that is made of its log.
+    """Context with the recording of a result, replayed from its log if it was not kept.
 
     Args:
-        results: of a fleet.
-        key: of the result, or how it begins.
+        results: results of a fleet.
+        key: key of the result, or its first characters.
 
     Raises:
-        FleetError: no result, or several, have such a key; or its log is gone.
+        FleetError: no result or several match the key, or the log no longer exists.
         PayscopeError: the log cannot be replayed.
     """
     found = results.results.filter(pl.col("key").str.starts_with(key))
@@ -49,7 +49,7 @@ def recording_of_result(results: FleetResults, key: str) -> Generator[Path]:
 def _find_recording(results: FleetResults, source: str, machine: str, recording: Path) -> None:
     known = results.last_run.machines.get(machine)
     if known is None:
-        raise FleetError(f"{source}: no run has machine '{machine}' since; run the fleet again")
+        raise FleetError(f"{source}: the last run has no machine '{machine}'; run the fleet again")
     (log,) = list_fleet_logs([source])
     setups = machine_setups(machine, known.files, lenient=True)
     with fetch_log(log) as path, open_log(path, time=time_axis(setups[-1].machine)) as opened:

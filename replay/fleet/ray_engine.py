@@ -1,4 +1,4 @@
-"""The engine Ray: the only file that knows it."""
+"""The engine on Ray; no other file imports it."""
 
 import importlib
 import importlib.util
@@ -42,14 +42,15 @@ _LOOPBACK: Final = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 
 @contextmanager
 def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine"]:
-    """Connect to a cluster, or start one on this machine.
+    """Context with an engine on a cluster, or on this machine.
 
     Args:
-        address: of the cluster's head (`host:port`, `ray://host:port`); None starts one here.
-        workers: tasks at once on this machine; None for a processor each.
+        address: address of the cluster's head (`host:port`, `ray://host:port`); None starts Ray
+            here.
+        workers: parallel tasks on this machine; None uses every processor.
 
     Raises:
-        FleetError: there is no such cluster.
+        FleetError: the cluster does not exist.
     """
     if address:
         refuse_dead_address(address)
@@ -93,10 +94,10 @@ def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine
 
 
 def refuse_dead_address(address: str) -> None:
-    """Refuse an address at once where nobody listens: Ray would try for minutes."""
+    """Raise an error if nothing listens at an address; Ray would retry for minutes."""
     host, _, port = address.rpartition("://")[2].rpartition(":")
     if not host or not port.isdigit():
-        raise FleetError(f"--address {address}: write it as host:port, of the cluster's head")
+        raise FleetError(f"--address {address}: give the cluster's head as host:port")
     try:
         socket.create_connection((host, int(port)), timeout=_ANSWER_S).close()
     except (OSError, OverflowError) as error:
@@ -104,13 +105,13 @@ def refuse_dead_address(address: str) -> None:
 
 
 class _StreamWithoutRay:
-    """A stream without what Ray's own threads write to it."""
+    """A stream that drops what Ray's own threads write."""
 
     def __init__(self, stream: Any) -> None:
         self._stream = stream
 
     def write(self, text: str) -> int:
-        """Write, unless it is Ray who does."""
+        """Write the text, unless Ray wrote it."""
         mine = not threading.current_thread().name.startswith("ray_")
         return self._stream.write(text) if mine else len(text)
 
@@ -119,19 +120,19 @@ class _StreamWithoutRay:
 
 
 class RayEngine:
-    """Ray, as far as a fleet needs it."""
+    """The parts of Ray that a fleet needs."""
 
     def __init__(self, ray: Any) -> None:
         self._ray = ray
 
     def slots(self) -> int:
-        """Processors of the cluster."""
+        """Number of processors of the cluster."""
         return max(int(self._ray.cluster_resources().get("CPU", 1)), 1)
 
     def run(
         self, function: Callable[[Task], Result], work: Sequence[TaskWork[Task]]
     ) -> Iterator[tuple[Task, Result | LostTask]]:
-        """Yield each task with its result as it comes; the function is imported on the nodes."""
+        """Yield each task with its result as it finishes; nodes import the function."""
         remote = self._ray.remote(num_cpus=1, max_retries=_RETRIES, max_calls=_TASKS_A_WORKER)(
             function
         )
@@ -142,7 +143,7 @@ class RayEngine:
                 most = (1 + _AHEAD) * self.slots()
                 while waiting and len(running) < most:
                     each = waiting.popleft()
-                    too_large = self._too_large(each.memory_bytes)
+                    too_large = self._error_if_too_large(each.memory_bytes)
                     if too_large:
                         yield each.task, too_large
                         continue
@@ -156,15 +157,15 @@ class RayEngine:
             for reference in running:
                 self._ray.cancel(reference, force=True)
 
-    def _too_large(self, memory_bytes: int) -> LostTask | None:
-        """A task that fits no node would wait for ever."""
+    def _error_if_too_large(self, memory_bytes: int) -> LostTask | None:
+        """Error for a task that fits no node and would wait for ever; None if it fits."""
         nodes = [node for node in self._ray.nodes() if node["Alive"]]
         largest = max((node["Resources"].get("memory", 0.0) for node in nodes), default=0.0)
         if memory_bytes <= largest:
             return None
         return LostTask(
             f"declares {memory_bytes / _GIB:.1f} GiB of memory, and the largest node has "
-            f"{largest / _GIB:.1f} GiB; [limits] of the fleet file says how much is declared"
+            f"{largest / _GIB:.1f} GiB; lower the memory in [limits] of the fleet file"
         )
 
     def _fetch_result(self, reference: Any) -> Any:
@@ -188,7 +189,7 @@ class RayEngine:
 
 
 def missing_library() -> str | None:
-    """A library of the extra that is not installed; None where all are."""
+    """Name of a missing library of the extra; None if all are installed."""
     return next(
         (name for name in ("ray", "obstore") if importlib.util.find_spec(name) is None), None
     )

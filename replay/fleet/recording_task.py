@@ -1,4 +1,4 @@
-"""One recording of a fleet: replayed on a node, its result put where all results are.
+"""Task of one recording: replay it on a node and store its result.
 
 The task itself holds its limits, seconds and memory. One that is over them is interrupted with the
 reason; one that cannot be interrupted, since it hangs in a library, ends its process; the engine
@@ -22,7 +22,7 @@ from typing import Final, Literal
 
 import polars as pl
 
-from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.shift_totals import recount_shift
@@ -53,11 +53,11 @@ _GIB: Final = 2**30
 
 
 class LimitError(Exception):
-    """A task is over one of its limits; its text says which."""
+    """A task exceeds one of its limits, which the text names."""
 
 
 class _LimitWatch(threading.Thread):
-    """Looks at time and memory from beside."""
+    """Watches time and memory from another thread."""
 
     def __init__(self, seconds: float, memory_bytes: int) -> None:
         super().__init__(name="limits", daemon=True)
@@ -80,7 +80,7 @@ class _LimitWatch(threading.Thread):
             os._exit(1)
 
     def interrupt(self, _number: int, _frame: FrameType | None) -> None:
-        """Raise in the watched thread."""
+        """Signal handler that raises in the watched thread."""
         if self._reason and not self.done.is_set():
             raise LimitError(self._reason)
 
@@ -101,13 +101,13 @@ class ReplayTask:
     """A recording to replay.
 
     Attributes:
-        log: where it is.
-        setups: how, the first that holds on its day.
-        destination: of the results.
-        recording: whether its `.rrd` is kept.
-        seconds: that it may take.
-        memory_bytes: that it declares; at twice as much it is ended.
-        versions: that a node must have.
+        log: the log.
+        setups: replay setups; the first that applies on the log's day is used.
+        destination: destination of the results.
+        recording: whether to keep its `.rrd`.
+        seconds: time limit.
+        memory_bytes: declared memory; the task is ended at twice that.
+        versions: package versions that a node must have.
     """
 
     log: FleetLog
@@ -124,11 +124,11 @@ class TaskOutcome:
     """Outcome of a recording's task.
 
     Attributes:
-        status: made; there already; refused, which is a result too; failed, which is none.
+        status: made; there already; refused, which is a result too; or failed, without a result.
         reason: why it was refused or failed.
-        seconds: that the replay took.
-        overhead_s: that all around it took.
-        processor_s: of the processor, for both.
+        seconds: duration of the replay.
+        overhead_s: duration of everything else.
+        processor_s: processor time of both.
     """
 
     status: Status
@@ -139,7 +139,7 @@ class TaskOutcome:
 
 
 def replay_one(task: ReplayTask) -> TaskOutcome:
-    """Replay a recording within its limits, and write its result, unless it is there."""
+    """Replay a recording within its limits and write its result, unless it already exists."""
     began, processor = time.perf_counter(), time.process_time()
     here = package_versions()
     other = [f"{n} {here[n]} for {v}" for n, v in task.versions.items() if here[n] != v]
@@ -193,7 +193,7 @@ def _make_outcome(task: ReplayTask, path: Path) -> TaskOutcome:
 
 
 class _ResultInTransit:
-    """A result on its way into the store."""
+    """A result that is being stored."""
 
     def __init__(
         self, task: ReplayTask, setup: MachineSetup, digests: tuple[str, ...], day: dt.date | None
@@ -203,12 +203,12 @@ class _ResultInTransit:
         self._name = ResultName(setup.name, shown, result_key(setup.basis, digests))
 
     def is_there(self, store: Store) -> bool:
-        """Whether nothing is left to do."""
+        """Whether the result is already complete in the store."""
         recorded = not self._task.recording or store.has_object(self._name.recording)
         return recorded and store.has_object(self._name.table_object_name(MARK))
 
     def write(self, store: Store, made: Run | None, row: dict[str, object]) -> None:
-        """Write it; `made` is None of a log that is refused."""
+        """Write the result; `made` is None for a refused log."""
         log, setup = self._task.log, self._setup
         whole: dict[str, object] = {
             "source": log.source,
@@ -235,7 +235,7 @@ class _ResultInTransit:
 
 
 def replay_log(log: Log, setup: MachineSetup, source: str) -> Run:
-    """Replay a log, with masses and payloads on the line of its calibration, if it has one.
+    """Replay a log; with a calibration, masses and payloads are calibrated.
 
     Raises:
         PayscopeError: the log cannot be replayed.
@@ -249,8 +249,8 @@ def replay_log(log: Log, setup: MachineSetup, source: str) -> Run:
     against = contradicted_priors(made.frames["nuisances"])
     frames = dict(made.frames)
     if not against:
-        unlike = Unlike.from_frames(frames)
-        frames["cycles"] = calibrate_cycles(frames["cycles"], setup.by.calibration, unlike)
+        shared_errors = SharedErrors.from_frames(frames)
+        frames["cycles"] = calibrate_cycles(frames["cycles"], setup.by.calibration, shared_errors)
         frames["shift"] = recount_shift(frames["shift"], frames["cycles"])
     return setup.by.calibrate_run(Run(frames, made.provenance))
 
@@ -258,7 +258,7 @@ def replay_log(log: Log, setup: MachineSetup, source: str) -> Run:
 def tables_of_replay(
     made: Run, setup: MachineSetup
 ) -> tuple[dict[str, pl.DataFrame], dict[str, object]]:
-    """The tables of a run, and its row of `results`."""
+    """Tables of a run, and its row of `results`."""
     state = take_review_state(made, "", "", {})
     shares = pl.DataFrame(
         {"reason": list(state.gate_shares), "share_1": list(state.gate_shares.values())},
@@ -280,7 +280,7 @@ def tables_of_replay(
 
 @contextmanager
 def fetch_log(log: FleetLog) -> Generator[Path]:
-    """The log as a file or folder; of object storage, a copy that is removed again."""
+    """Context with the log as a file or folder; copies from object storage are removed again."""
     if not log.place:
         yield Path(log.source)
         return
@@ -294,21 +294,21 @@ def fetch_log(log: FleetLog) -> Generator[Path]:
 
 
 def _digest_log_files(path: Path) -> tuple[str, ...]:
-    """Digest the files of a path; empty if it is no log."""
+    """Digests of the files of a log; empty if the path is not a log."""
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
     return tuple(file_sha256(each) for each in files)
 
 
 @contextmanager
 def interrupt_over_limits(seconds: float, memory_bytes: int) -> Generator[None]:
-    """Interrupt what is inside when it is over a limit; of the main thread alone.
+    """Context that interrupts the main thread when a limit is exceeded.
 
     Args:
-        seconds: of wall-clock time.
-        memory_bytes: that the process may grow by; what it held before is not of this task.
+        seconds: limit of wall-clock time.
+        memory_bytes: limit of the process's memory growth.
 
     Raises:
-        LimitError: over a limit.
+        LimitError: a limit is exceeded.
     """
     watch = _LimitWatch(seconds, memory_bytes)
     before = signal.signal(signal.SIGALRM, watch.interrupt)
@@ -326,7 +326,7 @@ def interrupt_over_limits(seconds: float, memory_bytes: int) -> Generator[None]:
 
 
 def resident_bytes() -> int:
-    """Resident memory of this process; 0 where the system does not say."""
+    """Resident memory of this process; 0 if the system does not report it."""
     try:
         pages = int(_STATM.read_text(encoding="ascii").split()[1])
     except OSError:

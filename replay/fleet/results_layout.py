@@ -1,4 +1,4 @@
-"""Where a fleet's results lie, and how one is written: its tables, then its row of `results`."""
+"""Names of a fleet's stored results, and the order in which they are written."""
 
 import hashlib
 import io
@@ -20,25 +20,25 @@ _DIGITS: Final = 32
 
 
 class ResultName(NamedTuple):
-    """Where the parts of a result lie."""
+    """Names of the parts of a result."""
 
     machine: str
     day: str
     key: str
 
     def table_object_name(self, name: str) -> str:
-        """The object of one of its tables."""
+        """Object name of one of its tables."""
         return f"{name}/machine={quote(self.machine, safe='')}/day={self.day}/{self.key}.parquet"
 
     @property
     def recording(self) -> str:
-        """The object of its recording."""
+        """Object name of its recording."""
         machine = quote(self.machine, safe="")
         return f"{RECORDINGS}/machine={machine}/day={self.day}/{self.key}.rrd"
 
 
 def parse_result_name(stored: str) -> ResultName | None:
-    """The name of the result that an object is a part of; None for an object of another kind."""
+    """Result that an object belongs to; None for other objects."""
     parts = stored.split("/")
     if len(parts) != 4 or not parts[1].startswith("machine=") or not parts[2].startswith("day="):
         return None
@@ -50,7 +50,7 @@ def parse_result_name(stored: str) -> ResultName | None:
 
 
 def result_key(basis: str, digests: Sequence[str]) -> str:
-    """The key of a result: its log by content, and all else that it depends on."""
+    """Key of a result: digest of its log's content and everything else it depends on."""
     whole = json.dumps([basis, sorted(digests)])
     return hashlib.sha256(whole.encode()).hexdigest()[:_DIGITS]
 
@@ -62,14 +62,14 @@ def write_result(
     frames: Mapping[str, pl.DataFrame],
     row: Mapping[str, object],
 ) -> None:
-    """Write a result; one that breaks off was never there.
+    """Write a result; the row of `results` is written last and makes it valid.
 
     Args:
-        store: of the results.
-        name: of this one.
-        t0_unix_ns: of its first sample.
-        frames: by table, but for `results`.
-        row: of `results`.
+        store: store of the results.
+        name: name of the result.
+        t0_unix_ns: Unix time of its first sample.
+        frames: tables by name, without `results`.
+        row: row of the table `results`.
     """
     of = {**name._asdict(), "t0_unix_ns": t0_unix_ns}
     for each, frame in frames.items():
@@ -81,7 +81,7 @@ def write_result(
 
 
 def parquet_bytes(frame: pl.DataFrame) -> bytes:
-    """A table as Parquet."""
+    """Parquet file of a table."""
     written = io.BytesIO()
     frame.write_parquet(written, compression="zstd", statistics=True)
     return written.getvalue()

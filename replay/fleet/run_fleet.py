@@ -1,4 +1,4 @@
-"""The command `fleet run`: logs and a fleet file in, results out, each made once."""
+"""The command `fleet run`: replay the logs of a fleet, each once."""
 
 import datetime as dt
 import json
@@ -22,20 +22,20 @@ from replay.inputs.channel_inputs import package_versions
 
 
 class FleetPlan(Protocol):
-    """Says how each log is replayed: a fleet file, or what was kept of one."""
+    """Plan of how each log is replayed: a fleet file, or the record of an earlier run."""
 
     @property
     def name(self) -> str:
-        """The fleet's name."""
+        """Name of the fleet."""
         ...
 
     @property
     def limits(self) -> TaskLimits:
-        """Limits of one recording."""
+        """Resource limits of one recording."""
         ...
 
     def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
-        """How a log is to be replayed, the first setup that holds on its day."""
+        """Replay setups of a log; the first that applies on its day is used."""
         ...
 
 
@@ -48,13 +48,13 @@ class FleetRun:
     """Summary of a fleet run.
 
     Attributes:
-        destination: of the results.
-        made: recordings that were replayed.
-        there: recordings whose result was there.
-        refused: recordings that hold no answer, and why; a result too.
+        destination: destination of the results.
+        made: number of replayed recordings.
+        there: number of recordings with an existing result.
+        refused: recordings without an answer, and why; these are results too.
         failed: recordings without a result, and why.
-        seconds: that nodes replayed.
-        overhead_s: that they did all else: hash, fetch, write.
+        seconds: total duration of the replays.
+        overhead_s: total duration of hashing, fetching and writing.
     """
 
     destination: str
@@ -66,7 +66,7 @@ class FleetRun:
     overhead_s: float = 0.0
 
     def count_outcome(self, source: str, outcome: TaskOutcome) -> None:
-        """Count what became of a recording."""
+        """Count the outcome of a recording."""
         self.seconds += outcome.seconds
         self.overhead_s += outcome.overhead_s
         if outcome.status == "made":
@@ -78,7 +78,7 @@ class FleetRun:
             listed[source] = outcome.reason
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain JSON values."""
+        """The fields as JSON-compatible values."""
         return {
             "destination": self.destination,
             "made": self.made,
@@ -100,17 +100,17 @@ def fleet_run(
     *,
     recordings: bool = False,
 ) -> FleetRun:
-    """Replay the logs whose results are not there.
+    """Replay the logs that have no result yet.
 
-    A log that fails is listed and costs nobody else. What was done before an interruption is done.
+    A log that fails is listed and does not affect others. Results before an interruption are kept.
 
     Args:
-        logs: of `list_fleet_logs`.
-        plan: how each is replayed.
+        logs: logs from `list_fleet_logs`.
+        plan: replay setups of each log.
         destination: a folder, or `s3://bucket/prefix`.
-        recordings: whether every recording's `.rrd` is kept.
-        engine: opens one; not called where nothing is to be done.
-        on_done: told each log, and what became of it.
+        recordings: whether to keep every recording's `.rrd`.
+        engine: opens an engine; not called if all results exist.
+        on_done: called with each finished log and its outcome.
         on_engine: told the engine once it is open.
     """
     place = destination if destination.startswith(S3) else str(Path(destination).absolute())
@@ -157,7 +157,7 @@ def fleet_run(
 def _plan_tasks(
     logs: Sequence[FleetLog], plan: FleetPlan, place: str, did: FleetRun, *, recordings: bool
 ) -> tuple[list[ReplayTask], dict[str, tuple[MachineSetup, ...]]]:
-    """A task a log, and the setups of every machine."""
+    """Tasks, one per log, and the setups of all machines."""
     tasks: list[ReplayTask] = []
     by_machine: dict[str, tuple[MachineSetup, ...]] = {}
     here = package_versions()
@@ -223,7 +223,7 @@ def _remember_calibrations(
 
 
 def keep_failed_list(results: FleetResults, did: FleetRun, asked: set[str]) -> None:
-    """Keep the list of what has failed, for the report; what is done is off it."""
+    """Keep the list of failed tasks for the report; completed ones are removed from it."""
     before = results.failed
     now = {source: why for source, why in before.items() if source not in asked} | did.failed
     if now != before:

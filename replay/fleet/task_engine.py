@@ -1,4 +1,4 @@
-"""What a fleet asks of an engine: to run one function over many tasks, anywhere, and to survive.
+"""Interface of a fleet's engine, which runs one function over many tasks anywhere.
 
 An engine places tasks on nodes by the memory that each declares, gives each one thread, starts
 those of a lost node or worker anew, and says which it gave up and why. `ray_engine` is the one

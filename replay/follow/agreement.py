@@ -1,4 +1,4 @@
-"""Whether what was followed is what the replay of the finished log has, bit for bit.
+"""Compare a followed log with the replay of the finished log, bit for bit.
 
 Digests by the minute are kept, not the rows, so that memory does not grow with the shift. The
 recording of a log that was followed is that of its causal replay.
@@ -32,14 +32,14 @@ CAUSAL: Final = "settings.filter.causal=true"
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Agreement of the gate or of one method.
+    """Agreement of the gate, or of one method, with the replay.
 
     Attributes:
-        name: `gate` or the method, and of which axis if it is of spins.
-        rows: that were followed.
-        replayed: that the replay has.
-        differs_from_s: from the first row; None where all rows are the same bit for bit.
-        is_rounding: whether the same rows have the same numbers but for rounding.
+        name: `gate` or the method, with the axis if it is of spins.
+        rows: number of followed rows.
+        replayed: number of rows in the replay.
+        differs_from_s: time of the first differing row; None if all rows are equal bit for bit.
+        is_rounding: whether the rows differ by rounding only.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True)
 class _MinuteDigest:
-    """The rows of a minute: their digest, their number and the sums of their columns."""
+    """Digest, number and column sums of the rows in a minute."""
 
     digest: bytes = b""
     rows: int = 0
@@ -66,13 +66,13 @@ class _MinuteDigest:
         return _MinuteDigest(digest, self.rows + 1, tuple(sums.tolist()))
 
     def is_near(self, other: "_MinuteDigest") -> bool:
-        """Whether both have as many rows, and numbers alike on average."""
+        """Whether both have as many rows with nearly equal means."""
         return self.rows == other.rows and np.allclose(self.sums, other.sums, _ROUNDING_1, 0.0)
 
 
 @dataclass(slots=True)
 class _MinuteDigests:
-    """Rows by the minute."""
+    """Digests of rows by minute."""
 
     rows: int = 0
     minutes: dict[int, _MinuteDigest] = field(default_factory=dict)
@@ -103,7 +103,7 @@ class FollowedDigests:
         self._minutes: dict[str, _MinuteDigests] = {}
 
     def add(self, rows: Iterable[FollowedRow]) -> None:
-        """Take the next rows."""
+        """Add the next rows."""
         for row in rows:
             for axis, gate, estimates in (
                 (X, row.gate, row.estimates),
@@ -166,14 +166,14 @@ def record_followed(
     overrides: Sequence[str],
     followed: FollowedDigests,
 ) -> tuple[Answer, list[Agreement]]:
-    """Replay what was followed and record it.
+    """Record the causal replay of a followed log, and compare it with what was followed.
 
     Args:
-        paths: of the log; a `.bag.active` that its recorder has renamed since is found.
-        machine_file: as `replay_logs` takes it.
-        output: the recording.
-        overrides: of the machine file.
-        followed: the decisions and estimates so far.
+        paths: paths of the log; a `.bag.active` is found under its final name.
+        machine_file: as in `replay_logs`.
+        output: recording to write.
+        overrides: `key=value` overrides of the machine file.
+        followed: digests of the followed decisions and estimates.
 
     Raises:
         PayscopeError: as `replay_logs`.
@@ -185,6 +185,6 @@ def record_followed(
 
 
 def _name_when_closed(path: Path) -> Path:
-    """The name that a recorder gives a bag when it closes it."""
+    """Name of a bag after its recorder has closed it."""
     inner = path.with_suffix("")
     return inner if path.suffix == ACTIVE and not path.exists() and inner.exists() else path

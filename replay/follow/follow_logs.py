@@ -1,4 +1,4 @@
-"""The command `follow`: a growing log and a machine in, rows and reports out as they come."""
+"""The command `follow`: read a growing log, and emit rows and reports as they appear."""
 
 import gc
 import time
@@ -32,15 +32,15 @@ IDLE_S: Final = 10.0
 
 @dataclass(slots=True)
 class Following:
-    """How far a log was followed.
+    """State of a followed log.
 
     Attributes:
-        paths: of the log.
+        paths: paths of the log.
         follower: gate and estimators.
-        topics: that the log has so far.
-        losses: what could not be read.
-        look_s: the time that the last look took that found something, to its rows.
-        ended: why it ended; empty while it is followed.
+        topics: topics found so far.
+        losses: data that could not be read.
+        look_s: duration of the last poll that found data.
+        ended: reason for the end; empty while following.
     """
 
     paths: Sequence[Path]
@@ -52,7 +52,7 @@ class Following:
 
     @property
     def missing_excitation(self) -> list[str]:
-        """Topics of the machine file of which nothing has come."""
+        """Topics of the machine file without any message so far."""
         return [topic for topic in self.follower.topics if topic not in self.topics]
 
     @property
@@ -75,20 +75,20 @@ def follow_logs(
     valid_s: float = VALID_S,
     until_u_kg: float | None = None,
 ) -> Following:
-    """Follow a log until its recorder closes it, it has not grown for `idle_s`, or ctrl-C.
+    """Follow a log until its recorder closes it, it stops growing for `idle_s`, or ctrl-C.
 
     Args:
-        paths: as `follow_log` takes them.
+        paths: as in `follow_log`.
         machine: channels and settings.
-        on_rows: told the rows of each look, none where nothing is new.
-        noise: as `Follower` takes it.
-        idle_s: seconds without growth that end it.
-        valid_s: as `Follower` takes it.
-        until_u_kg: likewise.
+        on_rows: called with the rows of each poll, empty if there is nothing new.
+        noise: as in `Follower`.
+        idle_s: seconds without growth before it ends.
+        valid_s: as in `Follower`.
+        until_u_kg: as in `Follower`.
 
     Raises:
         LogError: the log cannot be followed, or a topic cannot be decoded.
-        DataError: it ended before anything could be told from it.
+        DataError: it ended before there was enough data.
     """
     fields = channel_fields(causal_machine(machine))
     follower = Follower(machine, noise, valid_s=valid_s, until_u_kg=until_u_kg)
@@ -118,7 +118,7 @@ def follow_until_idle(
     on_rows: Callable[[Following, list[FollowedRow]], None],
     idle_s: float,
 ) -> str:
-    """Look at the log again and again; why that ended."""
+    """Poll the log until it ends; returns the reason."""
     grew = time.monotonic()
     while True:
         began = time.monotonic()
@@ -138,7 +138,7 @@ def poll_log(
     *,
     is_whole: bool = False,
 ) -> bool:
-    """Take what is new; whether anything was."""
+    """Process new data of the log; returns whether there was any."""
     began = time.monotonic()
     frames = log.poll(is_whole=is_whole)
     following.topics, following.losses = log.topics, [*log.losses]

@@ -1,4 +1,4 @@
-"""Where goes what is followed: a recording that grows, or goes on, and reports; nothing twice."""
+"""Outputs of a followed log: a growing recording and reports, without repeats after a restart."""
 
 import hashlib
 from collections.abc import Callable, Sequence
@@ -30,12 +30,12 @@ from replay.logs import ACTIVE
 
 @dataclass(frozen=True, slots=True)
 class ResumePoint:
-    """How far an interrupted recording came, to resume from.
+    """Point from which an interrupted recording continues.
 
     Attributes:
         until_unix_ns: time of its last row.
-        end: where to append if the recording was cut off; None if its log had not ended yet, then
-            the recording is replaced once the follower has come as far again.
+        end: where to append if the recording was cut off; None if the log had not ended yet, in
+            which case the recording is replaced once the follower reaches the same point.
     """
 
     until_unix_ns: int
@@ -43,10 +43,10 @@ class ResumePoint:
 
 
 class FollowedOutputs:
-    """A recording and a topic of reports, which go on where they were when a follower stopped.
+    """A recording and a topic of reports, which continue where an earlier follower stopped.
 
-    A log is gone through from its beginning each time: rows and reports that are on disc already
-    are left out. An output that cannot be written any more is given up, and following goes on.
+    The log is read from its begin each time; rows and reports already on disk are skipped. If an
+    output can no longer be written, it is abandoned, and following continues.
     """
 
     def __init__(
@@ -61,20 +61,20 @@ class FollowedOutputs:
         server: str | None = None,
         force: bool = False,
     ) -> None:
-        """Look at what is there.
+        """Examine the existing outputs.
 
         Args:
             paths: of the logs.
-            machine: as it is followed.
-            noise: likewise.
-            tell: told a line of what went on or was given up.
-            output: the recording; None: none.
-            reports: the MCAP file of reports; None: none.
-            server: the address of a server of viewers; None: none.
-            force: begin anew.
+            machine: the machine of the follower.
+            noise: noise given to the follower, if any.
+            tell: called with a line when an output continues or is abandoned.
+            output: recording to write, or None.
+            reports: MCAP file of reports, or None.
+            server: address of a viewer's server, or None.
+            force: whether to start again.
 
         Raises:
-            OutputError: an output is there already, and of something else.
+            OutputError: an output exists and is of something else.
         """
         self._output, self._server, self._tell = output, server, tell
         self._identity = identity_of_inputs(paths, machine, noise)
@@ -94,7 +94,7 @@ class FollowedOutputs:
             tell(f"goes on after {time_text(self._told_ns)} UTC, what is on disc is not repeated")
 
     def take(self, following: Following, rows: Sequence[FollowedRow]) -> list[OnlineReport]:
-        """Write rows; the reports that nobody was told before."""
+        """Write rows, and return the reports that were not emitted before."""
         told: list[OnlineReport] = []
         waiting: list[FollowedRow] = []
         for row in rows:
@@ -108,7 +108,7 @@ class FollowedOutputs:
         return told
 
     def close(self) -> None:
-        """Leave whole files."""
+        """Finish the files."""
         if self._recording is not None:
             self._recording.close()
         if self._topic is not None:
@@ -130,7 +130,7 @@ class FollowedOutputs:
     def _record_rows(
         self, following: Following, rows: Sequence[FollowedRow], text: str | None
     ) -> None:
-        """Record rows; with a text, on disc before anybody is told."""
+        """Record rows; with a text, the file is flushed before anyone is notified."""
         if not rows or not self._begins:
             return
         try:
@@ -170,7 +170,7 @@ class FollowedOutputs:
         return self._recording
 
     def _replace_shorter_recording(self, unix_ns: int) -> None:
-        """Take the place of a recording that came less far."""
+        """Replace an existing recording that ends earlier."""
         if self._file is None or self._output is None or self._file.path == self._output:
             return
         if unix_ns > self._recorded_ns:
@@ -187,7 +187,7 @@ def _give_up_text(error: OSError) -> str:
 
 
 def identity_of_inputs(paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None) -> str:
-    """Tell what is followed: names of logs, and a digest of the machine file and the noise."""
+    """Identity of the inputs: names of logs, and a digest of machine file and noise."""
     digest = hashlib.sha256(causal_machine(machine).model_dump_json().encode())
     digest.update(b"" if noise is None else noise.write_json().encode())
     return f"{', '.join(map(_name_log, paths))}; {digest.hexdigest()}"
@@ -196,11 +196,11 @@ def identity_of_inputs(paths: Sequence[Path], machine: Machine, noise: pl.DataFr
 def find_continuation(
     output: Path, paths: Sequence[Path], identity: str, machine: Machine, *, force: bool
 ) -> ResumePoint | None:
-    """Find where a recording goes on; None where it begins.
+    """Find the point from which a recording continues; None if it is new.
 
     Raises:
-        OutputError: there is a recording of another log or machine file, or a whole one of a log
-            that has not grown, and no `force`.
+        OutputError: without `force`, a recording of another log or machine file exists, or a
+            complete one of a log that has not grown.
     """
     refuse_input_as_output(output, (path for path in paths if path.exists()))
     if force or not output.is_file() or output.stat().st_size == 0:
@@ -212,8 +212,8 @@ def find_continuation(
             return None
         if end.about.identity != identity:
             raise OutputError(
-                f"{output}: follows {end.about.identity.partition(';')[0]} with the machine file, "
-                "settings and noise of then; name another output, or give --force"
+                f"{output}: follows {end.about.identity.partition(';')[0]} with another machine "
+                "file, settings or noise; name another output, or give --force"
             )
         return ResumePoint(end.about.t0_unix_ns + end.until_ns, end)
     if not has_log_grown(output, paths, machine):
@@ -224,7 +224,7 @@ def find_continuation(
 
 
 def has_log_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool:
-    """Whether a recording is the causal replay of these logs when they were smaller."""
+    """Whether a recording is the causal replay of shorter versions of these logs."""
     about = read_provenance(output)
     inner = [
         each for path in paths for each in (sorted(path.iterdir()) if path.is_dir() else [path])

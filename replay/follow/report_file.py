@@ -1,4 +1,4 @@
-"""Reports as a topic of an MCAP file, which grows as they come, and in words."""
+"""Reports as a growing topic of an MCAP file, and as text."""
 
 import json
 import struct
@@ -15,7 +15,11 @@ from mcap.writer import CompressionType, Writer
 
 from analysis.online.answer_progress import missing_text
 from analysis.online.online_report import OnlineReport, report_schema
-from recordings.report.atomic_output import AppendedFile, check_output, refuse_input_as_output
+from recordings.report.atomic_output import (
+    AppendedFile,
+    refuse_input_as_output,
+    require_writable_output,
+)
 
 TOPIC: Final = "/payscope/mass"
 #: The record that says what is followed.
@@ -28,22 +32,22 @@ _REPORTED: Final = (0x05, 0x0C)
 
 
 class ReportFile:
-    """An MCAP file of JSON messages with their schema, each on disk when it is made.
+    """An MCAP file of JSON messages with their schema, each flushed to disk at once.
 
-    Unlike other outputs it is there from the first report on, under its own name, so that whoever
-    controls the machine can follow it: what is killed leaves whole reports and no index. One that
-    reported the same log goes on behind its last report.
+    Unlike other outputs it has its final name from the first report on, so that the machine's
+    controller can follow it; a killed process leaves complete reports without an index. A file that
+    reports the same log is continued.
 
     Attributes:
-        path: of the file.
-        until_unix_ns: of the last report that was there; 0 where there was none.
+        path: path of the file.
+        until_unix_ns: time of the last existing report; 0 without one.
     """
 
     def __init__(self, path: Path, logs: Sequence[Path], identity: str, *, force: bool) -> None:
-        """Begin a file, which is none of the logs that are followed, or go on with one.
+        """Create a file, or continue one; it must not be one of the followed logs.
 
         Raises:
-            OutputError: it is there already and reports something else, or cannot be written to.
+            OutputError: it exists and reports something else, or cannot be written to.
         """
         refuse_input_as_output(path, (log for log in logs if log.exists()))
         reported: list[Message] = []
@@ -51,7 +55,7 @@ class ReportFile:
         is_empty = path.is_file() and path.stat().st_size == 0
         if path.is_file() and not force:
             reported, size = _read_reports(path, identity)
-        check_output(path, force=force or is_empty or size > 0)
+        require_writable_output(path, force=force or is_empty or size > 0)
         self.path = path
         self.until_unix_ns = max((each.log_time for each in reported), default=0)
         self._stream = _Stream(AppendedFile(path, size))
@@ -69,10 +73,10 @@ class ReportFile:
         self._stream.flush()
 
     def write(self, reports: Iterable[OnlineReport]) -> None:
-        """Add the reports that were not there.
+        """Append the reports that are new.
 
         Raises:
-            OSError: they do not fit on the disc.
+            OSError: they do not fit on the disk.
         """
         for report in reports:
             if report.unix_ns > self.until_unix_ns:
@@ -84,7 +88,7 @@ class ReportFile:
         """Write the index.
 
         Raises:
-            OSError: it does not fit on the disc.
+            OSError: it does not fit on the disk.
         """
         try:
             self._writer.finish()
@@ -93,7 +97,7 @@ class ReportFile:
             self._stream.close()
 
     def give_up(self) -> None:
-        """Leave the file as it is, without its index."""
+        """Close the file without an index."""
         self._stream.close()
 
     def _add_report(self, unix_ns: int, data: bytes) -> None:
@@ -101,7 +105,7 @@ class ReportFile:
 
 
 class _Stream(BytesIO):
-    """A file as the writer of MCAP wants it; what is there already is not written again."""
+    """File object for the MCAP writer that skips existing bytes."""
 
     def __init__(self, file: AppendedFile) -> None:
         super().__init__()
@@ -127,7 +131,7 @@ class _Stream(BytesIO):
 
 
 def _read_reports(path: Path, identity: str) -> tuple[list[Message], int]:
-    """The whole reports of a file of the same log, and its bytes up to there; else none, 0."""
+    """Complete reports of a file of the same log, and their length in bytes; else none, 0."""
     data = path.read_bytes()
     size = _count_complete_bytes(data)
     found: list[Message] = []
@@ -144,7 +148,7 @@ def _read_reports(path: Path, identity: str) -> tuple[list[Message], int]:
 
 
 def _count_complete_bytes(data: bytes) -> int:
-    """Where the last whole report ends, or what stands before the first."""
+    """Number of bytes up to the end of the last complete report."""
     at, whole = _MAGIC_BYTES, 0
     while at + _RECORD_HEAD.size <= len(data):
         kind, length = _RECORD_HEAD.unpack_from(data, at)
@@ -155,13 +159,13 @@ def _count_complete_bytes(data: bytes) -> int:
 
 
 def time_text(unix_ns: int) -> str:
-    """The time of day as UTC, to a tenth of a second."""
+    """Time of day in UTC, to a tenth of a second."""
     at = datetime.fromtimestamp(unix_ns // 10**9, UTC)
     return f"{at:%H:%M:%S}.{unix_ns % 10**9 // 10**8}"
 
 
 def mass_text(report: OnlineReport) -> str:
-    """Mass and friction with their uncertainties, or why there is none."""
+    """Mass and friction with uncertainties, or why there is no mass."""
     if report.mass_kg is None:
         return report.validity.replace("_", " ")
     return (
@@ -171,7 +175,7 @@ def mass_text(report: OnlineReport) -> str:
 
 
 def spin_text(report: OnlineReport) -> str:
-    """Inertia and friction of turning likewise; empty before the first spin."""
+    """Inertia and friction of turning with uncertainties; empty before the first spin."""
     if not report.spins:
         return ""
     if report.inertia_z_kg_m2 is None:
@@ -184,7 +188,7 @@ def spin_text(report: OnlineReport) -> str:
 
 
 def event_text(report: OnlineReport) -> str:
-    """Result of a manoeuvre or spin; empty for another event."""
+    """Result of a manoeuvre or spin; empty for other events."""
     match report.event:
         case "manoeuvre":
             return mass_text(report)
@@ -195,7 +199,7 @@ def event_text(report: OnlineReport) -> str:
 
 
 def progress_text(report: OnlineReport) -> str:
-    """How far from an answer, and what is missing; empty where nothing says how sure to be."""
+    """Progress towards an answer and what is missing; empty without a target uncertainty."""
     if report.until_u_kg is None or report.percent is None:
         return ""
     missing = missing_text(report.starts_missing, report.reverse_missing)
@@ -210,7 +214,7 @@ def progress_text(report: OnlineReport) -> str:
 
 
 def page_text(report: OnlineReport) -> str:
-    """The reports in Markdown, for the page beside the plots."""
+    """Reports in Markdown, for the page beside the plots."""
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
     return (
         f"# {mass_text(report)}\n\n"

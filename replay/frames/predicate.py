@@ -1,4 +1,4 @@
-"""The time range that a filter asks for, from the tree of polars' expression.
+"""Time range of a filter, from the tree of a polars expression.
 
 An expression offers its children (`meta.pop`) and whether it equals another (`meta.eq`). What a
 node does is found by building what it may be from its children, so that nothing depends on how
@@ -56,11 +56,11 @@ class TimeRange:
 
 
 def time_range(predicate: pl.Expr, column: str) -> TimeRange:
-    """Bound the log times of the rows that a predicate may keep.
+    """Bound the log times of rows that a predicate may keep.
 
     Args:
         predicate: any expression; rows outside the range are false for it, rows inside may be.
-        column: of the log times: ns as Int64, or a Datetime.
+        column: name of the log-time column: ns as Int64, or a Datetime.
     """
     parts = list(reversed(predicate.meta.pop()))
     if len(parts) == 2:
@@ -93,7 +93,7 @@ def _compare(predicate: pl.Expr, left: pl.Expr, right: pl.Expr, column: str) -> 
 def time_bound(
     values: pl.Expr, compare: Callable[..., pl.Expr], limit: pl.Expr, column: str
 ) -> TimeRange:
-    """Bound times that compare with a limit, a constant; unbounded where it is something else."""
+    """Bound times by a comparison with a constant; unbounded for other expressions."""
     slack = _rounding_ns(values, column)
     if slack is None or limit.meta.root_names():
         return TimeRange()
@@ -110,7 +110,7 @@ def time_bound(
 
 
 def _rounding_ns(values: pl.Expr, column: str) -> int | None:
-    """By how much the times of an expression may be rounded; None where it is not the column."""
+    """Largest rounding of an expression's times in ns; None if it is not the column."""
     times = pl.col(column)
     if values.meta.eq(times):
         return 0
@@ -122,7 +122,7 @@ def _rounding_ns(values: pl.Expr, column: str) -> int | None:
 
 
 def _constant_ns(limit: pl.Expr) -> tuple[int, int] | None:
-    """The integers around a constant in ns, equal where it is one; None for what is no number."""
+    """Integers just below and above a constant in ns; None if it is not a number."""
     try:
         value = pl.select(limit).to_series()
     except pl.exceptions.PolarsError:

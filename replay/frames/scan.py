@@ -38,35 +38,37 @@ def scan_log(  # noqa: PLR0913 - each names one choice
 ) -> pl.LazyFrame:
     """Scan a topic of one or several logs as a lazy frame.
 
-    What a query selects, its row limit and what its filter asks of the log time and the source
-    reach the index of each log, so that only chunks that may hold such rows are read and only
-    fields that are needed are decoded. Rows come log by log, in log-time order within each.
+    The selected columns, the row limit and the filter's range of log time and source are passed to
+    the index of each log, so that only relevant chunks are read and only needed fields decoded.
+    Rows come log by log, in log-time order within each.
 
     Args:
         logs: a log as `open_log` takes it, a folder of logs, a pattern (`shifts/*.bag`), or several
             of these. Unless it is one log, a column `source` says which log a row is of.
-        topic: its name (`payscope info` lists them; a table has the one topic `table`).
-        fields: dotted names, an element by index or name among them (`effort[left]`); without,
-            all that the messages have.
-        nested: columns by dotted names (`angular_velocity.z`), or structs.
-        arrays: arrays of a fixed length as `list` or `array`.
-        enums: enumerations by the `name` that the definition gives, or by `number`.
+        topic: name of the topic (`payscope info` lists them; a table has one, `table`).
+        fields: dotted names, with an element by index or name (`effort[left]`); None for all
+            fields.
+        nested: columns with dotted names (`angular_velocity.z`), or structs.
+        arrays: fixed-length arrays as `list` or `array`.
+        enums: enumerations by `name` from the definition, or by `number`.
         times: `log_time` and `header_stamp` in UTC, or `log_time_ns` and `header_stamp_ns`.
-        time: where tables keep their time.
-        losses: takes what could not be read, once rows are read; a `LossWarning` says it besides.
+        time: time column and format of tables.
+        losses: receives data that could not be read, once rows are read; a `LossWarning` reports it
+            as well.
 
     Raises:
-        LogError: no such log, topic or field; when rows are read, a topic that cannot be decoded.
+        LogError: the log, topic or field does not exist; or, when rows are read, a topic that
+            cannot be decoded.
     """
     options = FrameOptions(nested, arrays, enums, times)
     return lazy_frame(topic_source(logs, topic, options, fields=fields, time=time, losses=losses))
 
 
 class _OpenReaders:
-    """Counts the readers of a process, and lets it end when none is at work.
+    """Counts active readers of a process, so that it does not exit while one works.
 
-    A query with a limit has its rows before the chunk that is being read is through. The thread of
-    polars that reads it may not come back to an interpreter that is gone: the process would abort.
+    With a row limit a query ends before its current chunk is read. If polars' thread then returned
+    to a finished interpreter, the process would abort.
     """
 
     def __init__(self) -> None:
@@ -75,7 +77,7 @@ class _OpenReaders:
         atexit.register(self._wait_for_readers)
 
     def read(self, batches: Iterator[pl.DataFrame]) -> Iterator[pl.DataFrame]:
-        """Pass batches on, and stop once the interpreter ends."""
+        """Yield the batches, and stop when the interpreter ends."""
         self._count_readers(opened=1)
         try:
             while not self._ends:
@@ -112,7 +114,7 @@ Batches = Callable[[list[str] | None, pl.Expr | None, int | None], Iterator[pl.D
 
 
 def lazy_batches(batches: Batches, schema: pl.Schema, name: str) -> pl.LazyFrame:
-    """Batches as a lazy frame, which a process may leave half read."""
+    """Lazy frame of batches, which a process may abandon half-read."""
 
     def read(
         columns: list[str] | None,
@@ -127,18 +129,18 @@ def lazy_batches(batches: Batches, schema: pl.Schema, name: str) -> pl.LazyFrame
 
 
 def lazy_frame(source: TopicSource) -> pl.LazyFrame:
-    """A source as a lazy frame."""
+    """Lazy frame of a topic source."""
     return lazy_batches(source.iter_batches, source.schema, f"log {source.topic}")
 
 
 class LogStream:
-    """A topic as a stream of Arrow record batches; each reader of it reads the logs anew.
+    """A topic as a stream of Arrow record batches; each reader reads the logs again.
 
     DuckDB, pyarrow, pandas and DataFusion take it by `__arrow_c_stream__`.
 
     Attributes:
-        losses: what could not be read so far.
-        schema: the columns.
+        losses: data that could not be read so far.
+        schema: schema of the columns.
     """
 
     def __init__(
@@ -181,20 +183,20 @@ def stream_log(
     time: TimeAxis | None = None,
     losses: list[Loss] | None = None,
 ) -> LogStream:
-    """Stream a topic to libraries that take Arrow, with the rows that `scan_log` gives.
+    """Stream a topic to libraries that take Arrow, with the same rows as `scan_log`.
 
     Args:
-        logs: as for `scan_log`.
-        topic: likewise.
-        columns: which of them; all where None.
-        where: keeps the rows for which it is true; a range of `log_time` bounds what is read.
-        fields: as for `scan_log`.
+        logs: as in `scan_log`.
+        topic: as in `scan_log`.
+        columns: selected columns; None for all.
+        where: filter expression; a range of `log_time` bounds what is read.
+        fields: as in `scan_log`.
         options: how messages become columns.
-        time: where tables keep their time.
-        losses: takes what could not be read.
+        time: time column and format of tables.
+        losses: receives data that could not be read.
 
     Raises:
-        LogError: no such log, topic, field or column.
+        LogError: the log, topic, field or column does not exist.
     """
     source = topic_source(logs, topic, options, fields=fields, time=time, losses=losses)
     return LogStream(source, columns, where)
@@ -208,14 +210,14 @@ def join_topics(
     strategy: Literal["backward", "forward", "nearest"] = "backward",
     suffix: str = "_right",
 ) -> pl.LazyFrame:
-    """Give each row of one topic the row of another that is nearest in time.
+    """Join each row of one topic with the row of another that is nearest in time.
 
     Args:
-        left: from `scan_log`, its rows stay as they are.
-        right: of the same logs, with the same `times`.
-        tolerance: how far apart they may be, such as "20ms"; any distance where None.
-        strategy: the last row before, the first behind, or the nearest.
-        suffix: of columns of `right` that `left` has as well; its time is one of them.
+        left: frame from `scan_log`; its rows are kept.
+        right: frame of the same logs, with the same `times`.
+        tolerance: largest time difference, such as "20ms"; None for no limit.
+        strategy: the last row before, the first row after, or the nearest.
+        suffix: suffix of columns of `right` that `left` has as well, including its time.
     """
     has = left.collect_schema(), right.collect_schema()
     time = LOG_TIME if LOG_TIME in has[0] else LOG_TIME_NS
@@ -236,10 +238,10 @@ def join_topics(
 
 
 def resolve_log_paths(logs: Logs) -> tuple[list[Path], bool]:
-    """The logs that are named, and whether they may be several.
+    """Paths of the named logs, and whether the name allows several.
 
     Raises:
-        LogError: a pattern or a folder that has none.
+        LogError: a pattern or folder without logs.
     """
     named = [logs] if isinstance(logs, str | Path) else list(logs)
     found: list[Path] = []
@@ -247,7 +249,7 @@ def resolve_log_paths(logs: Logs) -> tuple[list[Path], bool]:
         if has_magic(str(each)) and not Path(each).exists():
             matching = sorted(map(Path, glob(str(each), recursive=True)))  # noqa: PTH207 - the pattern may be absolute
             if not matching:
-                raise LogError(f"{each}: no log has such a name")
+                raise LogError(f"{each}: no log matches this name")
             found += matching
         else:
             found.append(Path(each))
@@ -266,18 +268,18 @@ def topic_source(
     time: TimeAxis | None = None,
     losses: list[Loss] | None = None,
 ) -> TopicSource:
-    """The rows of a topic, before they are a lazy frame or a stream.
+    """Row source of a topic, for a lazy frame or a stream.
 
     Args:
-        logs: as for `scan_log`.
-        topic: likewise.
+        logs: as in `scan_log`.
+        topic: as in `scan_log`.
         options: how messages become columns.
-        fields: as for `scan_log`.
-        time: where tables keep their time.
-        losses: takes what could not be read.
+        fields: as in `scan_log`.
+        time: time column and format of tables.
+        losses: receives data that could not be read.
 
     Raises:
-        LogError: no such log, topic or field.
+        LogError: the log, topic or field does not exist.
     """
     paths, is_several = resolve_log_paths(logs)
     return TopicSource(

@@ -1,4 +1,4 @@
-"""One SELECT over named tables, by polars: what else SQL can do is refused before it is done."""
+"""One SELECT over named tables by polars; all other SQL is rejected before it runs."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -28,18 +28,18 @@ _MOST_LISTED: Final = 40
 
 
 def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl.LazyFrame:
-    """Run a SELECT, lazily; the same statement over the same tables gives the same order of rows.
+    """Run a SELECT lazily, with a reproducible order of rows.
 
-    Polars keeps no order through joins and groups, so one is always asked for there: rows that
-    ORDER BY leaves equal, or all where there is none, are ordered by every column from the left.
+    Polars does not keep the order through joins and groups, so rows that ORDER BY leaves equal, or
+    all rows without it, are ordered by every column from the left.
 
     Args:
-        sql: one statement, as polars reads it.
-        tables: by name; those that the statement names are made.
-        always_ordered: whether to order rows also where they keep the order of their table.
+        sql: one statement in the dialect of polars.
+        tables: tables by name; only those in the statement are created.
+        always_ordered: whether to order rows even if they keep their table's order.
 
     Raises:
-        QueryError: no such table or column, no SQL, or a statement that does not only read tables.
+        QueryError: unknown table or column, invalid SQL, or a statement that does more than read.
     """
     query = normalise_select(sql)
     frames = {name: tables[name]() for name in _select_used_tables(query, tables)}
@@ -57,7 +57,7 @@ def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl
 
 
 def query_fault(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
-    """Fault of a statement by polars, in a line."""
+    """One-line error for a polars error in a statement."""
     said = str(error).strip().partition("\n")[0]
     unknown = re.search(r"relation '(.*)' was not found", said)
     if unknown:
@@ -66,10 +66,10 @@ def query_fault(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
 
 
 def normalise_select(sql: str) -> str:
-    """The statement without what ends it.
+    """The statement without its terminator.
 
     Raises:
-        QueryError: it is not one that only reads the tables.
+        QueryError: it is not a statement that only reads tables.
     """
     query = sql.strip().rstrip(";").strip()
     first = next(iter(_tokenise(query)), "")
@@ -79,13 +79,14 @@ def normalise_select(sql: str) -> str:
     function = _FILE_FUNCTION.search(query)
     if function:
         raise QueryError(
-            f"query: {function[1]} reads a file past payscope; name the file before the SELECT"
+            f"query: {function[1]} would read a file directly; name the file before the SELECT "
+            "instead"
         )
     return query
 
 
 def quoted_names(sql: str) -> list[str]:
-    """The names in double quotes, of tables and columns."""
+    """Names in double quotes."""
     return [t[1:-1].replace('""', '"') for t in _tokenise(sql) if t.startswith('"') and len(t) > 2]
 
 
@@ -95,7 +96,7 @@ def _tokenise(query: str) -> list[str]:
 
 
 def _select_used_tables(query: str, tables: Tables) -> list[str]:
-    """The tables whose names are in a query: the others are not made."""
+    """Names of the tables that occur in a query; the others are not created."""
     tokens = _tokenise(query)
     words = {token.strip('"`').replace('""', '"') for token in tokens}
     named = [name for name in tables if name in words]
@@ -121,11 +122,11 @@ def _list_tables(tables: Tables) -> str:
 
 
 def order_by_all_columns(query: str, columns: Sequence[str]) -> str:
-    """The query with its order made whole.
+    """The query with every column appended to its order.
 
     Args:
         query: a SELECT.
-        columns: of its result, as SQL names them.
+        columns: column names of its result, in SQL.
     """
     depth, order, end = 0, False, len(query)
     before = ""

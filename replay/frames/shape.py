@@ -1,4 +1,4 @@
-"""The columns that a topic has as a frame: dotted or nested, lists or arrays, names or numbers."""
+"""Columns of a topic's frame: dotted or nested, lists or arrays, names or numbers."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,12 +18,12 @@ DATETIME: Final = pl.Datetime("ns", "UTC")
 
 @dataclass(frozen=True, slots=True)
 class FrameOptions:
-    """How a topic becomes columns.
+    """How the fields of a topic become columns.
 
     Attributes:
-        nested: `dotted` names a column by its way through the message, `struct` keeps the way.
+        nested: `dotted` names a column by its path in the message; `struct` keeps the nesting.
         arrays: whether arrays of a fixed length are a `list` or an `array`.
-        enums: whether an enumeration has the `name` of each value, or its `number`.
+        enums: whether an enumeration is the `name` of each value, or its `number`.
         times: whether log times and header stamps are a `datetime` (UTC, in ns) or `ns` (Int64).
     """
 
@@ -39,7 +39,7 @@ AS_READ: Final = FrameOptions(enums="number", times="ns")
 
 @dataclass(frozen=True, slots=True)
 class FieldBranch:
-    """A message in a message, or a list of them."""
+    """A nested message, or a list of messages."""
 
     #: where it is a list of messages
     is_list: bool
@@ -49,7 +49,7 @@ class FieldBranch:
 
 
 class TopicShape:
-    """The columns of one topic, and how they are made of what `Log.read` gives."""
+    """Columns of a topic, and their construction from the fields that `Log.read` returns."""
 
     def __init__(self, leaves: Sequence[LeafField], options: FrameOptions) -> None:
         self._options = options
@@ -70,12 +70,12 @@ class TopicShape:
         self.schema = pl.Schema(schema)
 
     def fields_for_columns(self, columns: Sequence[str]) -> list[str]:
-        """The fields to read for some columns."""
+        """Fields to read for the given columns."""
         wanted = [name for name in columns if name not in self._own]
         return [leaf.name for name in wanted for leaf in _leaves_below(self._tree[name])]
 
     def make_frame(self, read: pl.DataFrame, columns: Sequence[str]) -> pl.DataFrame:
-        """Make columns of what was read of their fields."""
+        """Build columns from a frame of their fields."""
         values = read.to_dict()
         made = [
             values[self._own[name]].cast(self.schema[name]).alias(name)
@@ -86,7 +86,7 @@ class TopicShape:
         return pl.DataFrame(made)
 
     def _dtype_of_node(self, node: FieldBranch | LeafField, depth: int) -> pl.DataType:
-        """The type of a column, inside so many lists."""
+        """Type of a node inside `depth` lists."""
         if isinstance(node, LeafField):
             return self._leaf_dtype(node, depth)
         inside = depth + node.is_list
@@ -117,7 +117,7 @@ class TopicShape:
     def _make_column(
         self, node: FieldBranch | LeafField, values: Mapping[str, pl.Series], depth: int
     ) -> pl.Series:
-        """A column of a node, from the values of its leaves inside so many lists."""
+        """Column of a node from the values of its leaves, inside `depth` lists."""
         if isinstance(node, LeafField):
             found = values[node.name]
             if self._is_named(node):
@@ -138,7 +138,7 @@ class TopicShape:
 
 
 def _field_tree(leaves: Sequence[LeafField]) -> dict[str, FieldBranch | LeafField]:
-    """Leaves by the way that their names go."""
+    """Tree of the leaves by the parts of their names."""
     tree: dict[str, FieldBranch | LeafField] = {}
     for leaf in leaves:
         *way, last = leaf.name.split(".")
@@ -165,12 +165,12 @@ def _leaves_below(node: FieldBranch | LeafField) -> Iterator[LeafField]:
 
 
 def _flatten_lists(lists: pl.Series) -> pl.Series:
-    """The elements of all lists, one behind the other."""
+    """Concatenate the elements of all lists."""
     return pl.Series(lists.name, lists.to_arrow().flatten(), dtype=lists.dtype.inner)  # type: ignore[attr-defined]
 
 
 def _rebuild_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
-    """Lists of so many elements each; null where a count is."""
+    """Split elements into lists of the given lengths; null where the length is null."""
     import pyarrow as pa  # slow to import, and needed where messages hold lists of messages
 
     ends = counts.fill_null(0).cast(pl.Int64).cum_sum().to_numpy()
@@ -181,7 +181,7 @@ def _rebuild_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
 
 
 def _name_enumerated_values(values: pl.Series, names: ValueNames) -> pl.Series:
-    """The names of values; the digits of one that the definition does not name."""
+    """Names of enumerated values; the digits of values without a name."""
     number: pl.Expr = pl.element() if isinstance(values.dtype, pl.List) else pl.col(values.name)
     numbers, texts = zip(*names, strict=True)
     named = number.replace_strict(

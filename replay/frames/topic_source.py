@@ -1,4 +1,4 @@
-"""A topic of one or several logs as batches of rows: chosen columns, of a time range.
+"""A topic of one or several logs as batches of selected rows and columns.
 
 Opened logs are kept while they do not change: opening reads the index, which takes a while.
 """
@@ -31,15 +31,15 @@ _one_at_a_time: Final = Lock()
 
 
 class LossWarning(UserWarning):
-    """Something of a log could not be read."""
+    """Part of a log could not be read."""
 
 
 class TopicSource:
-    """A topic of some logs, which are read when batches are taken.
+    """A topic of several logs, which are read on demand.
 
     Attributes:
-        losses: what could not be read so far, of every log.
-        failure: the error that ended the reading. Polars gives only its text.
+        losses: data that could not be read so far, over all logs.
+        failure: error that ended the reading; polars would keep only its text.
     """
 
     def __init__(
@@ -53,19 +53,19 @@ class TopicSource:
         time: TimeAxis | None = None,
         losses: list[Loss] | None = None,
     ) -> None:
-        """Look at the first log that has the topic.
+        """Examine the first log that has the topic.
 
         Args:
-            paths: logs, one after another.
-            topic: of all of them; a log without it is a loss, unless all are.
+            paths: logs in order.
+            topic: name of the topic; a log without it is a loss, unless all are.
             options: how messages become columns.
-            fields: dotted names of what is wanted, an element of a list among them; all where None.
-            with_source: whether a column says which log a row is of.
-            time: where tables keep their time.
-            losses: takes what could not be read; else they are in `losses` alone.
+            fields: dotted names, including elements of lists; None for all fields.
+            with_source: whether to add a column with the log of each row.
+            time: time column and format of tables.
+            losses: receives data that could not be read, besides the attribute.
 
         Raises:
-            LogError: a log that cannot be opened, a topic that none of them has.
+            LogError: a log cannot be opened, or no log has the topic.
         """
         self.losses: list[Loss] = [] if losses is None else losses
         self.failure: PayscopeError | None = None
@@ -76,13 +76,13 @@ class TopicSource:
 
     @cached_property
     def schema(self) -> pl.Schema:
-        """The columns."""
+        """Schema of the columns."""
         mine: dict[str, pl.DataType] = {} if self._source is None else {self._source: pl.String()}
         return pl.Schema({**mine, **self._shape.schema})
 
     @property
     def time(self) -> str:
-        """The column of the log times."""
+        """Name of the log-time column."""
         return self._shape.time
 
     def iter_batches(
@@ -91,13 +91,12 @@ class TopicSource:
         predicate: pl.Expr | None = None,
         n_rows: int | None = None,
     ) -> Iterator[pl.DataFrame]:
-        """Rows log by log, in the order of log times within each.
+        """Iterate over rows log by log, in log-time order within each.
 
         Args:
-            columns: which of the schema; all where None.
-            predicate: keeps rows of the first `n_rows`; what it asks of time and of the log
-                bounds what is read.
-            n_rows: at most so many, before the predicate.
+            columns: selected columns; None for all.
+            predicate: filter; its range of time and source bounds what is read.
+            n_rows: maximum number of rows, counted before the predicate.
         """
         try:
             yield from self._iter_batches(list(columns or self.schema), predicate, n_rows)
@@ -130,7 +129,7 @@ class TopicSource:
                     break
 
     def _may_log_match(self, path: Path, predicate: pl.Expr | None) -> bool:
-        """Whether what a predicate asks of the source leaves rows of a log."""
+        """Whether a predicate on the source may keep rows of a log."""
         if predicate is None or self._source is None:
             return True
         known = pl.DataFrame({self._source: [str(path)]})
@@ -169,8 +168,9 @@ class TopicSource:
             is_same = known[name].dtype == shape.leaves[name].dtype
             if not is_same:
                 raise LogError(
-                    f"{log.path}: topic '{self.topic}' has '{name}' as {known[name].dtype}, the "
-                    f"logs before as {shape.leaves[name].dtype}; scan them apart, or name fields"
+                    f"{log.path}: topic '{self.topic}' has '{name}' as {known[name].dtype}, but "
+                    f"earlier logs have it as {shape.leaves[name].dtype}; scan these logs "
+                    "separately, or select other fields"
                 )
         bounds = (
             None if within.first_ns == FIRST_NS else within.first_ns,
@@ -217,12 +217,12 @@ class TopicSource:
 
 
 def _select_columns(frame: pl.DataFrame, columns: list[str]) -> pl.DataFrame:
-    """These columns of a frame; it is not handed to polars' engine where it has no others."""
+    """Select columns; a frame with exactly these is returned unchanged."""
     return frame if frame.columns == columns else frame.select(columns)
 
 
 def _split_conjunction(predicate: pl.Expr) -> Iterator[pl.Expr]:
-    """The parts that must all hold."""
+    """Split a predicate into the parts joined by AND."""
     parts = list(reversed(predicate.meta.pop()))
     if len(parts) == 2 and (parts[0] & parts[1]).meta.eq(predicate):
         for part in parts:
@@ -238,17 +238,17 @@ def _warn_of_losses(path: Path, losses: Sequence[Loss]) -> None:
 
 
 def opened_log(path: Path, time: TimeAxis | None = None) -> Log:
-    """Open a log, or take the one that is open if its files are as they were.
+    """Open a log, or reuse the open one if its files are unchanged.
 
     Args:
-        path: of the log.
-        time: where a table keeps its time.
+        path: path of the log.
+        time: time column and format of a table.
 
     Raises:
         LogError: as `open_log`.
     """
     with _one_at_a_time:
-        key = (str(path.absolute()), file_state(path), time)
+        key = (str(path.absolute()), file_sizes_and_times(path), time)
         log = _opened.pop(key, None)
         if log is None:
             log = open_log(path, time=time)
@@ -259,8 +259,8 @@ def opened_log(path: Path, time: TimeAxis | None = None) -> Log:
         return log
 
 
-def file_state(path: Path) -> tuple[tuple[str, int, int], ...]:
-    """Name, size and time of change of a file, or of the files in a directory."""
+def file_sizes_and_times(path: Path) -> tuple[tuple[str, int, int], ...]:
+    """Name, size in bytes and modification time in ns of a file, or of a directory's files."""
     try:
         files = sorted(path.iterdir()) if path.is_dir() else [path]
         return tuple((f.name, f.stat().st_size, f.stat().st_mtime_ns) for f in files)

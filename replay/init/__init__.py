@@ -1,1 +1,1 @@
-"""The commands `info` and `init`: what a log holds, and first files made of it."""
+"""The commands `info` and `init`: describe a log, and draft machine and campaign files."""

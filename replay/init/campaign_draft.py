@@ -1,4 +1,4 @@
-"""A first campaign file from a folder of logs: what `payscope init --campaign` writes."""
+"""Draft a campaign file from a folder of logs, for `payscope init --campaign`."""
 
 import datetime as dt
 import os
@@ -101,19 +101,19 @@ _SUFFIXES: Final = (".bag", ".mcap", ".db3", ".csv", ".parquet")
 
 
 def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tuple[str, list[str]]:
-    """Write a campaign file for the logs of a folder.
+    """Draft a campaign file for the logs of a folder.
 
     Args:
-        folder: with the logs.
-        output: the campaign file; logs are named from its folder.
-        machine_file: the machine file. With it every log is replayed, and one with several load
-            states gives several runs.
+        folder: folder with the logs.
+        output: campaign file; paths of logs are relative to its folder.
+        machine_file: machine file; with it every log is replayed, and one with several load states
+            gives several runs.
 
     Returns:
-        The file's text, and what could not be drafted, a sentence each.
+        Text of the file, and a sentence about each part that could not be drafted.
 
     Raises:
-        CampaignError: no such folder, no log in it, or the file would lie elsewhere than above it.
+        CampaignError: the folder does not exist or has no log, or the file would not be above it.
     """
     if not folder.is_dir():
         raise CampaignError(f"{folder}: no such folder; name one with logs")
@@ -146,7 +146,7 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
 
 
 def _run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[str]:
-    """A block a run: the whole log, or a load state."""
+    """A block for each run: the whole log, or a load state."""
     topics = log.topics()
     start_ns = topics["start_ns"].min()
     dated = isinstance(start_ns, int) and start_ns >= FIRST_DATE_NS
@@ -170,7 +170,7 @@ def _run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[str]:
 
 
 def _find_stretches(log: Log, machine: Machine | None) -> Iterator[tuple[list[str], str]]:
-    """Begin and end of each load state, and what it seems to weigh."""
+    """Lines with begin and end of each load state, and its estimated mass."""
     loads = pl.DataFrame() if machine is None else run(log, machine).frames["loads"]
     rows = loads.to_dicts()
     if len(rows) < 2:
@@ -188,5 +188,5 @@ def _find_stretches(log: Log, machine: Machine | None) -> Iterator[tuple[list[st
 
 
 def _relative_path(folder: Path, path: Path) -> str:
-    """The path as it is named from a folder: never absolute, since the file goes elsewhere."""
+    """Path relative to a folder; never absolute, so that the file can be moved."""
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogInfo:
-    """Contents of a log. Times are ns of its own clock, null in a log without messages."""
+    """Contents of a log. Times are ns of its own clock; null if it has no messages."""
 
     path: Path
     format: str
@@ -38,11 +38,11 @@ class LogInfo:
 
     @property
     def is_whole(self) -> bool | None:
-        """Whether everything was read and nothing lost; None where it was not checked."""
+        """Whether everything was read without loss; None if not checked."""
         return None if self.checked is None else not self.losses
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain JSON values."""
+        """The fields as JSON-compatible values."""
         return {
             "path": str(self.path),
             "format": self.format,
@@ -65,12 +65,12 @@ def describe_log(log: Log, *, check: bool = False, fields: bool = False) -> LogI
     """Describe a log by its index, without decoding its messages.
 
     Args:
-        log: opened.
-        check: whether to read and decode everything as well (`Log.check`).
-        fields: whether to describe every field; those of a table are described in any case.
+        log: opened log.
+        check: whether to read and decode everything too (`Log.check`).
+        fields: whether to describe every field; those of a table always are.
 
     Raises:
-        LogError: a table whose time column holds no times.
+        LogError: a table's time column contains no times.
     """
     topics = log.topics()
     begun = time.perf_counter()

@@ -1,4 +1,4 @@
-"""What `payscope init` finds by replaying its draft: whether braking weighs, and priors."""
+"""Guesses of `payscope init` from replaying its draft: use of braking, and priors."""
 
 import tomllib
 from typing import Final
@@ -33,15 +33,15 @@ _RICH: Final = 0.5
 
 
 def lines_from_replay(log: Log, text: str) -> list[str]:
-    """Replay a log by its own draft: whether braking weighs, and priors that it would narrow.
+    """Replay a log with its draft, to decide on braking and narrower priors.
 
     Args:
         log: an opened log.
-        text: its machine file, complete.
+        text: text of its complete machine file.
 
     Returns:
-        Lines of a machine file. Braking weighs where the log shows that the force sees it, and can
-        be weighed with it; priors are comments, none where the log tells no more than the defaults.
+        Lines for the machine file. Braking is used if the force shows it and the log can weigh with
+        it; priors are comments, empty if the log adds nothing to the defaults.
     """
     replayed = _replay_draft(log, text)
     braking = [] if replayed is None else _propose_braking_stage(replayed)
@@ -64,7 +64,7 @@ def _can_weigh(replayed: Run) -> bool:
 
 
 def _propose_braking_stage(replayed: Run) -> list[str]:
-    """The stage that lets braking weigh, where a finding says that the force sees it."""
+    """Lines that enable braking, if a finding shows that the force includes it."""
     found = replayed.frames["findings"].filter(pl.col("setting") == _EXCLUDE)
     if found.is_empty() or found["value"][0] != "false":
         return []
@@ -84,7 +84,7 @@ def _propose_priors(replayed: Run) -> list[str]:
 
 
 def _format_prior_proposals(replayed: Run) -> list[str]:
-    """A line a term: as wide as what was found, and what it is known to."""
+    """A commented line for each term with its estimate and uncertainty."""
     priors = replayed.provenance.settings.priors.model_dump()
     lines: list[str] = []
     for row in replayed.frames["nuisances"].iter_rows(named=True):

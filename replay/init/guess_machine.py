@@ -1,4 +1,4 @@
-"""A first machine file from what a log holds: the guesses of `payscope init`.
+"""Draft a machine file from a log's contents, for `payscope init`.
 
 A guess is made only where a message type or a column's name leaves little doubt; everything else
 that is numeric is listed as a comment to choose from.
@@ -76,9 +76,9 @@ _LARGEST: Final = 1e6
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """One channel: the topic (None in a table) and the field that fill a column.
+    """Guessed source of a channel: topic (None in a table) and field.
 
-    In a table, the unit of the field where it is not the column's, and what the guess rests on.
+    For a table also the unit, if not the channel's, and the reason for the guess.
     """
 
     column: str
@@ -89,14 +89,14 @@ class Guess:
 
 
 def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]:
-    """Write a machine file for a log.
+    """Draft a machine file for a log.
 
     Args:
         log: an opened log.
-        time: the time column of a table, where it was given.
+        time: time column of a table, if given.
 
     Returns:
-        The file's text, and what it still lacks before `run` can use it, a sentence each.
+        Text of the file, and a sentence about each item that `run` still needs.
     """
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
@@ -175,7 +175,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
 
 
 def _make_log_lines(time: TimeAxis) -> list[str]:
-    """The keys of `[log]` that were given."""
+    """Lines of `[log]` for the given time column."""
     keys: dict[str, object] = {"time": time.column, "time_unit": time.unit, **asdict(time.table)}
     return [f"{key} = {toml_value(value)}" for key, value in keys.items() if value is not None]
 
@@ -189,7 +189,7 @@ def _guess_from_recognised(told: Recognition) -> list[Guess]:
 
 
 def _make_comment_lines(proposal: ChannelProposal) -> list[str]:
-    """A channel that needs what no column tells, to be completed."""
+    """Commented lines of a channel that the user must complete."""
     lines = [f"[channels.{proposal.column}]"]
     if proposal.topic:
         lines.append(f"topic = {toml_value(proposal.topic)}")
@@ -205,7 +205,7 @@ def _make_comment_lines(proposal: ChannelProposal) -> list[str]:
 def _profile_unused_columns(
     profiles: list[FieldProfile], used: Collection[tuple[str, str]]
 ) -> list[str]:
-    """Every column that is not used, with its unit, rate and range."""
+    """Commented lines of all unused columns, with unit, rate and range."""
     rest = [each for each in profiles if (each.topic, each.field) not in used]
     several = any(each.topic != TABLE for each in rest)
     topics = [f"{_replace_unprintable(each.topic)} " if several else "" for each in rest]
@@ -219,13 +219,13 @@ def _profile_unused_columns(
 
 
 def _channel_line(each: FieldProfile) -> str:
-    """Note on the quantity of a column without a channel."""
+    """Comment on the quantity of a column that no channel takes."""
     quantity = read_column_name(each.field).quantity
     return f"  ({quantity})" if quantity in ("steering", "pressure", "power") else ""
 
 
 def profile_line(each: FieldProfile) -> str:
-    """A field in a line: its unit, rate, least, median and largest value, and its course."""
+    """Comment on a field: unit, rate, minimum, median, maximum and course."""
     unit = f" [{each.unit}]" if each.unit else ""
     rate = "" if each.rate_hz is None else f", {each.rate_hz:.4g} Hz"
     if each.low is None or each.middle is None or each.high is None:
@@ -235,13 +235,13 @@ def profile_line(each: FieldProfile) -> str:
 
 
 def _note_on_wheel_speed(guess: Guess) -> str:
-    """A JointState's velocity is that of a wheel more often than that of the machine."""
+    """Comment that a JointState's velocity is usually that of a wheel."""
     is_speed = guess.field.startswith("velocity[") and guess.column.endswith("_m_s")
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
 
 
 def _recognise_joints(log: Log, topics: pl.DataFrame) -> Recognition:
-    """Recognise the joints of all JointStates."""
+    """Recognise the joints of all JointState topics."""
     found = Recognition()
     for row in topics.sort("messages", descending=True).iter_rows(named=True):
         is_joints = row["type"].rpartition("/")[2] == "JointState"
@@ -305,7 +305,7 @@ def _lacking_sentences(found: set[str], asked: list[str], *, kinematic: bool) ->
 
 
 def notes_on_topics(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[str]:
-    """Fields that are lists, of which no element is used, and topics that cannot be read."""
+    """Notes on list fields without a used element, and on unreadable topics."""
     used = {(guess.topic, guess.field.partition("[")[0]) for guess in guesses}
     for row in topics.iter_rows(named=True):
         lists = [field for field in row["fields"] or [] if "[]" in field]
@@ -321,14 +321,14 @@ def _replace_unprintable(text: str) -> str:
 
 
 def mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
-    """Propose how the IMU sits: a table where gravity is sure, a comment where it is not.
+    """Lines that propose the IMU's mounting: a table if gravity is clear, else a comment.
 
     Args:
         log: an opened log.
-        sources: where the columns that were recognised come from.
+        sources: sources of the recognised channels.
 
     Returns:
-        Lines of a machine file; none where the log has no accelerometer, or a level one.
+        Lines of a machine file; none without an accelerometer, or for a level one.
     """
     if not set(_AXES) <= set(sources):
         return []
@@ -342,7 +342,7 @@ def mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
 
 
 def _format_mounting_angles(guess: MountingGuess) -> list[str]:
-    """Every angle with what it rests on; as comments where a slope may explain them."""
+    """Lines of the mounting angles with their reasons; comments if a slope may explain them."""
     where = "at standstill" if guess.stood else "on average over the drive"
     found = f"# gravity lies {guess.tilt_deg:.0f}° off the IMU's z axis {where}"
     if guess.is_level and guess.yaw_deg is not None:
@@ -367,7 +367,7 @@ def _format_mounting_angles(guess: MountingGuess) -> list[str]:
 
 
 def _read_speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
-    """The machine's speed, or the mean of its sides'; None where there is neither."""
+    """Stamps and the machine's speed, or the mean of its sides'; None if neither is known."""
     names = ("speed_x_m_s",) if "speed_x_m_s" in sources else _SIDES
     if not set(names) <= set(sources) or len({sources[name][0] for name in names}) > 1:
         return None
@@ -376,10 +376,10 @@ def _read_speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] 
 
 
 def read_fields(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
-    """Stamps (n,) and fields (n, fields) of one topic, finite, one row a stamp.
+    """Stamps (n,) and fields (n, fields) of one topic, finite, one row per stamp.
 
     Raises:
-        LogError: they cannot be read.
+        LogError: the fields cannot be read.
     """
     topic = sources[0][0] or "table"
     fields = [field for _, field in sources]

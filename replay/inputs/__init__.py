@@ -1,1 +1,1 @@
-"""Logs put together: topics merged, times aligned, decoded once."""
+"""Inputs of a replay: logs merged, aligned in time, and decoded once."""

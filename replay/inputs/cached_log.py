@@ -1,4 +1,4 @@
-"""Logs made of another one: decoded once however often they are replayed, or a stretch of it."""
+"""Logs derived from another log: cached reads, or a part of it."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,20 +10,20 @@ from replay.logs import Log, LogCheck
 
 
 class DerivedLog(Log):
-    """Another log, read through; leaving this one leaves that one open."""
+    """A log that reads from another one, which stays open when this one is closed."""
 
     def __init__(self, log: Log) -> None:
-        """Take a log that is open."""
+        """Wrap an open log."""
         super().__init__(log.path, log.format)
         self._log = log
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Not hashed: what is made of a log is not evidence."""
+        """No files, since a derived log is not evidence and is not hashed."""
         return ()
 
     def topics(self) -> pl.DataFrame:
-        """The log's topics."""
+        """Topics of the log."""
         return self._log.topics()
 
     def check(self) -> LogCheck:
@@ -35,16 +35,16 @@ class DerivedLog(Log):
         return self._log.notes()
 
     def units(self, topic: str) -> Mapping[str, str]:
-        """The units that the log states."""
+        """Units that the log states."""
         return self._log.units(topic)
 
     def losses(self) -> tuple[Loss, ...]:
-        """The log's losses."""
+        """Losses of the log."""
         return self._log.losses()
 
 
 class CachedLog(DerivedLog):
-    """Another log, with what was read of it kept."""
+    """Another log whose decoded topics are cached."""
 
     def __init__(self, log: Log) -> None:
         super().__init__(log)
@@ -52,7 +52,7 @@ class CachedLog(DerivedLog):
         self._kept: dict[tuple[str, tuple[str, ...], int | None, int | None], pl.DataFrame] = {}
 
     def topics(self) -> pl.DataFrame:
-        """The log's topics, listed once."""
+        """Topics of the log, listed once."""
         if self._topics is None:
             self._topics = super().topics()
         return self._topics
@@ -60,7 +60,7 @@ class CachedLog(DerivedLog):
     def _read_many(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
-        """What the log reads in one pass; topics that were decoded before are not read again."""
+        """Read topics in one pass, except those in the cache."""
         wanted = {topic: (topic, tuple(names), start_ns, end_ns) for topic, names in fields.items()}
         new = {topic: fields[topic] for topic, key in wanted.items() if key not in self._kept}
         for topic, frame in self._log.read_many(new, start_ns, end_ns).items() if new else ():
@@ -72,7 +72,7 @@ class CachedLog(DerivedLog):
         return self._log.machine_ids()
 
     def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
-        """Tell the log which fields will be read, unless they are cached."""
+        """Announce the fields that will be read, unless they are cached."""
         if not self._kept:
             self._log.expect(fields)
 
@@ -81,12 +81,12 @@ class LogPart(DerivedLog):
     """Part of another log between two log times."""
 
     def __init__(self, log: Log, start_ns: int | None, end_ns: int | None) -> None:
-        """Take a stretch of a log.
+        """Select a part of a log.
 
         Args:
-            log: the whole, open.
-            start_ns: first log time, inclusive; None: its beginning.
-            end_ns: last log time, inclusive; None: its end.
+            log: the open log.
+            start_ns: first log time, inclusive; None for the begin.
+            end_ns: last log time, inclusive; None for the end.
         """
         super().__init__(log)
         self._span = start_ns, end_ns
@@ -94,7 +94,7 @@ class LogPart(DerivedLog):
     def _read_many(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
-        """Cut from what is read of the whole, which may be at hand."""
+        """Read the log, which may be cached, and keep the part."""
         first, last = self._span
         bounds = [
             *(pl.col("log_time_ns") >= each for each in (first, start_ns) if each is not None),

@@ -1,4 +1,4 @@
-"""What a replay takes from its logs: the channels' fields, and the proof of what was read."""
+"""Read the fields of the channels from logs, and record the provenance."""
 
 import platform
 import re
@@ -35,20 +35,20 @@ _VERSIONS = ("payscope", "numpy", "scipy", "numba", "polars", "rosbags", "mcap",
 def read_channels(
     logs: Sequence[Log], machine: Machine
 ) -> tuple[dict[str, pl.DataFrame], list[Loss]]:
-    """Read the fields that the channels name, and nothing else.
+    """Read the fields that the channels name.
 
     Args:
-        logs: one time line, or counting from 0 each (`time_line`); a topic may be missing from
-            some of them, not from all.
-        machine: its channels.
+        logs: logs of one time line, or each counting from 0 (`time_line`); each topic must be in at
+            least one of them.
+        machine: machine with its channels.
 
     Returns:
-        By topic: log_time_ns, header_stamp_ns and the fields, in log-time order; without the
-        topics of mere hints that no log has. And what was lost on the way.
+        Frames by topic with `log_time_ns`, `header_stamp_ns` and the fields, in log-time order,
+        without optional topics that no log has; and the losses.
 
     Raises:
-        LogError: a topic that no log has, that has no message, or of which two logs have other
-            messages at one time.
+        LogError: a topic is in no log, has no message, or differs between two logs at the same
+            time.
     """
     wanted = channel_fields(machine)
     losses: list[Loss] = []
@@ -68,7 +68,7 @@ def read_channels(
         losses += [
             Loss(source=log.path.name, topic=topic, what="this log does not have the topic")
             for log in logs
-            if topic not in has[log] and _require_one_type(log, topic, has, wanted)
+            if topic not in has[log] and _has_accompanying_topic(log, topic, has, wanted)
         ]
     for log in logs:
         _refuse_stated_units(log, machine)
@@ -101,15 +101,15 @@ def read_channels(
     return raw, losses
 
 
-def _require_one_type(
+def _has_accompanying_topic(
     log: Log, topic: str, has: Mapping[Log, set[str]], wanted: Mapping[str, Sequence[str]]
 ) -> bool:
-    """Whether a log has another topic of those that have this one: it is not one beside them."""
+    """Whether a log has a wanted topic that occurs together with this one in some log."""
     return any(has[log] & topics & wanted.keys() for topics in has.values() if topic in topics)
 
 
 def _refuse_stated_units(log: Log, machine: Machine) -> None:
-    """A field that states a unit other than its channel's is not taken for it in silence."""
+    """Raise an error if a field states another unit than its channel's."""
     for name, channel in machine.channels.items():
         topic = channel.topic or TABLE
         stated = log.units(topic).get(channel.field or "")
@@ -121,13 +121,13 @@ def _refuse_stated_units(log: Log, machine: Machine) -> None:
             continue
         if gain != 1.0 or offset:
             raise LogError(
-                f"{log.path}: '{channel.field}' states its unit, {stated}; set "
-                f'channels.{name}.unit = "{stated}" (or its scale)'
+                f"{log.path}: '{channel.field}' is in {stated}, not in the unit of its channel; "
+                f'set channels.{name}.unit = "{stated}" (or its scale)'
             )
 
 
 def channel_fields(machine: Machine) -> dict[str, list[str]]:
-    """The fields that the channels name, by topic."""
+    """Fields that the channels name, by topic."""
     wanted: dict[str, list[str]] = {}
     for channel in machine.channels.values():
         for field in channel.fields:
@@ -138,7 +138,7 @@ def channel_fields(machine: Machine) -> dict[str, list[str]]:
 
 
 def channels_of_topic(topic: str, machine: Machine) -> list[str]:
-    """The channels that a topic fills."""
+    """Channels that read from a topic."""
     return [
         name
         for name, channel in machine.channels.items()
@@ -147,7 +147,7 @@ def channels_of_topic(topic: str, machine: Machine) -> list[str]:
 
 
 def _unknown_topic(topic: str, has: Mapping[Log, set[str]], machine: Machine) -> str:
-    """The fault, the choices and the remedy."""
+    """Error message with the unknown topic, the choices and the remedy."""
     meant = nearest(topic, set().union(*has.values()))
     return (
         f"no topic '{topic}'; {meant}{'' if meant.endswith('?') else '.'} "
@@ -156,7 +156,7 @@ def _unknown_topic(topic: str, has: Mapping[Log, set[str]], machine: Machine) ->
 
 
 def _refuse_unknown_names(log: Log, topic: str, frame: pl.DataFrame) -> None:
-    """A name that no message has gives no number at all: say which names there are."""
+    """Raise an error for an element name that no message has, with the existing names."""
     for field in frame.columns:
         named = _BY_NAME.fullmatch(field)
         if named is None or frame[field].null_count() < frame.height:
@@ -173,9 +173,9 @@ def _refuse_unknown_names(log: Log, topic: str, frame: pl.DataFrame) -> None:
 
 
 def name_raw_frames(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
-    """The frames by the names that a run has for them: `raw/imu/data` is that of `/imu/data`.
+    """Frames by their names in a run: `raw/imu/data` for topic `/imu/data`.
 
-    Where there is a topic `imu/data` as well, the name is its, and `/imu/data` keeps its slash:
+    If there is a topic `imu/data` as well, it gets that name, and `/imu/data` keeps its slash:
     `raw//imu/data`.
     """
     return {
@@ -193,7 +193,7 @@ def make_provenance(
     notes: Sequence[str],
     logged_machine_id: str = "",
 ) -> Provenance:
-    """Hash the inputs and write down everything that the result depends on."""
+    """Hash the inputs and record everything that the result depends on."""
     return Provenance(
         inputs=tuple(file for log in logs for file in input_files(log)),
         machine=resolve_machine(machine),
@@ -208,7 +208,7 @@ def make_provenance(
 
 
 def input_files(log: Log) -> list[InputFile]:
-    """The files of a log with their digests."""
+    """Files of a log with their digests."""
     return [
         InputFile(name=path.name, sha256=digest, size_bytes=path.stat().st_size)
         for path, digest in zip(log.files, log.digests, strict=True)
@@ -216,7 +216,7 @@ def input_files(log: Log) -> list[InputFile]:
 
 
 def resolve_machine(machine: Machine) -> dict[str, Any]:
-    """The machine file without its settings, as plain JSON values."""
+    """Machine file without its settings, as JSON-compatible values."""
     plain = machine.model_dump(mode="json")
     del plain["settings"]
     return plain
@@ -228,18 +228,17 @@ def package_versions() -> dict[str, str]:
 
 
 def merge_topics(topic: str, parts: Mapping[Log, pl.DataFrame]) -> pl.DataFrame:
-    """One frame in log-time order; a message that two logs have counts once.
+    """One frame in log-time order, without messages that two logs share.
 
-    A message is the same when its header stamp (its log time where it has none) and its fields are:
-    two recorders of one topic stamp its arrival differently.
+    Messages are equal if their header stamps (log times without one) and fields are: two recorders
+    of one topic stamp its arrival differently.
 
     Args:
-        topic: its name.
-        parts: by log: log_time_ns, header_stamp_ns and fields, in log-time order.
+        topic: name of the topic.
+        parts: frames by log, with `log_time_ns`, `header_stamp_ns` and fields, in log-time order.
 
     Raises:
-        LogError: two logs have the topic at one time, and other messages of it, which would be
-            shuffled into one.
+        LogError: two logs have different messages of the topic at the same time.
     """
     # a column of whole numbers in one table may have fractions in the next
     schema = pl.concat([frame.clear() for frame in parts.values()], how="vertical_relaxed").schema
@@ -262,7 +261,7 @@ def merge_topics(topic: str, parts: Mapping[Log, pl.DataFrame]) -> pl.DataFrame:
 def drop_repeated_samples(
     before: pl.DataFrame, frame: pl.DataFrame, topic: str, earlier: str, later: str
 ) -> pl.DataFrame:
-    """The messages that a log does not have from one that begins earlier."""
+    """Messages of a frame that an earlier log does not contain."""
     if not frame.height:
         return frame
     start, end = frame["log_time_ns"][0], before["log_time_ns"][-1]
@@ -284,9 +283,9 @@ def drop_repeated_samples(
     inside = shared.filter(time <= end).height
     if overlap_ns > _OVERLAP_NS and shared.height - new.height < _MOSTLY * inside:
         raise LogError(
-            f"{later}: topic '{topic}' begins {(end - start) / 1e9:.3f} s before it ends in "
-            f"{earlier}, with other messages; logs of one time line follow each other: replay "
-            "these one by one"
+            f"{later}: topic '{topic}' begins {(end - start) / 1e9:.3f} s before its end in "
+            f"{earlier}, with different messages; logs replayed together must not overlap, so "
+            "replay these separately"
         )
     return pl.concat([new.drop(_STAMP), frame.filter(time > end + _OVERLAP_NS)])
 

@@ -1,4 +1,4 @@
-"""Logs decoded once: side by side, each by a process of its own, and kept until they change.
+"""Cache of decoded logs: each is decoded in its own process, and kept until it changes.
 
 What is kept of a log are the fields that the machine file names, as they were read. A process that
 decodes ends with its log, so that memory goes with the largest logs at work and not with all.
@@ -38,7 +38,7 @@ _SAID: Final = 2
 
 
 class _CachedDescription(BaseModel):
-    """Description of a decoded log."""
+    """Description of a cached log."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -50,15 +50,15 @@ class _CachedDescription(BaseModel):
 
 
 class DecodedLog(Log):
-    """A log of which the fields that are needed were decoded before."""
+    """A log whose needed fields are read from the cache."""
 
     def __init__(self, log: Log, kept: Path, time: TimeAxis | None) -> None:
-        """Read what describes it.
+        """Read the description.
 
         Args:
-            log: what was decoded; its digests were compared.
-            kept: where `decode` left it.
-            time: where a table keeps its time.
+            log: decoded log; its digests were compared.
+            kept: folder of the cache entry.
+            time: time column and format of a table.
         """
         super().__init__(log.path, log.format)
         self._files, self._digests, self._time = log.files, log.digests, time
@@ -68,12 +68,12 @@ class DecodedLog(Log):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Every file that was read."""
+        """Files of the log."""
         return self._files
 
     @property
     def digests(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride] known already
-        """The SHA-256 of every file, in hexadecimal."""
+        """SHA-256 of every file, in hexadecimal."""
         return self._digests
 
     def topics(self) -> pl.DataFrame:
@@ -103,7 +103,7 @@ class DecodedLog(Log):
         return self._about.losses
 
     def notes(self) -> tuple[str, ...]:
-        """Notes on how the log is written."""
+        """Notes on the log's format."""
         return self._about.notes
 
     def machine_ids(self) -> tuple[str, ...]:
@@ -122,16 +122,16 @@ def decode_logs(
     folder: Path,
     on_log: Callable[[int], None] = lambda _: None,
 ) -> list[Log]:
-    """Decode logs; those already decoded into the folder are read from it.
+    """Decode logs in parallel, using existing entries of the cache folder.
 
     Args:
-        logs: opened.
-        machine: its channels.
-        folder: where they are kept; what is there of other logs is removed.
-        on_log: told how many are decoded, as each is.
+        logs: opened logs.
+        machine: machine with its channels.
+        folder: cache folder; entries of other logs are removed.
+        on_log: called with the number of decoded logs.
 
     Raises:
-        LogError: a topic or a field that cannot be read.
+        LogError: a topic or field cannot be read.
         OutputError: the folder cannot be written.
     """
     time = time_axis(machine)
@@ -157,16 +157,16 @@ def decode_logs(
 
 
 def decode_into_cache(log: Log, fields: Mapping[str, Sequence[str]], place: Path) -> None:
-    """Read fields of a log and keep them, whole or not at all.
+    """Read fields of a log and write them atomically.
 
     Args:
         log: opened.
-        fields: by topic.
-        place: the folder to make.
+        fields: fields by topic.
+        place: folder to create.
 
     Raises:
         LogError: as `Log.read_many`.
-        OutputError: it cannot be written.
+        OutputError: the folder cannot be written.
     """
     frames = log.read_many(fields)
     begun = place.with_name(f"{_BEGUN}{place.name}-{os.getpid()}")
@@ -195,7 +195,7 @@ def decode_into_cache(log: Log, fields: Mapping[str, Sequence[str]], place: Path
 def _decode_by_process(
     log: Log, fields: Mapping[str, Sequence[str]], place: Path, time: TimeAxis | None
 ) -> None:
-    """Decode by a process that has this log alone in its memory, and ends with it."""
+    """Decode a log in a process of its own, which limits the memory in use."""
     asked = {
         "path": str(log.path),
         "time": _time_axis_values(time),
@@ -217,7 +217,7 @@ def _decode_by_process(
 
 
 def _fields_of_log(log: Log, fields: Mapping[str, Sequence[str]]) -> dict[str, Sequence[str]]:
-    """Which of these fields a log has, by topic; another table may have the others."""
+    """Those of the fields that a log has, by topic; another table may have the others."""
     found: dict[str, Sequence[str]] = {}
     for topic, has in log.topics().select("topic", "fields").iter_rows():
         if topic in fields:
@@ -227,7 +227,7 @@ def _fields_of_log(log: Log, fields: Mapping[str, Sequence[str]]) -> dict[str, S
 
 
 def _cache_key(log: Log, fields: Mapping[str, Sequence[str]], time: TimeAxis | None) -> str:
-    """A digest of all that the decoded log depends on."""
+    """Digest of everything that the decoded log depends on."""
     whole: dict[str, Any] = {
         "files": [(each.name, each.sha256) for each in input_files(log)],
         "fields": fields,
@@ -238,7 +238,7 @@ def _cache_key(log: Log, fields: Mapping[str, Sequence[str]], time: TimeAxis | N
 
 
 def _time_axis_values(time: TimeAxis | None) -> list[Any] | None:
-    """Where a table keeps its time, as JSON has it."""
+    """Time column and format of a table, for JSON."""
     return None if time is None else [time.column, time.unit, asdict(time.table)]
 
 
@@ -247,14 +247,14 @@ def _count_log_bytes(log: Log) -> int:
 
 
 def remove_oldest(folder: Path, used: set[str]) -> None:
-    """Remove what is of other logs, and what a process left that was killed."""
+    """Remove entries of other logs, and remains of killed processes."""
     for each in folder.iterdir() if folder.is_dir() else ():
         if each.name not in used:
             shutil.rmtree(each, ignore_errors=True)
 
 
 def main() -> int:
-    """Decode the log that is asked for on the standard input."""
+    """Decode the log requested on standard input; returns the exit status."""
     asked = json.load(sys.stdin)
     time: TimeAxis | None = None
     if asked["time"] is not None:

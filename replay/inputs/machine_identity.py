@@ -1,4 +1,4 @@
-"""Which machine a log is of: by the machine file, and by the log's own metadata."""
+"""Identity of the machine, from the machine file and the logs' metadata."""
 
 from collections.abc import Sequence
 
@@ -10,18 +10,17 @@ from replay.logs import Log
 
 
 def identify_machine(logs: Sequence[Log], machine: Machine) -> tuple[Machine, str]:
-    """The machine with its serial number, and that in the logs' metadata.
+    """The machine with its serial number, and the serial number in the logs' metadata.
 
     Args:
-        logs: one time line.
-        machine: with `machine.id`, if its file or the evidence that calibrates it has one.
+        logs: logs of one time line.
+        machine: machine with `machine.id`, if its file or evidence has one.
 
     Returns:
-        The machine, whose id is the logs' where nobody else gives one; and the logs' own, "" where
-        they do not tell.
+        The machine, with the logs' id if it has none; and the id in the logs, "" without one.
 
     Raises:
-        LogError: a log is of another machine, or two logs are of two.
+        LogError: a log is of another machine, or two logs are of different machines.
     """
     told = logged_id(logs, machine.machine.id)
     if not told or machine.machine.id is not None or not is_serial_number(told):
@@ -31,14 +30,14 @@ def identify_machine(logs: Sequence[Log], machine: Machine) -> tuple[Machine, st
 
 
 def logged_id(logs: Sequence[Log], known: str | None) -> str:
-    """The serial number that all logs have in common which have one; "" where none tells.
+    """Serial number common to all logs that state one; "" if none does.
 
     Args:
         logs: of one machine.
-        known: the machine's, by its file or its evidence. A log may call it by several names.
+        known: serial number in file or evidence. A log may state several names.
 
     Raises:
-        LogError: as `identified`.
+        LogError: as `identify_machine`.
     """
     common: list[str] = []
     first: Log | None = None
@@ -48,21 +47,21 @@ def logged_id(logs: Sequence[Log], known: str | None) -> str:
             continue
         if known is not None and known not in ids:
             raise LogError(
-                f"{log.path}: its metadata say that it is of machine '{ids[0]}', and machine.id is "
-                f"'{known}'; name the machine file and the evidence of '{ids[0]}'"
+                f"{log.path}: its metadata name machine '{ids[0]}', but machine.id is '{known}'; "
+                f"name the machine file and the evidence of '{ids[0]}'"
             )
         both = list(ids) if first is None else [each for each in common if each in ids]
         if not both and first is not None:
             raise LogError(
-                f"{log.path}: its metadata say that it is of machine '{ids[0]}', and those of "
-                f"{first.path} of '{common[0]}'; replay the logs of each machine separately"
+                f"{log.path}: its metadata name machine '{ids[0]}', but those of {first.path} name "
+                f"'{common[0]}'; replay the logs of each machine separately"
             )
         common, first = both, first or log
     return known or common[0] if common else ""
 
 
 def is_serial_number(text: str) -> bool:
-    """Whether a text can be a serial number in a machine file; recorders write anything."""
+    """Whether a text is usable as a serial number; recorders may write anything."""
     try:
         TypeAdapter(MachineId).validate_python(text)
     except ValidationError:

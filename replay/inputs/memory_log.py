@@ -1,4 +1,4 @@
-"""A simulated log that is replayed from memory, without a file between."""
+"""A simulated log in memory, replayed without a file."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,7 +16,7 @@ _FORMAT = "simulation in memory"
 
 
 class MemoryLog(Log):
-    """The topics of a simulation as a log: fields are named as the machine file's channels."""
+    """Topics of a simulation as a log, with fields named like channels."""
 
     def __init__(self, simulated: SimulatedLog) -> None:
         # a name for messages; there is no file
@@ -29,7 +29,7 @@ class MemoryLog(Log):
         return ()
 
     def topics(self) -> pl.DataFrame:
-        """The simulated topics; see `Log.topics`. Nothing is decoded."""
+        """Simulated topics; see `Log.topics`. Nothing is decoded."""
         rows = [
             {
                 "topic": topic,
@@ -75,7 +75,7 @@ class MemoryLog(Log):
 
 
 def reading_memory(machine: Machine, simulated: SimulatedLog) -> Machine:
-    """The machine with its channels read from a simulation's topics instead of from messages."""
+    """The machine with its channels read from the topics of a simulation."""
     topic_of = {
         name: topic
         for topic, frame in simulated.topics.items()

@@ -1,4 +1,4 @@
-"""Tables of one time that hold different columns: one log, a topic a table."""
+"""Tables over the same time with different columns, as one log with a topic per table."""
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
@@ -17,25 +17,25 @@ _NAMED: Final = f"{TABLE}/"
 
 
 class _NamedTable(Log):
-    """A table whose topic has a name of its own."""
+    """A table whose topic has its own name."""
 
     def __init__(self, log: Log, topic: str) -> None:
-        """Name the topic of an opened table."""
+        """Rename the topic of an opened table."""
         super().__init__(log.path, log.format)
         self._log, self._topic = log, topic
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The table's file."""
+        """File of the table."""
         return self._log.files
 
     @property
     def digests(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride] the table's
-        """The SHA-256 of every file, in hexadecimal."""
+        """SHA-256 of every file, in hexadecimal."""
         return self._log.digests
 
     def topics(self) -> pl.DataFrame:
-        """The one topic; see `Log.topics`."""
+        """The single topic; see `Log.topics`."""
         return self._log.topics().with_columns(topic=pl.lit(self._topic))
 
     def _read_many(
@@ -48,7 +48,7 @@ class _NamedTable(Log):
         return self._log.notes()
 
     def units(self, topic: str) -> Mapping[str, str]:  # noqa: ARG002 it has one
-        """The units that the table states."""
+        """Units that the table states."""
         return self._log.units(TABLE)
 
     def losses(self) -> tuple[Loss, ...]:
@@ -65,18 +65,18 @@ class _NamedTable(Log):
 
 
 def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequence[Log], Machine]:
-    """Name the topics of tables that hold no column of the channels in common.
+    """Give tables that share no column of the channels topics of their own.
 
     Args:
-        logs: one time line.
-        machine: its channels.
+        logs: logs of one time line.
+        machine: machine with its channels.
 
     Returns:
-        The logs, and the machine, whose channels name the table that each is in; as they were where
-        a log is no table, or where two hold a column of the channels both.
+        The logs, and the machine with the topic of each channel; unchanged if a log is not a table,
+        or if two tables share a column of the channels.
 
     Raises:
-        LogError: a column that no table has.
+        LogError: no table has a column.
     """
     wanted = {field for channel in machine.channels.values() for field in channel.fields}
     for log in logs:
@@ -106,7 +106,7 @@ def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequenc
 
 
 def _name_topics(logs: Sequence[Log], wanted: set[str]) -> Sequence[Log]:
-    """The tables, each with a topic of its own, where no two hold the same of what is wanted."""
+    """Tables with topics of their own, unless two share wanted columns."""
     if len(logs) < 2 or len({log.digests for log in logs}) < len(logs):
         return logs
     topics = [log.topics() for log in logs]

@@ -1,4 +1,4 @@
-"""Logs whose time begins at 0 each: which follow one another, and which run side by side."""
+"""Time line of logs that each count from 0: consecutive, or side by side."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -25,17 +25,17 @@ _Has = frozenset[tuple[str, str]]
 
 
 def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict[Log, int]:
-    """Offset of each log that puts all into one time line.
+    """Offset of each log on the common time line, in ns.
 
-    Logs that count from 0 and hold the same follow one another in the order given; those that hold
-    nothing in common run side by side, and so does all that has a clock.
+    Logs that count from 0 are consecutive, in the given order, if they hold the same fields, and
+    side by side if they share none. Logs with a clock keep their times.
 
     Args:
-        logs: in the order given.
-        wanted: the fields that the channels name, by topic.
+        logs: logs in order.
+        wanted: fields that the channels name, by topic.
 
     Raises:
-        LogError: logs that count from 0 and hold some in common.
+        LogError: logs that count from 0 share only some of the fields.
     """
     none = dict.fromkeys(logs, 0)
     if len(logs) < 2:
@@ -57,9 +57,9 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
         return none
     if len(set(has)) > 1:
         raise LogError(
-            f"{', '.join(str(log.path) for log in logs)}: their times begin at 0 each, and they "
-            "hold some channels in common: logs that follow one another hold the same channels, "
-            "logs that run side by side none in common; or give them a time since 1970"
+            f"{', '.join(str(log.path) for log in logs)}: the times of each begin at 0, and they "
+            "share only some channels, so their order is unknown; give consecutive logs with the "
+            "same channels, parallel logs with no common channel, or logs with times since 1970"
         )
     found: dict[Log, int] = {}
     at_ns, lattice = 0, _SampleLattice.from_table(next(iter(tables.values())))
@@ -72,10 +72,10 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
 
 
 class _SampleLattice(NamedTuple):
-    """The stamps of the first log's slowest topic, and those that would go on from them.
+    """Stamps of the first log's slowest topic, continued as a lattice.
 
-    The grid has its phase. A log between its rows would be interpolated, which halves the noise of
-    its samples, and the noise that is taken off the columns is one for all logs.
+    The grid has its phase. A log off the lattice would be interpolated, which halves the noise of
+    its samples, while the noise correction is common to all logs.
     """
 
     topic: str
@@ -90,7 +90,7 @@ class _SampleLattice(NamedTuple):
         return cls(slowest["topic"], int(slowest["start_ns"]), 1e9 / rate_hz)
 
     def next_offset_on_lattice(self, at_ns: int, table: pl.DataFrame) -> int:
-        """The first offset from this one on that puts the log's first stamp on the lattice."""
+        """First offset from `at_ns` on that puts a log's first stamp on the lattice."""
         (start_ns,) = table.filter(pl.col("topic") == self.topic)["start_ns"]
         between_ns = int(start_ns) - self.start_ns
         periods = math.ceil((at_ns + between_ns) / self.period_ns - _SAME_PHASE)
@@ -100,12 +100,12 @@ class _SampleLattice(NamedTuple):
 def begin_of_each_log_ns(
     logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], t0_unix_ns: int
 ) -> dict[Log, int]:
-    """When each log begins, in ns since the first aligned sample, ascending.
+    """Begin of each log in ns since the first aligned sample, ascending.
 
     Args:
-        logs: of one time line.
-        wanted: the fields that the channels name, by topic.
-        t0_unix_ns: when the first aligned sample is.
+        logs: logs of one time line.
+        wanted: fields that the channels name, by topic.
+        t0_unix_ns: Unix time of the first aligned sample.
     """
     later = offsets_ns(logs, wanted)
     found: dict[Log, int] = {}
@@ -118,7 +118,7 @@ def begin_of_each_log_ns(
 
 
 def shift_times(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
-    """Shift messages in time, by whichever stamp they have."""
+    """Shift the header stamps and log times of messages."""
     if not by_ns:
         return frame
     header = pl.col("header_stamp_ns")
@@ -140,7 +140,7 @@ def offset_note(offsets: Mapping[Log, int]) -> list[str]:
 
 
 def _fields_by_topic(table: pl.DataFrame, wanted: Mapping[str, Sequence[str]]) -> _Has:
-    """The topics that a log has; of a table, the columns."""
+    """Topics of a log with the wanted fields; for a table, its columns."""
     return frozenset(
         (topic, field)
         for topic, fields in table.select("topic", "fields").iter_rows()

@@ -1,4 +1,4 @@
-"""Readers: one log, one table of formats. Outside of here a log is what these names are."""
+"""Readers of logs: one class of logs, and one table of formats."""
 
 from replay.logs.growing_logs import ACTIVE, GrowingLogFile, follow_log
 from replay.logs.log import TABLE, Log, LogCheck, TableHints, TimeAxis

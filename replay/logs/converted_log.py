@@ -1,4 +1,4 @@
-"""A converted log as a log: Parquet by topic, as `payscope convert` writes it."""
+"""Reader of a converted log: Parquet by topic, as `payscope convert` writes it."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,11 +31,11 @@ _MOST_DIGITS: Final = 9
 
 
 class ConvertedFieldError(Exception):
-    """Why a field cannot be read, with the choices, in a line."""
+    """A field cannot be read; one line with the reason and the choices."""
 
 
 class ConvertedTopics:
-    """The columns of one topic, read from the parts that hold a range of log times."""
+    """Columns of one topic, read from the parts that cover a time range."""
 
     def __init__(self, folder: Path, topic: ConvertedTopic) -> None:
         self.topic = topic
@@ -43,12 +43,12 @@ class ConvertedTopics:
 
     @cached_property
     def schema(self) -> pl.Schema:
-        """The columns, with the two times that every topic has."""
+        """Columns, including the two times of every topic."""
         return pl.Schema(pl.read_parquet_schema(self._folder / self.topic.parts[0].file))
 
     @cached_property
     def leaf_fields_by_name(self) -> dict[str, LeafField]:
-        """Every field, by its name."""
+        """Every leaf field, by name."""
         return {
             field.name: LeafField(
                 field.name,
@@ -64,7 +64,7 @@ class ConvertedTopics:
         """Leaf field of a column, which may be an element of a list.
 
         Raises:
-            ConvertedFieldError: there is no such field.
+            ConvertedFieldError: the field does not exist.
         """
         if name in self.leaf_fields_by_name:
             return self.leaf_fields_by_name[name]
@@ -77,7 +77,7 @@ class ConvertedTopics:
         """Rows of a range of log times, part by part.
 
         Raises:
-            ConvertedFieldError: no such field.
+            ConvertedFieldError: a field does not exist.
         """
         columns = [self._make_field_expression(name) for name in dict.fromkeys(fields)]
         empty = pl.DataFrame(schema=self.schema).select(*OWN_COLUMNS, *columns)
@@ -97,7 +97,7 @@ class ConvertedTopics:
             yield empty
 
     def _make_field_expression(self, name: str) -> pl.Expr:
-        """A field as `Log.read` gives it."""
+        """Expression of a field, in the format of `Log.read`."""
         if name in OWN_COLUMNS:
             raise ConvertedFieldError(
                 f"'{name}' is a reserved column of every topic; a message field with this "
@@ -117,8 +117,8 @@ class ConvertedTopics:
                 depth += 1
             elif depth:
                 raise ConvertedFieldError(
-                    f"'{name}' picks inside all of a list, which a converted log does not; read "
-                    f"'{whole}', or the log itself"
+                    f"'{name}' selects a part of every list element, which a converted log cannot "
+                    f"do; read '{whole}', or the log itself"
                 )
             else:
                 values = values.list.get(
@@ -129,7 +129,7 @@ class ConvertedTopics:
         return values.alias(name)
 
     def _make_element_index(self, name: str, elements: Sequence[str], number: int) -> pl.Expr:
-        """Where an element lies in its list: as the name says, or where the list `name` has it."""
+        """Index of a list element, given directly or by its name in the list `name`."""
         element = elements[number]
         if element.isascii() and element.isdigit():
             index = int(element) if len(element) <= _MOST_DIGITS else 10**_MOST_DIGITS
@@ -163,10 +163,10 @@ class ConvertedLog(Log):
         """Read the description.
 
         Args:
-            path: the folder.
+            path: folder of the converted log.
 
         Raises:
-            LogError: it is not as payscope wrote it, or a part is missing.
+            LogError: the folder was changed, or a part is missing.
         """
         self._about = _describe_folder(path)
         super().__init__(path, f"converted {self._about.log_format}")
@@ -189,7 +189,7 @@ class ConvertedLog(Log):
         return (self.path / DESCRIPTION, *(self.path / part for part in self._parts))
 
     def topics(self) -> pl.DataFrame:
-        """The topics of the log that was converted; see `Log.topics`."""
+        """Topics of the original log; see `Log.topics`."""
         rows = [dict(topic.summary) for topic in self._about.topics]
         return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
 
@@ -198,7 +198,7 @@ class ConvertedLog(Log):
         return list(self._columns)
 
     def units(self, topic: str) -> Mapping[str, str]:
-        """The units that the log stated, by field."""
+        """Units of the original log, by field."""
         found = self._columns.get(topic)
         return {f.name: f.unit for f in found.topic.fields if f.unit} if found else {}
 
@@ -207,7 +207,7 @@ class ConvertedLog(Log):
         return self._about.notes
 
     def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
-        """What the columns of fields hold; see `Log.leaf_fields`."""
+        """Contents of the fields' columns; see `Log.leaf_fields`."""
         self._check_open()
         columns = self._require_topic(topic)
         if fields is None:
@@ -249,7 +249,7 @@ class ConvertedLog(Log):
             ) from None
 
     def losses(self) -> tuple[Loss, ...]:
-        """Losses of the log that was converted, and faults that a check found."""
+        """Losses of the original log, and faults found by a check."""
         return (*self._about.losses, *self._losses)
 
     def check(self) -> LogCheck:
@@ -279,8 +279,8 @@ def _describe_folder(path: Path) -> ConvertedDescription:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"])) or "it"
         raise LogError(
-            f"{path / DESCRIPTION}: is not as payscope wrote it ({where}: {first['msg']}); convert "
-            "the log again"
+            f"{path / DESCRIPTION}: was changed after payscope wrote it ({where}: {first['msg']}); "
+            "convert the log again"
         ) from None
     if about.format != FORMAT:
         raise LogError(
@@ -291,7 +291,7 @@ def _describe_folder(path: Path) -> ConvertedDescription:
 
 
 def _widen(values: pl.Expr, dtype: pl.DataType) -> pl.Expr:
-    """A number that is no element of a list any more has 64 bits."""
+    """Cast a number that was a list element to 64 bits."""
     inner = dtype
     while isinstance(inner, pl.List):
         inner = inner.inner

@@ -1,4 +1,4 @@
-"""Logs that are still being recorded: what follows a file, by its suffix, or several as one log."""
+"""Logs that are still being recorded: the follower by suffix, and several files as one log."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +19,7 @@ ACTIVE: Final = ".active"
 
 
 class TailParts:
-    """Growing files in their order. The next one is read when nothing is left in the one before."""
+    """Growing files in order; the next is read when the previous one has nothing left."""
 
     def __init__(
         self,
@@ -30,9 +30,9 @@ class TailParts:
         """Begin before the first file.
 
         Args:
-            files: those that there are now, in their order; more may come.
-            open_tail: opens one.
-            is_closed: whether no other file will come.
+            files: lists the current files in order; more may appear.
+            open_tail: opens a file.
+            is_closed: whether no further file will appear.
         """
         self.connections: dict[int, Connection] = {}
         self.is_finished = False
@@ -131,16 +131,16 @@ _TABLES: Final = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc", ".prn")
 
 
 class GrowingLogFile(Protocol):
-    """A log that grows: of messages, or a table."""
+    """A growing log of messages, or a growing table."""
 
     @property
     def is_finished(self) -> bool:
-        """Whether the recorder has closed the log, and all of it was given."""
+        """Whether the recorder has closed the log and all rows were returned."""
         ...
 
     @property
     def topics(self) -> list[str]:
-        """The topics that it has so far."""
+        """Topics found so far."""
         ...
 
     @property
@@ -149,7 +149,7 @@ class GrowingLogFile(Protocol):
         ...
 
     def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
-        """The rows of each topic that became whole since, none twice; `is_whole` takes the rest."""
+        """New complete rows of each topic; `is_whole` includes incomplete ones at the end."""
         ...
 
     def close(self) -> None:
@@ -160,16 +160,16 @@ class GrowingLogFile(Protocol):
 def follow_log(
     paths: Sequence[Path], fields: Mapping[str, Sequence[str]], time: TimeAxis | None = None
 ) -> GrowingLogFile:
-    """Open logs that are still being recorded, one after the other.
+    """Open one or several logs that are still being recorded.
 
     Args:
-        paths: `.bag` (or `.bag.active`), `.mcap`, `.db3`, or one text table, or one folder, in
-            which a recorder begins a new file now and then, as rosbag2 does.
-        fields: by topic, as `Log.read_many` takes them.
-        time: where a table keeps its time.
+        paths: `.bag` (or `.bag.active`), `.mcap`, `.db3`, one text table, or one folder of a
+            recorder that starts new files, as rosbag2 does.
+        fields: fields by topic, as in `Log.read_many`.
+        time: time column and format of a table.
 
     Raises:
-        LogError: no such file, or a format that cannot be followed.
+        LogError: the file does not exist, or its format cannot be followed.
     """
     first = paths[0]
     for path in paths:
@@ -183,14 +183,16 @@ def follow_log(
         )
     if suffixes & set(_TABLES):
         if len(paths) > 1:
-            raise LogError(f"{first}: one table is followed at a time; name one")
+            raise LogError(
+                f"{first}: only one table can be followed at a time; name a single table"
+            )
         from replay.logs.log_tails import TableTail
 
         return TableTail(first, time, fields)
     unknown = suffixes - set(_TAILS)
     if unknown:
         raise LogError(
-            f"{first}: a file '{unknown.pop()}' cannot be followed while it grows; "
+            f"{first}: a file of type '{unknown.pop()}' cannot be followed while it grows; "
             f"{', '.join((*_TAILS, *_TABLES))}, or a folder of them"
         )
     from replay.logs.log_tails import MessageTail
@@ -206,7 +208,7 @@ def follow_log(
 
 
 def format_suffix(path: Path) -> str:
-    """The suffix that tells a growing file's format."""
+    """Suffix that identifies a growing file's format."""
     inner = path.with_suffix("") if path.suffix == ACTIVE else path
     return inner.suffix.lower()
 
@@ -216,7 +218,7 @@ def _open_tail(path: Path) -> Tail:
 
 
 def _list_recorder_files(folder: Path) -> list[Path]:
-    """The files of a recorder that rotates, by the numbers in their names."""
+    """Files of a recorder that starts new ones, by the numbers in their names."""
     found = [path for path in folder.iterdir() if format_suffix(path) in _TAILS]
     return sorted(
         found, key=lambda path: [_natural_order(part) for part in re.split(r"(\d+)", path.name)]
@@ -228,5 +230,5 @@ def _natural_order(part: str) -> tuple[int, str]:
 
 
 def _is_taken(path: Path, taken: Sequence[Path]) -> bool:
-    """Whether a file was taken already, by this name or as `.active`, which a recorder drops."""
+    """Whether a file was already read, under this name or as `.active`."""
     return path in taken or path.with_name(f"{path.name}.active") in taken

@@ -1,4 +1,4 @@
-"""Types of JSON messages, from the JSON schema that an MCAP file keeps of them.
+"""Types of JSON messages, from the JSON schema in an MCAP file.
 
 JSON may hold anything anywhere, in a schema as in a message: every value is looked at before it is
 used.
@@ -26,10 +26,10 @@ _MOST_FIELDS: Final = 20_000
 
 
 def json_type(name: str, schema: str) -> MessageType:
-    """The type that a JSON schema describes.
+    """Message type from a JSON schema.
 
     Raises:
-        BrokenBytesError: it is no JSON schema, describes no fields, or too many.
+        BrokenBytesError: it is not a JSON schema, describes no fields, or too many.
     """
     root = _parse_schema(schema or "{}")
     record = _Schema(root).type_of_value(root, 0)
@@ -52,14 +52,14 @@ def _parse_schema(text: str | bytes) -> Any:
 
 
 class _Schema:
-    """Turns a schema into records, all of what it refers to inside them."""
+    """Converts a schema with its references into records."""
 
     def __init__(self, root: Any) -> None:
         self._root = root
         self._left = _MOST_FIELDS
 
     def type_of_value(self, schema: Any, depth: int) -> FieldType | None:
-        """The type of a value; None for one that can be of several, which is left out."""
+        """Type of a value; None for a value of several types, which is left out."""
         schema = self._resolve_reference(schema)
         self._left -= 1
         if self._left < 0 or depth > _DEEPEST:
@@ -102,7 +102,7 @@ class _Schema:
 
 
 def _sole_type(schema: dict[str, Any]) -> str | None:
-    """The one type that a schema allows beside null; None where there are several."""
+    """The single type that a schema allows besides null; None if there are several."""
     named = schema.get("type", "object" if "properties" in schema else [])
     allowed = named if isinstance(named, list) else [named]
     if not all(isinstance(kind, str) for kind in allowed):
@@ -112,7 +112,7 @@ def _sole_type(schema: dict[str, Any]) -> str | None:
 
 
 def valid_text(value: Any) -> str:
-    """A string: JSON can spell half of a character, which no column and no name of one holds."""
+    """The value if it is a valid string; JSON can encode half of a character."""
     text = str(value)
     try:
         text.encode()

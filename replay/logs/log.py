@@ -1,4 +1,4 @@
-"""What a log offers; nothing else of a reader is used."""
+"""The interface of logs that the rest of payscope uses."""
 
 import weakref
 from abc import ABC, abstractmethod
@@ -46,8 +46,8 @@ class Log(ABC):
     """An opened log. Open it with `replay.open_log`, use it as a context manager.
 
     Attributes:
-        path: what was opened: a file, or a rosbag2 directory.
-        format: of the log, for people.
+        path: opened file or directory.
+        format: name of the format.
     """
 
     #: the columns of `topics()`
@@ -70,12 +70,13 @@ class Log(ABC):
     def __init__(
         self, path: Path, log_format: str, close: Callable[[], None] = _nothing_stays_open
     ) -> None:
-        """Begin open.
+        """Initialise an open log.
 
         Args:
-            path: what was opened.
-            log_format: its format, for people.
-            close: releases it; no method of the log itself, which would keep it for ever.
+            path: opened file or directory.
+            log_format: name of the format.
+            close: releases the log; it must not be a method of the log itself, which would never be
+                freed.
         """
         self.path: Final = path
         self.format: Final = log_format
@@ -85,7 +86,7 @@ class Log(ABC):
     @property
     @abstractmethod
     def files(self) -> tuple[Path, ...]:
-        """Every file that is read, for the provenance."""
+        """Every file of the log, for the provenance."""
 
     @cached_property
     def digests(self) -> tuple[str, ...]:
@@ -94,7 +95,7 @@ class Log(ABC):
 
     @abstractmethod
     def topics(self) -> pl.DataFrame:
-        """List the topics of the log, a row each, without decoding a message.
+        """List the topics without decoding messages, a row each.
 
         Columns: topic, type (in ROS 2 spelling, `sensor_msgs/msg/Imu`, also for ROS 1), encoding
         (String), messages (Int64), start_ns, end_ns (Int64 log times, null when empty), rate_hz
@@ -114,7 +115,7 @@ class Log(ABC):
         """Read fields of one topic, in log-time order (stable).
 
         Args:
-            topic: its name, as `topics()` lists it (a table has the one topic `table`).
+            topic: name of the topic as in `topics()` (a table has the one topic `table`).
             fields: dotted names (`angular_velocity.z`), an element by index (`covariance[0]`) or,
                 in a message with a `name` list, by name (`effort[left]`), or a list as a whole
                 (`effort[]`). Checked against the message definition before any message is decoded.
@@ -141,10 +142,10 @@ class Log(ABC):
         start_ns: int | None = None,
         end_ns: int | None = None,
     ) -> dict[str, pl.DataFrame]:
-        """Read fields of several topics in one pass over the log, each as `read` gives it.
+        """Read fields of several topics in one pass, each in the format of `read`.
 
         Args:
-            fields: by topic.
+            fields: fields by topic.
             start_ns: first log time, inclusive.
             end_ns: last log time, inclusive.
 
@@ -161,11 +162,11 @@ class Log(ABC):
         start_ns: int | None = None,
         end_ns: int | None = None,
     ) -> Iterator[pl.DataFrame]:
-        """Read fields of one topic as `read` does, a batch of rows at a time.
+        """Read fields of one topic like `read`, in batches of rows.
 
-        Where an index gives the time of every chunk, memory is bounded by the chunks that overlap.
-        Batches follow each other in log-time order; a message that lies outside the times that its
-        index gives comes late, and is among the losses.
+        If an index gives the time of every chunk, memory is bounded by the chunks that overlap.
+        Batches are in log-time order; a message outside the times of its index comes late, and is
+        among the losses.
 
         Raises:
             LogError: as `read`.
@@ -176,7 +177,7 @@ class Log(ABC):
     def _scan(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[pl.DataFrame]:
-        """Read from a log that is open, all at once where a format has no batches."""
+        """Scan an open log; in one batch if the format has none."""
         yield self._read_many({topic: fields}, start_ns, end_ns)[topic]
 
     def scan_many(
@@ -186,16 +187,16 @@ class Log(ABC):
         start_ns: int | None = None,
         end_ns: int | None = None,
     ) -> Iterator[tuple[str, pl.DataFrame]]:
-        """Read fields of several topics in one pass, a batch of rows of one of them at a time.
+        """Read fields of several topics in one pass, in batches of one topic each.
 
         Args:
-            fields: by topic; each can be decoded.
-            faults: takes, by topic, why nothing of it could be read.
+            fields: fields by topic; each topic must be decodable.
+            faults: receives why nothing of a topic could be read, by topic.
             start_ns: first log time, inclusive.
             end_ns: last log time, inclusive.
 
         Raises:
-            LogError: no such topic or field.
+            LogError: a topic or field does not exist.
         """
         self._check_open()
         return self._scan_many(fields, faults, start_ns, end_ns)
@@ -207,28 +208,28 @@ class Log(ABC):
         start_ns: int | None,
         end_ns: int | None,
     ) -> Iterator[tuple[str, pl.DataFrame]]:
-        """Scan a log that is open, topic by topic where a format has no common pass."""
+        """Scan an open log, topic by topic if the format has no common pass."""
         del faults  # what cannot be read is said when the log is opened
         for topic, names in fields.items():
             for rows in self._scan(topic, names, start_ns, end_ns):
                 yield topic, rows
 
     def definition(self, topic: str) -> str:  # noqa: ARG002
-        """The definition of a topic's messages as the log has it; empty where it has none."""
+        """Definition of a topic's messages in the log; empty if it has none."""
         return ""
 
     def topic_names(self) -> list[str]:
-        """The topics, whether or not they can be decoded."""
+        """Names of all topics, decodable or not."""
         return self.topics()["topic"].to_list()
 
     def leaf_fields(
         self, topic: str, fields: Sequence[str] | None = None
     ) -> "tuple[LeafField, ...]":
-        """What the columns of fields hold.
+        """Contents of the fields' columns.
 
         Args:
-            topic: its name.
-            fields: as for `read`; all that `topics()` names where None.
+            topic: name of the topic.
+            fields: as in `read`; None for all fields of `topics()`.
 
         Raises:
             LogError: as `read`.
@@ -244,36 +245,36 @@ class Log(ABC):
     def _read_many(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
-        """Read from a log that is open; see `read_many`."""
+        """Read from an open log; see `read_many`."""
 
     @abstractmethod
     def losses(self) -> tuple[Loss, ...]:
-        """Losses so far: damage, and topics without a decoder."""
+        """Losses found so far: damage, and topics without a decoder."""
 
     def notes(self) -> tuple[str, ...]:
-        """Notes on how the log is written, where the user did not state it."""
+        """Notes on assumptions about the log's format."""
         return ()
 
     def expect(self, fields: Mapping[str, Sequence[str]]) -> None:  # noqa: B027 most have no use for it
-        """Say which fields will be read next, by topic.
+        """Announce the fields that will be read next, by topic.
 
-        A log that has to pass over all of it to know its times reads them on the way.
+        A log that must scan all messages for their times reads them in the same pass.
         """
 
     def units(self, topic: str) -> Mapping[str, str]:  # noqa: ARG002
-        """The units that the log itself states, by field of a topic."""
+        """Units stated in the log, by field of a topic."""
         return {}
 
     def machine_ids(self) -> tuple[str, ...]:
-        """The serial numbers of the machine in the log's own metadata; none where it has none."""
+        """Serial numbers of the machine in the log's metadata; empty if there are none."""
         return ()
 
     @abstractmethod
     def check(self) -> LogCheck:
-        """Read everything and believe no index; what is wrong is then among the losses.
+        """Read everything without trusting an index; faults are added to the losses.
 
-        Every message of every topic is walked or decoded to its end, every CRC compared, and what
-        an index says compared with what is there.
+        Every message of every topic is walked or decoded to its end, every CRC compared, and every
+        index compared with the content.
         """
 
     def _check_open(self) -> None:
@@ -282,7 +283,7 @@ class Log(ABC):
 
     @staticmethod
     def _summarise_log_times(log_times: NDArray[np.int64]) -> dict[str, Any]:
-        """The columns of `topics()` that follow from log times (n,) in ns and any order."""
+        """Columns of `topics()` computed from log times (n,) in ns, in any order."""
         # recorders write them nearly in order, which timsort makes use of
         times = np.sort(log_times, kind="stable")
         count = int(times.size)

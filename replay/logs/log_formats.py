@@ -1,4 +1,4 @@
-"""The formats that can be read: one table of suffixes, one dispatcher; and the logs of a folder."""
+"""Readable formats: a table of suffixes, a dispatcher, and the logs of a folder."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
@@ -35,7 +35,7 @@ def _open_db3(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
 
 def _open_table(path: Path, time: TimeAxis | None) -> Log:
     if path.suffix.lower() == ".gz" and Path(path.stem).suffix.lower() not in _TEXTS:
-        raise LogError(f"{path}: only text tables are read as .gz; unpack it first")
+        raise LogError(f"{path}: only text tables can be read from .gz; unpack this file first")
     from replay.logs.table_log import TableLog
 
     return TableLog(path, time)
@@ -90,11 +90,12 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
         path: a `.bag`, `.mcap`, `.db3` file, a table (`TABLES`), a rosbag2 directory, a folder
             that `convert` wrote, or a
             recording (`.rrd`), whose channels are read as its replay read them.
-        time: where a table keeps its time; guessed from the column names where None. Logs of
-            messages have their own log times and need none.
+        time: time column and format of a table; guessed from the column names if None. Logs of
+            messages have their own log times.
 
     Raises:
-        LogError: no such file, an unknown suffix, or a file that is not what its suffix says.
+        LogError: the file does not exist, its suffix is unknown, or its content does not match its
+            suffix.
     """
     path = Path(path)
     try:
@@ -105,8 +106,8 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
         opener = OPENERS.get(path.suffix.lower())
         if opener is None:
             raise LogError(
-                f"{path}: no reader for '{path.suffix}'; a log is {', '.join(OPENERS)} "
-                "or a rosbag2 directory"
+                f"{path}: no reader for '{path.suffix}'; supported are {', '.join(OPENERS)} or a "
+                "rosbag2 directory"
             )
         if path.stat().st_size == 0:
             raise LogError(f"{path}: the file is empty (0 bytes)")
@@ -127,25 +128,25 @@ _DESCRIBED: Final = (_METADATA, DESCRIPTION)
 
 
 def expand_log_folders(named: Sequence[Path]) -> list[Path]:
-    """List each named log once; a folder is expanded to the logs in it.
+    """List each named log once; a folder is replaced by the logs in it.
 
     Args:
         named: logs, and folders of logs (which a rosbag2 directory is not).
 
     Raises:
-        LogError: a folder that cannot be read.
+        LogError: a folder cannot be read.
     """
     found = [log for path in named for log in (log_of_folder(path) if _is_folder(path) else [path])]
     return list({path.resolve(): path for path in found}.values())
 
 
 def group_objects_by_log(names: Sequence[str]) -> dict[str, list[str]]:
-    """The logs among objects of a storage that has no folders, each with its objects.
+    """Logs among the objects of a storage without folders, each with its objects.
 
-    Bags, and directories with metadata; where there is neither, tables.
+    Logs are bags and directories with metadata; if there are none, tables.
 
     Args:
-        names: with slashes.
+        names: object names with slashes.
     """
     paths = [PurePosixPath(name) for name in sorted(names)]
     directories = {path.parent for path in paths if path.name == _METADATA}
@@ -166,7 +167,7 @@ def _is_folder(path: Path) -> bool:
 
 
 def log_of_folder(folder: Path) -> list[Path]:
-    """Its bags and those of its folders; where there is none, its tables."""
+    """Bags of a folder and its subfolders; if there are none, its tables."""
     inside = _format_folder(folder)
     bags = [log for each in inside for log in _list_bags(each)]
     tables = [each for each in inside if each.suffix.lower() in _TABLES and each.is_file()]
@@ -175,7 +176,7 @@ def log_of_folder(folder: Path) -> list[Path]:
 
 
 def _list_bags(path: Path) -> list[Path]:
-    """A bag itself, or those of a folder without metadata, as a power loss leaves it."""
+    """A bag, or the bags of a folder without metadata, as after a power loss."""
     if _is_folder(path):
         return [
             log for each in _format_folder(path) if not _is_folder(each) for log in _list_bags(each)

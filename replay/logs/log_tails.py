@@ -1,4 +1,4 @@
-"""New rows of a table or fields of messages while a log is recorded."""
+"""New rows of a table, or new fields of messages, while a log is recorded."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ _POLL_BYTES: Final = 16 * 2**20
 
 
 class TableTail:
-    """A text table that grows line by line. Nothing in it says that its recorder has ended."""
+    """A growing text table. It does not show whether its recorder has ended."""
 
     def __init__(
         self, path: Path, time: TimeAxis | None, fields: Mapping[str, Sequence[str]]
@@ -34,9 +34,9 @@ class TableTail:
         """Begin before the first line.
 
         Args:
-            path: of the table.
-            time: where it keeps its time; None: recognised.
-            fields: by topic, of which a table has one.
+            path: path of the table.
+            time: time column and format; None to detect them.
+            fields: fields by topic; a table has one topic.
         """
         self.is_finished = False
         self.topics = [TABLE]
@@ -100,15 +100,15 @@ class TableTail:
 
 
 class MessageTail:
-    """The fields that are asked for of a tail."""
+    """Requested fields of a growing log of messages."""
 
     def __init__(self, path: Path, tail: Tail, fields: Mapping[str, Sequence[str]]) -> None:
         """Begin before the first message.
 
         Args:
-            path: what errors name.
-            tail: of the log.
-            fields: by topic; each is checked when its first message comes.
+            path: path for error messages.
+            tail: the growing log.
+            fields: fields by topic; each is checked when its first message arrives.
         """
         self._path, self._tail, self._fields = path, tail, fields
         self._decoders: dict[int, Decoder | None] = {}
@@ -116,12 +116,12 @@ class MessageTail:
 
     @property
     def is_finished(self) -> bool:
-        """Whether the recorder has closed the log, and all of it was given."""
+        """Whether the recorder has closed the log and all rows were returned."""
         return self._tail.is_finished
 
     @property
     def topics(self) -> list[str]:
-        """The topics that it has so far."""
+        """Topics found so far."""
         return sorted({connection.topic for connection in self._tail.connections.values()})
 
     @property
@@ -130,10 +130,10 @@ class MessageTail:
         return [*self._tail.losses, *self._losses]
 
     def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
-        """The rows of each topic that became whole since, in the order of the file.
+        """New complete rows of each topic, in the order of the file.
 
         Raises:
-            LogError: a topic that is asked for cannot be decoded, or has no such field.
+            LogError: a requested topic cannot be decoded, or lacks a field.
         """
         found: dict[str, list[pl.DataFrame]] = {}
         for batch in self._tail.poll():
@@ -155,7 +155,7 @@ class MessageTail:
         self._tail.close()
 
     def _decoder_of_connection(self, connection: Connection) -> Decoder | None:
-        """The decoder of a connection; None where nothing of it is asked for."""
+        """Decoder of a connection; None if none of its fields is requested."""
         if connection.topic not in self._fields:
             return None
         if connection.id not in self._decoders:

@@ -1,4 +1,4 @@
-"""The serial number of the machine, as the metadata of a log have it."""
+"""Serial numbers of the machine in the metadata of a log."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -32,8 +32,8 @@ def iter_serial_numbers(texts: Mapping[str, str], record: str = "") -> Iterator[
     """Yield the serial numbers among named texts.
 
     Args:
-        texts: by key.
-        record: what they stand in: `id` of the record `machine` is the machine's.
+        texts: metadata values by key.
+        record: name of the metadata record; `id` in the record `machine` is the machine's.
     """
     for key, text in texts.items():
         names = (key, f"{record}_{key}") if record else (key,)
@@ -43,7 +43,7 @@ def iter_serial_numbers(texts: Mapping[str, str], record: str = "") -> Iterator[
 
 
 def ids_in_preamble(lines: Iterable[str]) -> Iterator[str]:
-    """Yield the serial numbers in the lines above a text table, a name and a value each."""
+    """Yield the serial numbers in the name-value lines above a text table."""
     for line in lines:
         named = _NAMED_LINE.match(line)
         if named is not None:
@@ -51,10 +51,10 @@ def ids_in_preamble(lines: Iterable[str]) -> Iterator[str]:
 
 
 def machine_ids(files: Iterable[Path]) -> tuple[str, ...]:
-    """The serial numbers in the metadata of the files of a log, each once.
+    """Distinct serial numbers in the metadata of a log's files.
 
     MCAP has metadata records, and rosbag2 `custom_data`, which its SQLite storage repeats since ROS
-    2 Iron. A ROS 1 bag has neither: its connections name nodes, topics and types.
+    2 Iron. A ROS 1 bag has neither.
     """
     found: list[str] = []
     for path in files:

@@ -1,4 +1,4 @@
-"""Message definitions: from the text in a log, or from a ROS 2 release where a log has none.
+"""Message definitions, from the text in a log or from a ROS 2 release.
 
 Each type is compiled by itself, so that a definition that cannot be parsed (service `_Event`
 types, which rosbag2 stores as the service) costs its topic and not the log.
@@ -70,14 +70,14 @@ _MOST_ELEMENTS: Final = 2**16
 
 
 class DefinitionError(Exception):
-    """Why messages of a connection cannot be decoded, in a line."""
+    """Messages of a connection cannot be decoded; one line with the reason."""
 
     def __init__(self, text: str) -> None:
         super().__init__(one_line(text))
 
 
 def compile_type(connection: Connection) -> MessageType:
-    """Make the decoder of one connection.
+    """Compile the message type of a connection.
 
     Raises:
         DefinitionError: its encoding has no decoder, or its definition cannot be used.
@@ -110,7 +110,7 @@ def _compile_definition(connection: Connection) -> MessageType:
 
 
 def _is_empty(connection: Connection) -> bool:
-    """Whether it is a package's own `Empty`, of which the definition is no text at all."""
+    """Whether the type is a package's own `Empty`, whose definition is an empty text."""
     is_named = connection.type.rpartition("/")[2] == "Empty" and connection.encoding == "cdr"
     return is_named and not connection.definition.strip()
 
@@ -173,7 +173,7 @@ def _typestore_with_type(name: str) -> Typestore:
 
 
 class _Records:
-    """Turns definitions into records, all of what they name inside them."""
+    """Converts definitions with their references into records."""
 
     def __init__(self, store: Typestore, *, ros1: bool) -> None:
         self._store = store
@@ -223,11 +223,11 @@ class _Records:
 
 
 def value_names(definition: Any) -> tuple[tuple[str, ValueNames], ...]:
-    """The fields of a definition that are enumerations, with the names of their values.
+    """Enumerated fields of a definition, with the names of their values.
 
     ROS has constants and no enumerations. A constant belongs to the integer field whose name in
-    capitals begins its own (`STATUS_FIX` to `status`); where no constant begins so, all of one type
-    belong to the only field of that type (`ERROR` to the `level` of a DiagnosticStatus).
+    capitals is its prefix (`STATUS_FIX` to `status`); if no constant has such a prefix, all of one
+    type belong to the only field of that type (`ERROR` to the `level` of a DiagnosticStatus).
     """
     constants, described = definition
     numbers = [(n, kind, v) for n, kind, v in constants if type(v) is int and kind != "bool"]

@@ -1,4 +1,4 @@
-"""A log of messages: a container, the types of its topics, and the fields picked from them."""
+"""A log of messages: a container, the types of its topics, and the requested fields."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -49,7 +49,7 @@ class MessageLog(Log):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Every file that is read."""
+        """Every file of the log."""
         return self._container.files
 
     def topics(self) -> pl.DataFrame:
@@ -93,7 +93,7 @@ class MessageLog(Log):
         streams = {
             c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
         }
-        groups = self._container.groups(list(streams), start_ns, end_ns)
+        groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
         self._take_all_messages((group.batches for group in groups), streams)
         return {topic: self._finish_reading(topic, reading) for topic, reading in readings.items()}
 
@@ -104,7 +104,7 @@ class MessageLog(Log):
 
         stream = self._begin_reading(topic, fields)
         streams = {connection.id: stream for connection in self._topics[topic].connections}
-        groups = self._container.groups(list(streams), start_ns, end_ns)
+        groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
         try:
             for _, rows in drain_all(groups, streams):
                 yield rows
@@ -125,7 +125,7 @@ class MessageLog(Log):
         readings = {topic: self._begin_reading(topic, names) for topic, names in fields.items()}
         topics = {stream: topic for topic, stream in readings.items()}
         streams = {c.id: s for t, s in readings.items() for c in self._topics[t].connections}
-        groups = self._container.groups(list(streams), start_ns, end_ns)
+        groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
         for stream, rows in drain_all(groups, streams):
             yield topics[stream], rows
         for topic, stream in readings.items():
@@ -144,7 +144,7 @@ class MessageLog(Log):
         return self._topics[topic].connections[0].definition
 
     def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
-        """What the columns of fields hold; see `Log.leaf_fields`."""
+        """Contents of the fields' columns; see `Log.leaf_fields`."""
         self._check_open()
         kind = self._require_decodable_topic(topic).kind
         assert kind is not None, "it is usable"
@@ -155,7 +155,7 @@ class MessageLog(Log):
         return tuple(leaves.get(f.name, LeafField(f.name, f.dtype)) for f in resolved)
 
     def _require_decodable_topic(self, topic: str) -> _Topic:
-        """A topic that can be decoded."""
+        """The topic; raises an error if it cannot be decoded."""
         found = self._topics.get(topic)
         if found is None:
             raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._topics)}")
@@ -197,7 +197,7 @@ class MessageLog(Log):
         self._note_losses(topic, tally)
 
     def _describe_unreadable(self, topic: str, tally: Tally) -> str:
-        """Why nothing of a topic can be read; empty where something can."""
+        """Why nothing of a topic can be read; empty if something can."""
         kind = self._topics[topic].kind
         assert kind is not None, "it was read"
         if tally.rows or not tally.undecodable:
@@ -235,7 +235,7 @@ class MessageLog(Log):
 
         def count_messages() -> Iterator[list[RawBatch]]:
             nonlocal message_bytes
-            for group, _ in self._container.groups(list(topics), None, None):
+            for group, _ in self._container.read_message_groups(list(topics), None, None):
                 for batch in group:
                     times[batch.connection_id].append(batch.log_times)
                     message_bytes += int(batch.lengths.sum())
@@ -253,7 +253,7 @@ class MessageLog(Log):
         return LogCheck(sum(each.size for each in found.values()), message_bytes, crcs)
 
     def _compare_index(self, found: Mapping[int, NDArray[np.int64]]) -> None:
-        """Say where the log times (n,) of the messages, by connection, are not the index's."""
+        """Note where log times (n,) differ from those of the index, by connection."""
         for connection in self._container.connections:
             there, said = found[connection.id], self._container.log_times(connection.id)
             if not np.array_equal(np.sort(there), np.sort(said)):
@@ -280,7 +280,7 @@ class MessageLog(Log):
 
 
 def _merge_connections(connections: tuple[Connection, ...]) -> _Topic:
-    """Merge the connections of a topic, which is right only if their types are the same."""
+    """Merge the connections of a topic, provided that their types are equal."""
     try:
         distinct = dict.fromkeys(replace(connection, id=0) for connection in connections)
         kinds = [compile_type(connection) for connection in distinct]

@@ -1,4 +1,4 @@
-"""Types of protobuf messages, from the descriptors that an MCAP file keeps of them."""
+"""Types of protobuf messages, from the descriptors in an MCAP file."""
 
 from typing import Any, Final
 
@@ -29,10 +29,10 @@ _MOST_FIELDS: Final = 20_000
 
 
 def protobuf_type(name: str, descriptors: bytes) -> MessageType:
-    """The type `name` of a serialized `FileDescriptorSet`.
+    """Message type `name` of a serialized `FileDescriptorSet`.
 
     Raises:
-        BrokenBytesError: they are no descriptors, lack the type, or describe too many fields.
+        BrokenBytesError: the descriptors are invalid, lack the type, or describe too many fields.
     """
     try:
         files = FileDescriptorSet.FromString(descriptors)
@@ -60,7 +60,7 @@ def _unusable_error(why: object) -> BrokenBytesError:
 
 
 def _make_descriptor_pool(files: FileDescriptorSet) -> DescriptorPool:
-    """A pool of files, each added after those that it depends on."""
+    """Pool of files, each added after its dependencies."""
     pool = DescriptorPool()
     waiting = list(files.file)
     added: set[str] = set()
@@ -79,13 +79,13 @@ def _make_descriptor_pool(files: FileDescriptorSet) -> DescriptorPool:
 
 
 class _Types:
-    """Turns descriptors into records, all of what they refer to inside them."""
+    """Converts descriptors with their references into records."""
 
     def __init__(self) -> None:
         self._left = _MOST_FIELDS
 
     def record(self, descriptor: Descriptor, above: tuple[str, ...]) -> RecordType:
-        """A message type; fields that contain it again, and maps, are left out."""
+        """Message type, without maps and fields that contain the type itself."""
         within = (*above, descriptor.full_name)
         fields = ((field.name, self._make_field(field, within)) for field in descriptor.fields)
         names = (
@@ -119,7 +119,7 @@ class _Types:
 
 
 def _is_stamp(descriptor: Descriptor) -> bool:
-    """Whether it is a time or a duration by its name and by its fields, which a log describes."""
+    """Whether a descriptor is a time or duration, by name and fields."""
     kinds = {field.name: field.cpp_type for field in descriptor.fields if not field.is_repeated}
     return (
         descriptor.full_name in _STAMPS

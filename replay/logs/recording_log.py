@@ -1,4 +1,4 @@
-"""A recording as a log: the channels that its replay read, as they were read."""
+"""A recording as a log: the channels that its replay read."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,17 +18,17 @@ _FORMAT: Final = "recording"
 
 
 class RecordingLog(Log):
-    """What `run` wrote under `raw`; other fields of the log are not in it."""
+    """The channels that `run` wrote under `raw`; other fields of the log are absent."""
 
     def __init__(self, path: Path) -> None:
-        """Read what describes the recording.
+        """Read the description of the recording.
 
         Args:
             path: the `.rrd` file.
 
         Raises:
             RecordingError: not a recording of payscope.
-            LogError: it keeps no channels.
+            LogError: it contains no channels.
         """
         super().__init__(path, _FORMAT)
         with open_recording(path) as held:
@@ -49,8 +49,8 @@ class RecordingLog(Log):
         }
         if not self._stage:
             raise LogError(
-                f"{path}: keeps no channels of its log (a review's recording does with --full); "
-                "replay the log itself"
+                f"{path}: does not contain the channels of its log; replay the log itself (a "
+                "review keeps them with --full)"
             )
 
     @property
@@ -59,7 +59,7 @@ class RecordingLog(Log):
         return (self.path,)
 
     def topics(self) -> pl.DataFrame:
-        """The topics that were read; see `Log.topics`."""
+        """Topics that the replay read; see `Log.topics`."""
         with open_recording(self.path) as held:
             times = {t: held.read(s, _STAMPS[:1]) for t, s in self._stage.items()}
         rows = [
@@ -110,11 +110,11 @@ class RecordingLog(Log):
         return LogCheck(sum(frame.height for frame in read.values()), 0, 0)
 
     def machine_ids(self) -> tuple[str, ...]:
-        """That of the log that was recorded."""
+        """Serial number of the recorded machine."""
         return (self._machine_id,) if self._machine_id else ()
 
     def losses(self) -> tuple[Loss, ...]:
-        """Losses of the recorded log, and rows that a recovered recording has lost."""
+        """Losses of the recorded log, and rows missing from a recovered recording."""
         return (*self._losses, *self._missing.values())
 
     def _note_missing(self, topic: str, stored: StoredFrame | None, height: int) -> None:
@@ -124,5 +124,5 @@ class RecordingLog(Log):
 
 
 def _topic_of_stage(stage: str, named: set[str | None]) -> str:
-    """The topic of a stage, which is named without the slash that most begin with."""
+    """Topic of a stage, whose name lacks the usual leading slash."""
     return f"/{stage}" if f"/{stage}" in named else stage

@@ -1,4 +1,4 @@
-"""Tables as logs: text, Parquet, Arrow and spreadsheets, of rows with a time."""
+"""Tables as logs: text, Parquet, Arrow and spreadsheets, with a time for each row."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -51,9 +51,9 @@ _LONGEST: Final = 40
 
 
 class TableLog(Log):
-    """A table whose rows are the messages of one topic. Columns are read as they are asked for.
+    """A table whose rows are the messages of one topic; columns are read on demand.
 
-    Where pairs of time and value stand side by side, each time is a topic: `table`, `table/2` ….
+    If pairs of time and value stand side by side, each time is a topic: `table`, `table/2` ….
     """
 
     def __init__(self, path: Path, time: TimeAxis | None) -> None:
@@ -80,24 +80,24 @@ class TableLog(Log):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The table's file."""
+        """File of the table."""
         return (self.path,)
 
     def notes(self) -> tuple[str, ...]:
-        """What was recognised of the table's dialect and time."""
+        """Notes on the detected dialect and time."""
         for topic in self._parts:
             self._log_times_of_topic(topic)
         return tuple(f"{self.path.name}: {note}" for note in dict.fromkeys(self._notes))
 
     def machine_ids(self) -> tuple[str, ...]:
-        """The serial numbers in the metadata of a Parquet or Arrow file, or above a text table."""
+        """Serial numbers in the metadata of a Parquet or Arrow file, or above a text table."""
         columns = self._columns
         text = isinstance(columns, CsvColumns)
         found = ids_in_preamble(columns.preamble) if text else iter_serial_numbers(columns.metadata)
         return tuple(dict.fromkeys(found))
 
     def units(self, topic: str) -> dict[str, str]:
-        """The units that names, a row of units or metadata state, by field."""
+        """Units stated by names, a row of units or metadata, by field."""
         if topic not in self._parts:
             return {}
         inside = set(self._fields_of_topic(topic))
@@ -148,13 +148,13 @@ class TableLog(Log):
         return found
 
     def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
-        """Read these with the times, when all rows are looked at."""
+        """Announce fields that are read together with the times."""
         inside = {name for topic in self._parts for name in self._fields_of_topic(topic)}
         asked = dict.fromkeys(name for names in fields.values() for name in names)
         self._expected = [name for name in asked if name in inside]
 
     def _look_at_all_rows(self, fields: Sequence[str] = ()) -> None:
-        """Look at all rows of a text once, and read its times and some fields on the way."""
+        """Scan all rows of a text once, reading its times and some fields."""
         if self._is_checked or not isinstance(self._columns, CsvColumns):
             return
         self._is_checked = True
@@ -166,7 +166,7 @@ class TableLog(Log):
             raise LogError(f"{self.path}: not a {self._suffix} table: {error}") from error
 
     def _log_times_of_topic(self, topic: str) -> pl.Series:
-        """Log time of each row, null where it has none."""
+        """Log time of each row; null if it has none."""
         if topic not in self._stamps:
             self._look_at_all_rows()
             self._stamps[topic] = self._find_stamps(self._parts[topic][0])
@@ -202,7 +202,7 @@ class TableLog(Log):
         return times.alias("log_time_ns")
 
     def _refuse_disagreement(self, axis: TableTimes, times: pl.Series) -> None:
-        """Refuse a time that was not named, and that another one of the table contradicts."""
+        """Raise an error if another time column contradicts the detected one."""
         columns = self._columns
         is_told = self._is_time_given or axis.time is None or len(self._parts) > 1
         if is_told or not isinstance(columns, CsvColumns):
@@ -217,7 +217,7 @@ class TableLog(Log):
             )
 
     def _refuse_shared(self, axis: TableTimes, there: pl.Series, steps: pl.Series) -> None:
-        """Refuse times that most rows share with the one before: their resolution is too coarse."""
+        """Raise an error if most rows share their time with the previous one: too coarse."""
         shared = int((steps == 0).sum())
         if there.len() <= _FEW or 2 * (there.len() - shared) >= there.len():
             return
@@ -232,7 +232,7 @@ class TableLog(Log):
         raise LogError(f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said}")
 
     def _refuse_restarts(self, axis: TableTimes, there: pl.Series, backwards: int) -> None:
-        """Refuse a time that falls back and goes on from there: sorted, two records would mix."""
+        """Raise an error if the time falls back and continues: sorting would mix two records."""
         wanted = self._hints.sort_times
         if wanted or (wanted is None and self._is_shuffled(there, backwards)):
             return
@@ -247,7 +247,7 @@ class TableLog(Log):
         )
 
     def _is_shuffled(self, there: pl.Series, backwards: int) -> bool:
-        """Whether few rows are late, or so many fall back that none go on from there."""
+        """Whether few rows are late, or so many fall back that none continues from there."""
         late = int((there < there.cum_max()).sum())
         return late < _FEW_LATE * there.len() or backwards > _FALLS * late
 
@@ -262,7 +262,7 @@ class TableLog(Log):
         return [name for name in self._parts[topic][1] if name and name not in _STAMPS]
 
     def topics(self) -> pl.DataFrame:
-        """The one topic, or one a time column; see `Log.topics`."""
+        """The single topic, or one per time column; see `Log.topics`."""
         rows = [
             {
                 "topic": topic,
@@ -327,7 +327,7 @@ class TableLog(Log):
         return values if keeps else values.cast(pl.String)
 
     def _guess_type(self, text: pl.Series) -> pl.Series:
-        """Integers, numbers, booleans or text: the first that at least half of the cells are."""
+        """Integers, numbers, booleans or text: the first type that half of the cells have."""
         text = text.str.strip_chars()
         present = text.filter(text.is_not_null() & (text != ""))
         as_integers = text.cast(pl.Int64, strict=False)

@@ -1,1 +1,1 @@
-"""Machine files, and those that are shipped."""
+"""Machine files, including those that payscope ships."""

@@ -1,4 +1,4 @@
-"""Machine files: TOML in, a validated `Machine` out, every fault in one line."""
+"""Read machine files in TOML and validate them as `Machine`, with errors of one line."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -53,7 +53,7 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
 
 
 def refuse_bare_setting(override: str) -> None:
-    """Name the setting that an override means without saying `settings`."""
+    """Refuse a setting without its prefix `settings.`, and name the full key."""
     key = override.partition("=")[0].strip()
     first, _, rest = key.partition(".")
     if first in Machine.model_fields:
@@ -67,12 +67,12 @@ def refuse_bare_setting(override: str) -> None:
 
 
 def time_axis(machine: Machine) -> TimeAxis | None:
-    """Where the machine file says that tables keep their time."""
+    """Time axis of tables according to the machine file; None if it gives none."""
     return table_axis(machine.log)
 
 
 def table_axis(section: LogSection) -> TimeAxis | None:
-    """Time column and dialect of a table by the keys of `[log]`; None if none is given."""
+    """Time column and dialect of tables by the keys of `[log]`; None if none is given."""
     given = section.model_dump()
     time, unit = given.pop("time", None), given.pop("time_unit", None)
     if time is None and unit is None and not given:
@@ -81,6 +81,6 @@ def table_axis(section: LogSection) -> TimeAxis | None:
 
 
 def machine_path(path: Path) -> Path:
-    """The file itself, or the shipped machine file of that name where there is no such file."""
+    """Path of a machine file, or of the shipped one with that name if no such file exists."""
     shipped = _SHIPPED / path.name
     return shipped if not path.exists() and path == Path(path.name) and shipped.exists() else path

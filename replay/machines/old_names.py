@@ -1,4 +1,4 @@
-"""Keys of TOML files that had another name: read as before, and rewritten by `payscope migrate`."""
+"""Former names of keys in TOML files: still read, and rewritten by `payscope migrate`."""
 
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -53,21 +53,21 @@ _MOST_NAMED: Final = 3
 
 
 class OldNameWarning(UserWarning):
-    """A file has keys under old names; they were read."""
+    """Warning that a file uses former names of keys, which were read."""
 
 
 class BothNamesError(ValueError):
-    """A file has a key under its old and under its new name."""
+    """Error that a file has a key under both its former and its present name."""
 
 
 def rename_old_keys(content: dict[str, Any]) -> dict[str, str]:
-    """Give the keys of a file the names that they have now.
+    """Rename former keys to their present names.
 
     Args:
-        content: of the file; changed in place.
+        content: content of the file; changed in place.
 
     Returns:
-        The new name of each key that had an old one.
+        Present name by former name.
 
     Raises:
         BothNamesError: the new name is there as well, or a value stands in its way.
@@ -95,20 +95,20 @@ def rename_old_keys(content: dict[str, Any]) -> dict[str, str]:
 
 
 def renames_text(renamed: Mapping[str, str]) -> str:
-    """Say in one line what is called what now."""
+    """Say in one line which keys have which new names."""
     pairs = [f"'{old}' is now '{new}'" for old, new in renamed.items()]
     more = len(pairs) - _MOST_NAMED
     return ", ".join(pairs[:_MOST_NAMED]) + (f" (and {more} more)" if more > 0 else "")
 
 
 def migrate_text(text: str) -> tuple[str, dict[str, str]]:
-    """The text of a TOML file with the new names; comments and order stay.
+    """Replace former keys in the text of a TOML file; comments and order are kept.
 
-    A key stays where it is, as `align.rate_hz` in `[settings]`. Where the file has the table
-    `[settings.align]`, it moves there, with the comment lines right above it.
+    A key stays where it is, as `align.rate_hz` in `[settings]`. If the file has the table
+    `[settings.align]`, the key moves there, together with the comment lines directly above it.
 
     Returns:
-        The text, and the new name of each key that had an old one.
+        Text, and present name by former name.
 
     Raises:
         BothNamesError: as `rename_old_keys`, or a key is written in a way that only a person can
@@ -131,10 +131,10 @@ def migrate_text(text: str) -> tuple[str, dict[str, str]]:
 
 
 def migrate_file(path: Path) -> dict[str, str]:
-    """Rewrite a TOML file with the names that its keys have now; comments and order stay.
+    """Rewrite a TOML file with present key names; comments and order are kept.
 
     Returns:
-        The new name of each key that had an old one; without any, the file is left as it is.
+        Present name by former name; if empty, the file is unchanged.
 
     Raises:
         MachineError: it cannot be read, is no TOML, or a person has to rename a key.
@@ -168,7 +168,7 @@ def _find_table(content: dict[str, Any], sections: list[str]) -> dict[str, Any] 
 
 
 def _rename_in_lines(lines: list[str], old: str, new: str) -> None:
-    """Rename one key, or move it to the table of its new name; nothing where it is not found."""
+    """Rename one key, or move it to the table of its new name; do nothing if it is absent."""
     tables = list(_find_tables(lines))
     for table in tables:
         for at in range(table.first, table.last):
@@ -183,7 +183,7 @@ def _rename_in_lines(lines: list[str], old: str, new: str) -> None:
 
 
 def _move_key(lines: list[str], at: int, table: "_TableLines", home: "_TableLines") -> None:
-    """Move a key, with the comment lines right above it, to the top of another table."""
+    """Move a key, with the comment lines directly above it, to the top of another table."""
     end = _end_of_value(lines, at, table.last)
     while at > table.first and lines[at - 1].lstrip().startswith("#"):
         at -= 1
@@ -196,7 +196,7 @@ def _move_key(lines: list[str], at: int, table: "_TableLines", home: "_TableLine
 
 
 class _TableLines(NamedTuple):
-    """The lines of the keys of a table, and its dotted name with a dot behind."""
+    """Lines of a table's keys, and the table's dotted name followed by a dot."""
 
     prefix: str
     first: int
@@ -212,7 +212,7 @@ def _find_tables(lines: list[str]) -> Iterator[_TableLines]:
 
 
 def _is_header(line: str) -> bool:
-    """Whether a line that begins with a bracket is a table, not part of a list of lists."""
+    """Whether a line that begins with a bracket is a table header, not part of nested lists."""
     try:
         return bool(tomllib.loads(line))
     except tomllib.TOMLDecodeError:
@@ -220,7 +220,7 @@ def _is_header(line: str) -> bool:
 
 
 def _end_of_value(lines: list[str], at: int, last: int) -> int:
-    """The line behind a value, which may take several."""
+    """Index of the line after a value, which may span several lines."""
     for end in range(at + 1, last + 1):
         try:
             tomllib.loads("".join(lines[at:end]))
@@ -231,5 +231,5 @@ def _end_of_value(lines: list[str], at: int, last: int) -> int:
 
 
 def unquote_key(key: str) -> str:
-    """A dotted key without quotes and blanks."""
+    """Dotted key without quotes and blanks."""
     return ".".join(part.strip().strip("\"'") for part in key.split("."))

@@ -1,4 +1,4 @@
-"""TOML files into models, with errors of one line that name the key and the nearest known one."""
+"""Validate TOML files as models, with errors of one line that suggest the nearest known key."""
 
 import json
 import reprlib
@@ -30,7 +30,7 @@ _Model = TypeVar("_Model", bound=BaseModel)
 
 
 def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
-    """Read a TOML file, its keys under the names that they have now.
+    """Read a TOML file, with former keys renamed to their present names.
 
     Warns:
         OldNameWarning: one had its old name.
@@ -58,7 +58,7 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
 
 
 def read_value(text: str) -> Any:
-    """A value as TOML writes it; a bare word is text."""
+    """Parse a TOML value; a bare word is text."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except ValueError:  # a TOMLDecodeError, or a number of thousands of digits
@@ -66,7 +66,7 @@ def read_value(text: str) -> Any:
 
 
 def toml_value(value: object) -> str:
-    """Write a value as TOML does; numbers, texts and lists of them look alike in JSON."""
+    """Format a value in TOML; numbers, texts and lists of them are the same in JSON."""
     if isinstance(value, Mapping):
         inside = ", ".join(f"{key} = {toml_value(each)}" for key, each in value.items())
         return f"{{ {inside} }}"
@@ -74,7 +74,7 @@ def toml_value(value: object) -> str:
 
 
 def set_value(content: dict[str, Any], override: str, error: type[PayscopeError]) -> None:
-    """Put `key=value` into `content`: a dotted key, a value as TOML writes it or a bare word.
+    """Set `key=value` in `content`: a dotted key, and a TOML value or a bare word.
 
     Raises:
         PayscopeError: as `error`: it is not written like that, or the key leads through a value.
@@ -100,7 +100,7 @@ def set_value(content: dict[str, Any], override: str, error: type[PayscopeError]
 def validate(
     path: Path, values: Mapping[str, Any], model: type[_Model], error: type[PayscopeError]
 ) -> _Model:
-    """The content of the file at `path` as `model`.
+    """Validate the content of the file at `path` as `model`.
 
     Raises:
         PayscopeError: as `error`, in one line: an unknown key (with the nearest known one), or a
@@ -113,7 +113,7 @@ def validate(
 
 
 def fault_line(fault: ValidationError, model: type[BaseModel]) -> str:
-    """Say in one line what is wrong, where, and what was probably meant."""
+    """Say in one line which value is wrong, where, and what was probably meant."""
     details = fault.errors(include_url=False)
     # a required key that is misspelt is missing as well
     first = next((each for each in details if each["type"] == "extra_forbidden"), details[0])
@@ -145,7 +145,7 @@ def fault_line(fault: ValidationError, model: type[BaseModel]) -> str:
 def keys_and_table(
     model: type[BaseModel], location: Sequence[int | str]
 ) -> tuple[list[str], type[BaseModel] | None]:
-    """The keys of a location, without pydantic's tags of unions, and the table there."""
+    """Keys of a location, without pydantic's union tags, and the model of that table."""
     here: Any = model
     keys: list[str] = []
     for part in location:
@@ -165,7 +165,7 @@ def keys_and_table(
 
 
 def table_of_annotation(here: Any, tag: int | str | None = None) -> type[BaseModel] | None:
-    """The table that an annotation allows, among several the one with this tag."""
+    """Model that an annotation allows; among several, the one with this tag."""
     if isinstance(here, type) and issubclass(here, BaseModel):
         return here
     if get_origin(here) is Annotated:

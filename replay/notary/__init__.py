@@ -1,1 +1,1 @@
-"""The notary of a recorder's folder."""
+"""Notary of a recorder's folder: signed, chained lists of its logs."""

@@ -1,8 +1,8 @@
-"""The list of a notary as a file: only ever appended to, by one process, whole or not at all.
+"""File of a notary's list, which only one process appends to, in whole lines.
 
-A line is written with its newline and flushed to the disc before the next one is begun. A process
-that is killed leaves at most a line without a newline, which the next one cuts off. Where the list
-ends is kept a second time, in the user's state folder: a list that ends before that was cut.
+A line is written with its newline and flushed to the disc before the next. A killed process leaves
+at most a line without a newline, which the next process cuts off. The end of the list is kept a
+second time in the user's state folder; a list that ends earlier has been truncated.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ _FLAGS: Final = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_NOFOLLOW",
 
 @dataclass(frozen=True, slots=True)
 class ListEnd:
-    """Where a list ends, as it is kept a second time."""
+    """End of a list, as kept in the second place."""
 
     head: str
     counter: int
@@ -42,13 +42,13 @@ class ListEnd:
 
 @dataclass(slots=True)
 class OpenList:
-    """A list that this process alone writes.
+    """List that only this process may write.
 
     Attributes:
-        path: the list.
-        lines: what it holds; none of a new one.
-        cut_bytes: of a torn tail that was cut off.
-        second: where its end is kept a second time; None where that cannot be written.
+        path: path of the list.
+        lines: lines of the list; empty if it is new.
+        cut_bytes: size of the torn tail that was cut off.
+        second: second place of the list's end; None if it cannot be written.
     """
 
     path: Path
@@ -59,7 +59,7 @@ class OpenList:
     _size: int
 
     def append(self, line: NotaryLine) -> None:
-        """Write a line to the disc, whole or not at all.
+        """Append a line and flush it to the disc, whole or not at all.
 
         Raises:
             OutputError: the disc is full, or the list cannot be written; it is as it was before.
@@ -81,7 +81,7 @@ class OpenList:
         self._keep_end()
 
     def _keep_end(self) -> None:
-        """Keep where the list ends, in the second place."""
+        """Write the end of the list to the second place."""
         if self.second is None:
             return
         last = self.lines[-1]
@@ -105,9 +105,9 @@ class OpenList:
 
 @contextmanager
 def open_list(path: Path) -> Generator[OpenList]:
-    """Open a list for this process alone, and compare it with where it ended the last time.
+    """Open a list for this process alone, and compare it with its end at the last time.
 
-    The system takes the lock back from a process that ends, however it ends.
+    The system releases the lock when the process ends, however it ends.
 
     Raises:
         EvidenceError: it is no list, was cut or written anew, or another process writes it.
@@ -124,7 +124,7 @@ def open_list(path: Path) -> Generator[OpenList]:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise EvidenceError(
-                f"{path}: another process writes it; one notary keeps a list"
+                f"{path}: another process is writing this list; only one notary may write it"
             ) from None
         size = os.fstat(number).st_size
         if size > MOST_LIST_BYTES:
@@ -150,7 +150,7 @@ def _read_all(number: int, size: int) -> bytes:
 
 
 def _compare_end(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> None:
-    """Whether a list still has what it had; and whether it holds together.
+    """Check that a list contains its former lines and that its chain is intact.
 
     Raises:
         EvidenceError: it does not.
@@ -165,27 +165,27 @@ def _compare_end(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> No
             fault = f"number {entry.counter} follows number {before.content.counter}"
         if fault:
             raise EvidenceError(
-                f"{path}: {fault}: it was changed; `payscope verify {path}` lists all, and a list "
-                "that was changed is not gone on with"
+                f"{path}: {fault}; the list was changed; `payscope verify {path}` lists all "
+                "faults, and a changed list cannot be continued"
             )
     if end is None:
         return
     if not lines:
         raise EvidenceError(
-            f"{path}: is empty, and number {end.counter} was written: the list was taken away; put "
-            "it back, or begin another one elsewhere with --list"
+            f"{path}: is empty, but number {end.counter} was written before, so the list was "
+            "removed; restore it, or start another one elsewhere with --list"
         )
     known = len(lines) > end.counter and lines[end.counter].digest == end.digest
     if lines[0].digest != end.head or not known:
         raise EvidenceError(
-            f"{path}: ends with number {len(lines) - 1} and is not the list that was written up to "
-            f"number {end.counter}: it was cut or written anew; put it back, or begin another one "
-            "elsewhere with --list"
+            f"{path}: ends with number {len(lines) - 1}, but was written up to number "
+            f"{end.counter}, so it was cut or replaced; restore it, or start another one elsewhere "
+            "with --list"
         )
 
 
 def second_copy_path(path: Path) -> Path | None:
-    """Where the end of a list is kept a second time; None where that cannot be written."""
+    """Path of the second copy of a list's end; None if it cannot be written."""
     named = os.environ.get(STATE_VARIABLE)
     base = os.environ.get("XDG_STATE_HOME")
     try:
@@ -199,7 +199,7 @@ def second_copy_path(path: Path) -> Path | None:
 
 
 def read_kept_end(second: Path | None) -> ListEnd | None:
-    """Read the kept end; None if there is none.
+    """Read the kept end of a list; None if there is none.
 
     Raises:
         EvidenceError: it is damaged.
@@ -211,6 +211,6 @@ def read_kept_end(second: Path | None) -> ListEnd | None:
         return ListEnd(str(held["head"]), int(held["counter"]), str(held["digest"]))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise EvidenceError(
-            f"{second}: does not say where the list ends ({type(error).__name__}); remove it if "
-            "you know that the list is whole"
+            f"{second}: does not contain the end of the list ({type(error).__name__}); remove this "
+            "file if you know that the list is complete"
         ) from None

@@ -1,4 +1,4 @@
-"""The command `notarise`: finished logs of a folder, listed, signed and chained as they come."""
+"""The command `notarise`: list, sign and chain the finished logs of a folder."""
 
 import datetime as dt
 import os
@@ -45,11 +45,11 @@ class NotarisedFolder:
     """Result of a pass over a folder.
 
     Attributes:
-        path: the list.
-        added: lines that it has more.
-        waiting: logs that are still written to.
+        path: path of the list.
+        added: lines added.
+        waiting: logs that are still being written.
         last: counter of the last line.
-        notes: what whoever keeps the list should know.
+        notes: notes for the keeper of the list.
     """
 
     path: Path
@@ -71,12 +71,12 @@ class NotarisedFolder:
 
 @dataclass(frozen=True, slots=True)
 class FoundLog:
-    """A log of the folder.
+    """Log in the folder.
 
     Attributes:
-        name: from the folder.
+        name: path relative to the folder.
         path: the file, or the rosbag2 directory.
-        files: what it is made of, with their sizes and when they were last written.
+        files: files of the log with their sizes and modification times.
     """
 
     name: str
@@ -85,7 +85,7 @@ class FoundLog:
 
     @property
     def written_s(self) -> float:
-        """When it was last written."""
+        """Time of the last modification."""
         return max(us for _, us in self.files.values()) / 1e6
 
 
@@ -97,24 +97,26 @@ def notarise_folder(
     machine_id: str = "",
     quiet_s: float = QUIET_S,
 ) -> NotarisedFolder:
-    """List the finished logs of a folder that are not in its list.
+    """Add the finished logs of a folder to its list.
 
     Args:
-        folder: of the recorder; folders in it are looked into, no link is followed.
-        key_file: private key of the recorder; without it the environment may hold one.
+        folder: recorder's folder; subfolders are searched, links are not followed.
+        key_file: private key of the recorder; by default from the environment.
         list_path: the list; `notary.jsonl` in the folder by default.
-        machine_id: serial number of the machine; of a new list, or to compare.
-        quiet_s: seconds that a log has to be left alone to be finished.
+        machine_id: serial number of the machine, for a new list or to compare with the list's.
+        quiet_s: seconds without changes after which a log is finished.
 
     Raises:
         EvidenceError: no key, or another than the list's; the list was changed.
         OutputError: the list cannot be written; what was listed before that stays.
     """
     if not folder.is_dir():
-        raise EvidenceError(f"{folder}: no such folder; name the one that the recorder writes to")
+        raise EvidenceError(
+            f"{folder}: no such folder; name the folder that the recorder writes to"
+        )
     key = signing_key(key_file)
     if key is None:
-        raise EvidenceError(f"a notary signs: give --key KEY.pem, or {KEY_VARIABLE}")
+        raise EvidenceError(f"a notary needs a signing key; give --key KEY.pem, or {KEY_VARIABLE}")
     path = list_path or folder / LIST_NAME
     with open_list(path) as held:
         head = begin_list(held, key, machine_id)
@@ -145,7 +147,7 @@ def notarise_folder(
 
 
 def begin_list(held: OpenList, key: SigningKey, machine_id: str) -> list[str]:
-    """Begin a new list; of another, compare whose it is."""
+    """Begin a new list, or check that an existing one has this key and machine; return notes."""
     if not held.lines:
         head = NotaryHead(
             format=FORMAT,
@@ -173,11 +175,11 @@ def begin_list(held: OpenList, key: SigningKey, machine_id: str) -> list[str]:
 
 
 def find_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
-    """Yield the logs of a folder and of those in it; no link is followed.
+    """Yield the logs of a folder and its subfolders; links are not followed.
 
     Args:
-        folder: of the recorder.
-        path: the list, which is none.
+        folder: folder of the recorder.
+        path: path of the list, which is not a log.
     """
     own = path.resolve()
     for number, (place, folders, names) in enumerate(os.walk(folder, followlinks=False)):
@@ -201,7 +203,7 @@ def find_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
 
 
 def size_and_time(path: Path) -> tuple[int, int] | None:
-    """Size and time of writing, in µs, of a regular file; None of anything else."""
+    """Size and modification time in µs of a regular file; None for anything else."""
     try:
         held = path.lstat()
     except OSError:
@@ -214,7 +216,7 @@ def _is_same(entry: NotaryEntry, log: FoundLog) -> bool:
 
 
 def make_entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> NotaryEntry | None:
-    """The line of a log; None where it is written to meanwhile."""
+    """Line of the list for a log; None if the log changes meanwhile."""
     inside = log.path if log.path.is_dir() else log.path.parent
     try:
         digests = {name: file_sha256(inside / name) for name in log.files}
@@ -242,9 +244,9 @@ def make_entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> Not
 
 
 def _describe_log(path: Path) -> tuple[str, str, str]:
-    """Begin and end of a log and its machine; "" of what it does not tell.
+    """Begin, end and machine of a log; "" for what is unknown.
 
-    A damaged log is a log as well.
+    A damaged log is listed as well.
     """
     try:
         with open_log(path) as log:
@@ -267,7 +269,7 @@ def _format_now() -> str:
 
 
 def _clock_notes(held: OpenList, entry: NotaryEntry) -> Iterator[str]:
-    """What is wrong with the clock: it is listed all the same, and whoever verifies finds it."""
+    """Notes on a wrong clock; the log is listed anyway, and `verify` reports it."""
     last = held.lines[-1].content
     if isinstance(last, NotaryEntry) and entry.listed < last.listed:
         yield (

@@ -1,4 +1,4 @@
-"""The command `verify` of a notary's list."""
+"""The command `verify` on a notary's list."""
 
 import datetime as dt
 from dataclasses import dataclass
@@ -34,11 +34,11 @@ class VerifiedList:
     """Result of verifying a list.
 
     Attributes:
-        path: the list.
-        findings: what is wrong.
-        notes: what a reader should know besides.
-        logs: how many it has.
-        kept_by: whose key it is.
+        path: path of the list.
+        findings: faults of the list.
+        notes: further notes for the reader.
+        logs: number of logs.
+        kept_by: owner of the key.
     """
 
     path: Path
@@ -49,12 +49,12 @@ class VerifiedList:
 
     @property
     def outcome(self) -> BundleOutcome | None:
-        """The exit status; None where nothing is wrong."""
+        """Exit status; None if nothing is wrong."""
         return worst_outcome(self.findings)
 
     @property
     def verdict(self) -> str:
-        """The outcome in a sentence."""
+        """Outcome in one sentence."""
         holds = f"{counted(self.logs, 'log')} verified; {self.kept_by}"
         return verdict_text(self.path, self.findings, holds)
 
@@ -73,12 +73,12 @@ class VerifiedList:
 
 
 def verify_list(path: Path, *, key_file: Path | None = None, signed: bool = False) -> VerifiedList:
-    """Check a list by itself.
+    """Check a list on its own, without the logs.
 
     Args:
-        path: the list.
-        key_file: the public key of the recorder.
-        signed: whether it has to be kept with that key, or one of the user's keyring.
+        path: path of the list.
+        key_file: public key of the recorder.
+        signed: whether the list must be signed with that key, or one of the user's keyring.
 
     Raises:
         EvidenceError: it, or the key, cannot be read.

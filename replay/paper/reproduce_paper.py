@@ -22,13 +22,13 @@ from replay.pipeline import run
 
 
 class Reproduction:
-    """The work that some items take, planned: `repetitions`, and then `find`.
+    """Plan of the work for some items: `repetitions` first, then `find`.
 
     Args:
-        items: of `recordings.paper.paper_items.ITEMS`.
+        items: names from `recordings.paper.paper_items.ITEMS`.
         windows: Monte Carlo windows of each length in Table 1; a fifth as many long cruises.
         campaigns: simulated campaigns for Tables 2 to 4, Figures 6 to 8 and the claims.
-        seed: of the first campaign; each has the next.
+        seed: seed of the first campaign; each further one has the next.
     """
 
     def __init__(
@@ -50,13 +50,13 @@ class Reproduction:
         )
 
     def find(self, on_stage: Callable[[str], None]) -> list[ItemResult]:
-        """Take all repetitions, then make the items.
+        """Run all repetitions, then make the items.
 
         Args:
-            on_stage: told the name of each repetition as it begins.
+            on_stage: called with the name of each repetition as it begins.
 
         Returns:
-            The items in the order in which they were asked for.
+            Items in the requested order.
         """
         for repetition in self.repetitions:
             on_stage(repetition.name)
@@ -72,7 +72,7 @@ def replay_simulated(
     """Simulate a campaign and replay it from memory.
 
     Args:
-        scenario: of the simulation.
+        scenario: scenario to simulate.
         machine: settings and body; its channels are read from the simulation's topics.
         chain: applied to the signals before they are recorded.
     """

@@ -1,4 +1,4 @@
-"""The tables of a query: topics of logs, frames of recordings, ledgers, results of a fleet."""
+"""Tables of a query: topics of logs, frames of recordings, ledgers, results of a fleet."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -28,15 +28,15 @@ _BEGIN: Final = "start_t_ns"
 
 @dataclass
 class NamedTables:
-    """Tables by the names that a query has for them.
+    """Tables by their names in a query.
 
     Attributes:
-        recordings: that were named.
-        fleet: the results of a fleet that were named, if any.
-        losses: what could not be read so far of the topics that were made.
-        sources: of the topics that were made: what went wrong is with them.
-        tables: by name and, where no other has it, in a word: `imu_data` for `/imu/data`.
-        words: the words, by name.
+        recordings: named recordings.
+        fleet: named results of a fleet, if any.
+        losses: losses so far while reading topics.
+        sources: sources of the topics, for error messages.
+        tables: tables by name and, if unambiguous, by a single word: `imu_data` for `/imu/data`.
+        words: single-word names by full name.
     """
 
     recordings: tuple[Path, ...] = ()
@@ -47,7 +47,7 @@ class NamedTables:
     words: dict[str, str] = field(default_factory=dict)
 
     def add(self, name: str, table: Callable[[], pl.LazyFrame], where: str) -> None:
-        """Add a table under its name; two of one name cannot be told apart in a query."""
+        """Add a table under its name, which must be unique."""
         if name in self.tables:
             fault = f"query: two tables are named '{name}', one of {where}; query them apart"
 
@@ -59,7 +59,7 @@ class NamedTables:
             self.tables[name] = table
 
     def add_word_names(self) -> None:
-        """Name tables in a word too."""
+        """Add single-word names of tables."""
         words: dict[str, list[str]] = {}
         for name in self.tables:
             words.setdefault(re.sub(r"\W+", "_", name).strip("_"), []).append(name)
@@ -77,8 +77,8 @@ def named_tables(
     Args:
         sources: logs, folders and patterns of logs, recordings, reviews and ledgers, and the
             results of a fleet.
-        time: where tables keep their time.
-        columns: that the query names; elements of lists among them (`effort[left]`) are picked.
+        time: time axis of tables.
+        columns: columns named in the query; list elements among them (`effort[left]`) are read.
 
     Raises:
         PayscopeError: one of them is not there, or nothing of these.
@@ -101,7 +101,9 @@ def named_tables(
         else:
             logs.append(source)
     if len(fleets) > 1:
-        raise QueryError(f"query: results of two fleets ({', '.join(fleets)}); query them apart")
+        raise QueryError(
+            f"query: results of two fleets ({', '.join(fleets)}); query them separately"
+        )
     found = NamedTables(tuple(dict.fromkeys(recordings)), fleets[0] if fleets else None)
     t0_unix_ns = _add_recordings(found)
     if logs:
@@ -116,7 +118,7 @@ def named_tables(
 
 
 def _add_recordings(found: NamedTables) -> int | None:
-    """Add the frames of all recordings, and say when the run began if there is one alone."""
+    """Add the frames of all recordings; return the start of the run if there is only one."""
     by_name: dict[str, list[RecordingFrame]] = {}
     for path in found.recordings:
         for name, frame in recording_frames(path, with_source=len(found.recordings) > 1).items():
@@ -135,12 +137,12 @@ def _concatenate(frames: Sequence[RecordingFrame]) -> pl.LazyFrame:
 
 @dataclass(frozen=True, slots=True)
 class _TopicOptions:
-    """How topics become tables.
+    """Options for reading topics as tables.
 
     Attributes:
-        time: where tables keep their time.
-        t0_unix_ns: when the run of the recording began that is queried beside them.
-        columns: that the query names.
+        time: time axis of tables.
+        t0_unix_ns: start of the run of the recording that is queried together with them.
+        columns: columns named in the query.
     """
 
     time: TimeAxis | None
@@ -148,7 +150,7 @@ class _TopicOptions:
     columns: tuple[str, ...]
 
     def choose_fields(self, log: Log, topic: str) -> list[str] | None:
-        """All fields and the elements that are named; None for all fields alone."""
+        """All fields and the named list elements; None if no element is named."""
         whole = [leaf.name for leaf in log.leaf_fields(topic)]
         picked: list[str] = []
         for name in self.columns:
@@ -193,7 +195,7 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
 
 
 def add_opening_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
-    """A table of a fleet with the second that `fleet open --at` takes, where its rows have one."""
+    """Add the second for `fleet open --at` to a fleet's table, if its rows have one."""
     rows = table()
     if _BEGIN not in rows.collect_schema():
         return rows

@@ -1,4 +1,4 @@
-"""Frames of a recording as lazy frames: only the columns that a query needs are read."""
+"""Frames of a recording as lazy frames, of which only the needed columns are read."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ _RAW: Final = "raw/"
 
 @dataclass(frozen=True, slots=True)
 class RecordingFrame:
-    """A frame of a recording that a query may read.
+    """Frame of a recording for queries.
 
     Attributes:
-        recording: the file.
-        stored: what the recording says of the frame.
+        recording: path of the recording.
+        stored: description of the frame in the recording.
         t0_unix_ns: unix time of the run's start.
-        with_source: whether a column says which recording a row is of.
+        with_source: whether to add a column with the recording of each row.
     """
 
     recording: Path
@@ -36,7 +36,7 @@ class RecordingFrame:
 
     @property
     def time_column(self) -> str | None:
-        """Column that places its rows in time, if any."""
+        """Column that places the rows in time, if any."""
         if self.stored.name.startswith(_RAW):
             return "log_time_ns"
         declared = FRAMES.get(self.stored.name.partition("/")[0])
@@ -45,14 +45,14 @@ class RecordingFrame:
 
     @property
     def schema(self) -> pl.Schema:
-        """The columns: the source, the second of the run, then those of the frame."""
+        """Columns: the source, the second of the run, then those of the frame."""
         own = {each.name: each.polars_dtype for each in self.stored.columns}
         source = {SOURCE: pl.String()} if self.with_source else {}
         second = {AT_S: pl.Float64()} if self.time_column else {}
         return pl.Schema({**source, **second, **own})
 
     def lazy(self) -> pl.LazyFrame:
-        """The frame; it is read when its rows are taken."""
+        """Lazy frame, read when its rows are collected."""
 
         def batches(
             columns: list[str] | None, predicate: pl.Expr | None, n_rows: int | None
@@ -83,7 +83,7 @@ class RecordingFrame:
 
 
 def recording_frames(path: Path, *, with_source: bool) -> dict[str, RecordingFrame]:
-    """The frames of a recording by their names, in pipeline order.
+    """Frames of a recording by name, in pipeline order.
 
     Raises:
         RecordingError: not a recording that keeps frames.

@@ -1,4 +1,4 @@
-"""The command `query`: a SELECT over what is named, its rows on the screen or in a file."""
+"""The command `query`: a SELECT over named sources, with its rows shown or written to a file."""
 
 import shlex
 import warnings
@@ -12,7 +12,11 @@ from typing import Any, Final
 import polars as pl
 
 from estimators.errors import OutputError, QueryError
-from recordings.report.atomic_output import atomic_file, check_output, refuse_input_as_output
+from recordings.report.atomic_output import (
+    atomic_file,
+    refuse_input_as_output,
+    require_writable_output,
+)
 from replay.frames.select_statement import normalise_select, query_fault, quoted_names, select_rows
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import SOURCE, LossWarning
@@ -28,13 +32,13 @@ OPENS: Final = "opens"
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """A statement over tables; its rows are computed when they are taken."""
+    """SQL statement over tables; its rows are computed when collected."""
 
     named: NamedTables
     rows: pl.LazyFrame
 
     def collect(self, apart_s: float | None = None) -> pl.DataFrame:
-        """The rows, or where `apart_s` says how far apart rows of one are, the moments.
+        """Compute the rows; with `apart_s`, group rows at most that far apart into moments.
 
         Raises:
             PayscopeError: a log cannot be read, or rows cannot be computed.
@@ -49,20 +53,20 @@ class Query:
         """Write the rows to a file as they are computed, in bounded memory.
 
         Args:
-            path: the file.
+            path: path of the file.
             file_format: parquet, csv or arrow.
-            force: whether to replace it.
+            force: whether to replace an existing file.
 
         Raises:
             PayscopeError: a log cannot be read, the file cannot be written.
         """
         refuse_input_as_output(path, self.named.recordings)
-        check_output(path, force=force)
+        require_writable_output(path, force=force)
         listed = [name for name, dtype in self.rows.collect_schema().items() if dtype.is_nested()]
         if file_format == "csv" and listed:
             raise OutputError(
-                f"{path}: CSV has no lists, and {', '.join(listed)} are; leave them out, or write "
-                ".parquet or .arrow"
+                f"{path}: CSV cannot hold lists, and the columns {', '.join(listed)} are lists; "
+                "leave them out, or write .parquet or .arrow"
             )
         with atomic_file(path, force=force) as partial, self._raise_query_errors():
             match file_format:
@@ -74,13 +78,13 @@ class Query:
                     self.rows.sink_parquet(partial)
 
     def opening_command(self, rows: pl.DataFrame) -> str | None:
-        """The command that opens the first row in the viewer, if any does."""
+        """Command that opens the first row that the viewer can show; None if there is none."""
         first = rows.row(0, named=True) if rows.height else {}
         return opening_command(first, self.named.recordings, self.named.fleet)
 
     @contextmanager
     def _raise_query_errors(self) -> Generator[None]:
-        """Raise faults of computing rows as payscope errors."""
+        """Raise errors in computing rows as payscope errors."""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", LossWarning)  # the command says losses itself
@@ -91,12 +95,12 @@ class Query:
 
 
 def query_tables(sources: Sequence[str], sql: str, time: TimeAxis | None = None) -> Query:
-    """Prepare a query; nothing but indices is read.
+    """Prepare a query; only indices of the sources are read.
 
     Args:
-        sources: as for `named_tables`.
-        sql: one SELECT.
-        time: where tables keep their time.
+        sources: sources as for `named_tables`.
+        sql: one SELECT statement.
+        time: time axis of tables.
 
     Raises:
         PayscopeError: a source that cannot be opened, a statement that is no SELECT over them.
@@ -111,17 +115,17 @@ def query_tables(sources: Sequence[str], sql: str, time: TimeAxis | None = None)
 def join_moments(
     rows: pl.DataFrame, apart_s: float, recordings: Sequence[Path], fleet: str | None
 ) -> pl.DataFrame:
-    """Put rows together that are close in time.
+    """Group rows that are close in time into moments.
 
     Args:
-        rows: with `at_s` or `log_time`; rows of several recordings with `source` or `key`.
-        apart_s: rows that are at most so many seconds apart are of one moment.
-        recordings: that were queried.
-        fleet: the results that were.
+        rows: rows with `at_s` or `log_time`; rows of several recordings with `source` or `key`.
+        apart_s: largest distance in seconds between rows of one moment.
+        recordings: queried recordings.
+        fleet: queried results of a fleet, if any.
 
     Returns:
-        A row a moment: which recording or log, `from_s` and `to_s` (or `from` and `to`), `rows`,
-        and, where a recording was queried, `opens`: the command that opens it.
+        One row per moment: its recording or log, `from_s` and `to_s` (or `from` and `to`), `rows`
+        and, if a recording was queried, `opens`, the command that opens it.
 
     Raises:
         QueryError: the rows have no time.
@@ -159,7 +163,7 @@ def join_moments(
 def opening_command(
     row: dict[str, Any], recordings: Sequence[Path], fleet: str | None
 ) -> str | None:
-    """The command that opens a row or a moment; None where there is no recording of it."""
+    """Command that opens a row or moment; None if there is no recording of it."""
     at = next((row[n] for n in (AT_S, "from_s", LOG_TIME, "from") if row.get(n) is not None), None)
     if at is None:
         return None

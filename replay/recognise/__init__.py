@@ -1,1 +1,1 @@
-"""What the columns of a log are: by their names, units, ranges and how they go with each other."""
+"""Recognition of a log's columns by names, units, ranges and correlations."""

@@ -1,4 +1,4 @@
-"""What the readings say of the columns: gravity on an axis, slopes of each other, signs."""
+"""Checks of proposed columns against their readings: gravity, slopes and signs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -74,18 +74,18 @@ _OF_SIDES: Final = ("speed_{}_m_s", "wheel_{}_rpm")
 
 
 def accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
-    """The three axes of the one accelerometer; none where there are several, or axes missing."""
+    """Three axes of the only accelerometer; empty if there are several or axes are missing."""
     found = [c for c in columns if c.said.quantity == "acceleration" and c.said.axis]
     axes = sorted(c.said.axis for c in found if c.said.axis)
     return found if axes == sorted(_AXES) else []
 
 
 def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[str, str]]:
-    """Units, with the reason, of an accelerometer's three axes that state none: one shows gravity.
+    """Units, with reasons, of an accelerometer without stated units, if one axis shows gravity.
 
     Args:
         log: an opened table.
-        columns: of it.
+        columns: columns of the table.
     """
     axes = [column for column in accelerometer_axes(columns) if column.unit is None]
     for column in axes if len(axes) == len(_AXES) else ():
@@ -98,7 +98,7 @@ def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[
 
 
 def lacks_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
-    """Fields of an accelerometer of which no axis shows gravity: a program took it off."""
+    """Fields of an accelerometer without gravity on any axis: some program removed it."""
     axes = [column for column in accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):
         return set()
@@ -114,7 +114,7 @@ def lacks_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
 
 
 def are_same_readings(log: Log, one: LogColumn, other: LogColumn) -> bool:
-    """Whether two columns are readings of one and the same: their difference is small."""
+    """Whether two columns hold the same readings: their difference is small."""
     try:
         (t, x), (at, y) = (read_series(log, c.topic, c.field) for c in (one, other))
     except (LogError, pl.exceptions.PolarsError):
@@ -134,7 +134,7 @@ def _median_of_column(log: Log, column: LogColumn) -> float:
 
 
 def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition) -> Recognition:
-    """Say how forces and accelerations go with the change of the speed, and speeds of the place."""
+    """Add how forces and accelerations go with the slope of speed, and speeds with position."""
     by_name = {each.column: each for each in found.channels if each.field}
     speed = by_name.get("speed_x_m_s") or by_name.get("speed_left_m_s") or by_name.get("motor_rpm")
     place = by_name.get("position_x_m") or next(
@@ -179,9 +179,9 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
 def ask_about_mirrored_side(
     log: Log, by_name: dict[str, ChannelProposal], found: Recognition
 ) -> None:
-    """Ask which side turns backwards, where two speeds of one machine go against each other.
+    """Ask which side turns backwards if two speeds of one machine have opposite signs.
 
-    A motor is often mounted mirrored; the mean of both would be nothing.
+    A motor is often mounted mirrored; the mean of both sides would be zero.
     """
     for name in _OF_SIDES:
         left, right = (by_name.get(name.format(side)) for side in ("left", "right"))
@@ -196,7 +196,7 @@ def ask_about_mirrored_side(
 def ask_about_units(
     log: Log, rate: ChannelProposal, other: ChannelProposal, found: Recognition
 ) -> None:
-    """Ask for the units of a column and of what it is the change of, where their sizes disagree."""
+    """Ask for the units of a column and its derivative if their magnitudes disagree."""
     if "?" in (rate.unit, other.unit) or not (rate.column in _SI and other.column in _SI):
         return
     (t, x), (at, y) = series_of_proposal(log, rate), series_of_proposal(log, other)
@@ -225,7 +225,7 @@ _SI: Final = {
 
 
 def ask_about_wrapped_sign(log: Log, each: ChannelProposal, found: Recognition) -> None:
-    """Ask which are negative, where integers jump from one end of their bits to the other."""
+    """Ask which values are negative if integers jump between the ends of their range."""
     x = series_of_proposal(log, each)[1]
     if x.size < _FEWEST or x.min() < 0 or (x != np.rint(x)).any():
         return
@@ -239,7 +239,7 @@ def ask_about_wrapped_sign(log: Log, each: ChannelProposal, found: Recognition) 
 def _ask_without_sign(
     log: Log, each: ChannelProposal, speed: ChannelProposal, found: Recognition
 ) -> None:
-    """Ask for the sign of a force that is never negative, though the machine brakes with it."""
+    """Ask for the sign of a force that is never negative although the machine brakes with it."""
     (t, x), (at, y) = series_of_proposal(log, each), series_of_proposal(log, speed)
     if min(t.size, at.size) < _FEWEST or x.min() < -_NOISE * x.max():
         return
@@ -250,7 +250,7 @@ def _ask_without_sign(
 
 
 def series_of_proposal(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]:
-    """Seconds and readings of a proposal; empty where it has none."""
+    """Times in seconds and readings of a proposal; empty if it has none."""
     if each.field is None:
         return np.empty(0), np.empty(0)
     try:
@@ -260,13 +260,13 @@ def series_of_proposal(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]
 
 
 def _slope_at_times(t: Floats, at: Floats, y: Floats) -> Floats:
-    """How much `y`, of the times `at`, changes about each of the times `t`."""
+    """Slope about each of the times `t` of `y`, sampled at `at`."""
     half = _SPAN_S / 2
     return np.interp(t + half, at, y) - np.interp(t - half, at, y)
 
 
 def slope_correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> float | None:
-    """Correlation of a column with the slope of another; None where there is none."""
+    """Correlation of a column with the slope of another; None if undefined."""
     (t, x), (at, y) = series_of_proposal(log, one), series_of_proposal(log, other)
     return _correlate(x, _slope_at_times(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
 
@@ -280,7 +280,7 @@ def _correlate(x: Floats, y: Floats) -> float | None:
 
 
 def read_series(log: Log, topic: str | None, name: str) -> tuple[Floats, Floats]:
-    """Seconds from the first row, and the readings, where they are numbers."""
+    """Times in seconds from the first row, and numeric readings, of a column."""
     frame = log.read(topic or TABLE, [name]).head(_ROWS)
     x = frame[name].cast(pl.Float64).to_numpy()
     t = (frame["log_time_ns"] - frame["log_time_ns"].min()).to_numpy() / 1e9

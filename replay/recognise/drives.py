@@ -1,4 +1,4 @@
-"""Force and speed from what a drive reports, by a gear that is asked for."""
+"""Force and speed derived from what a drive reports, with a gear ratio to be stated."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -15,7 +15,7 @@ _TURNS: Final = ("rpm", "rad/s", "Hz")
 
 
 def propose_drives(columns: Sequence[LogColumn], found: Recognition) -> None:
-    """Sketch force and speed from what motors and wheels report, where no column has them."""
+    """Propose force and speed from motors and wheels if no column holds them."""
     if "force_x_N" not in found.named and not _has_both_sides(found, "torque_{}_N_m"):
         sketches = (
             recognise_unnamed_sides,
@@ -33,7 +33,7 @@ def _has_both_sides(found: Recognition, name: str) -> bool:
 
 
 def recognise_unnamed_sides(columns: Sequence[LogColumn], found: Recognition) -> bool:
-    """Two torques of wheels without a side."""
+    """Propose a force from two wheel torques without a side; whether there are any."""
     torques = [
         c
         for c in columns
@@ -58,7 +58,7 @@ def recognise_unnamed_sides(columns: Sequence[LogColumn], found: Recognition) ->
 
 
 def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
-    """A force from a motor's torque, or from its current."""
+    """Propose a force from a motor's torque or current; whether there is any."""
     for quantity, unit, name, factor in (
         ("torque", "N*m", "motor_torque_N_m", ""),
         ("torque", "percent", "torque_percent", " * RATED_TORQUE [N*m]"),
@@ -101,7 +101,7 @@ def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> b
 
 
 def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> bool:
-    """A force from the pressures of a hydrostatic drive: not those of boom and bucket."""
+    """Propose a force from a hydrostatic drive's pressures, not boom's or bucket's, if any."""
     drive = [c for c in columns if c.quantity == "pressure" and c.unit and not c.said.is_linkage]
     if not drive or len(drive) > 2:
         return False
@@ -126,7 +126,7 @@ def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> boo
 
 
 def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
-    """A force from the drive's power, or from the battery's current and voltage, over the speed."""
+    """Propose a force from power, or current and voltage, over the speed, if any."""
     current = next(
         (c for c in columns if c.said.is_of_supply and c.has_dimension_of_unit("A")), None
     )
@@ -161,7 +161,7 @@ def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
 
 
 def recognise_wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> bool:
-    """Speeds of wheels in revolutions: of both sides, or of one wheel."""
+    """Propose speeds from revolutions of both sides or of one wheel; whether there are any."""
     wheels = [
         c
         for c in columns

@@ -1,7 +1,8 @@
-"""Channels of a JointState: wheels by their names, or the one axis of a rig.
+"""Channels of a JointState: wheels by their names, or the single axis of a rig.
 
-sensor_msgs/JointState is in N·m and rad/s at a joint that turns; some programs send m/s. Wheels are
-taken as turning, and that is asked; joints that only have a side are taken as the machine's.
+sensor_msgs/JointState is in N·m and rad/s for rotating joints; some programs send m/s. Wheels are
+assumed to rotate, which the draft asks to confirm; joints named only by a side are taken as the
+machine's.
 """
 
 from collections.abc import Sequence
@@ -17,15 +18,15 @@ _SIDES: Final = ("left", "right")
 
 
 def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) -> None:
-    """Add what the joints of a topic fill.
+    """Add the channels that the joints of a topic provide.
 
-    Which of its arrays a JointState fills is up to who sends it; the first message tells.
+    Each sender fills only some arrays of a JointState; the first message shows which.
 
     Args:
         log: an opened log.
-        topic: of JointState.
-        start_ns: of its first message.
-        found: what is added to.
+        topic: topic of JointState.
+        start_ns: time of its first message.
+        found: recognition to add to.
     """
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
     names = list(
@@ -42,7 +43,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
 
 
 def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
-    """The readings of each joint that the first message has, as fields: `effort[left]`."""
+    """Fields such as `effort[left]` of all readings in the first message."""
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
     names = list(
         dict.fromkeys(str(n) for n in read_first_message(log, topic, places, start_ns) if n)
@@ -54,7 +55,7 @@ def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
 
 
 def _find_wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
-    """Joints of each side, where both have as many, and whether their names say that they turn."""
+    """Joints of each side, if both have equally many, and whether their names imply rotation."""
     said: dict[str, ColumnMeaning] = {name: read_column_name(name) for name in names}
     drives = {name: each for name, each in said.items() if each.side and not each.is_linkage}
     wheels = {name: each for name, each in drives.items() if each.part == "wheel"}
@@ -103,7 +104,7 @@ def _fill_channels_of_side(
 
 
 def fill_parts(found: Recognition, topic: str, fields: Sequence[str], whole: str) -> list[str]:
-    """Fill a channel with one field, or one a field, numbered before the side."""
+    """Fill a channel with one field, or numbered channels with several; return their names."""
     quantity, _, behind = whole.partition("_")
     many = len(fields) > 1
     names = [f"{quantity}_{k}_{behind}" if many else whole for k in range(1, len(fields) + 1)]
@@ -124,7 +125,7 @@ def _propose_formula(found: Recognition, column: str, formula: str, reason: str)
 def fields_with_values(
     log: Log, topic: str, array: str, joints: Sequence[str], start_ns: int
 ) -> list[str]:
-    """The fields of an array that the first message fills."""
+    """Fields of an array that have values in the first message."""
     fields = [f"{array}[{joint}]" for joint in joints]
     values = read_first_message(log, topic, fields, start_ns)
     return [field for field, value in zip(fields, values, strict=False) if value is not None]
@@ -133,7 +134,7 @@ def fields_with_values(
 def read_first_message(
     log: Log, topic: str, fields: Sequence[str], start_ns: int
 ) -> tuple[Any, ...]:
-    """Fields of a topic's first message, in this order; none where there are none to read."""
+    """Values of these fields in a topic's first message; empty if there is no message."""
     if not fields:
         return ()
     first = log.read(topic, fields, end_ns=start_ns).head(1)

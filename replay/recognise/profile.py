@@ -1,4 +1,4 @@
-"""What each field of a log looks like: unit, rate, range, and its course in a line."""
+"""Profile of every field of a log: unit, rate, range, and a sparkline."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -31,18 +31,18 @@ _EFFORT_UNIT: Final = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldProfile:
-    """A field of a topic.
+    """Profile of a field of a topic.
 
     Attributes:
-        topic: that it is in.
+        topic: topic of the field.
         field: its name.
-        unit: that the log states, as pint calls it; None where it states none.
-        rate_hz: of its readings; None below two.
-        count: its readings.
-        low: the least one; None where it holds no number.
-        middle: their median.
-        high: the largest one.
-        course: their course over the log, drawn in a line.
+        unit: unit stated by the log, in pint's notation; None if it states none.
+        rate_hz: rate of the readings; None below two readings.
+        count: number of readings.
+        low: smallest value; None if the field holds no numbers.
+        middle: median.
+        high: largest value.
+        course: sparkline over the log.
     """
 
     topic: str
@@ -56,7 +56,7 @@ class FieldProfile:
     course: str
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain JSON values, without the drawing."""
+        """Fields as plain JSON values, without the sparkline."""
         return {
             "topic": self.topic,
             "field": self.field,
@@ -70,11 +70,11 @@ class FieldProfile:
 
 
 def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile]:
-    """Every field that holds single values, in the order of the log.
+    """Profiles of all fields with single values, in the log's order.
 
     Args:
         log: an opened log.
-        topics: those to look at; all that can be read where None.
+        topics: topics to profile; None for all readable ones.
     """
     found: list[FieldProfile] = []
     for row in log.topics().iter_rows(named=True):
@@ -114,7 +114,7 @@ def _rate_hz(t_ns: NDArray[np.int64], count: int) -> float | None:
 
 
 def column_profiles(x: Floats) -> list[tuple[float, float, float, str]]:
-    """Least, median and largest value and the course of columns without gaps, (rows, columns)."""
+    """Smallest, median and largest value and sparkline of columns (rows, columns) without gaps."""
     if not x.size:
         return []
     low, high, middle = x.min(axis=0), x.max(axis=0), np.median(x, axis=0)
@@ -131,7 +131,7 @@ def column_profiles(x: Floats) -> list[tuple[float, float, float, str]]:
 def profile_field(
     topic: str, field: str, unit: str | None, rate_hz: float | None, cells: pl.Series
 ) -> FieldProfile:
-    """That of a column which has gaps, or no numbers."""
+    """Profile of a column with gaps or without numbers."""
     numeric = cells.dtype.is_numeric() or cells.dtype == pl.Boolean
     present = cells.count()
     if not numeric:
@@ -155,7 +155,7 @@ def profile_field(
 
 
 def make_sparkline(x: Floats, low: float, high: float) -> str:
-    """The mean of each sixteenth of the log as a bar between the least and the largest value."""
+    """Sparkline: the mean of each sixteenth of the log as a bar between `low` and `high`."""
     drawn = ""
     for part in np.array_split(x, min(_CELLS, x.size)):
         known = part[np.isfinite(part)]
@@ -171,11 +171,11 @@ def make_sparkline(x: Floats, low: float, high: float) -> str:
 def ask_about_efforts(
     used: Collection[tuple[str, str]], profiles: Sequence[FieldProfile]
 ) -> list[str]:
-    """Ask for the unit of joint efforts that are taken for torques; name those without a sign.
+    """Questions about units of joint efforts used as torques, and notes on efforts without sign.
 
     Args:
         used: topic and field of each channel.
-        profiles: of the fields of the log.
+        profiles: profiles of the log's fields.
     """
     efforts = {each for each in used if each[1].startswith("effort[")}
     if not efforts:

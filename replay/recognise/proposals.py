@@ -1,4 +1,4 @@
-"""Proposals for a draft: channels with reasons, and questions in order of need."""
+"""Proposed channels of a draft with their reasons, and questions in order of importance."""
 
 from dataclasses import dataclass, field
 from functools import cache
@@ -15,9 +15,9 @@ ORDER: Final = ("gear", "radius", "column", "side", "unit", "sign")
 
 @dataclass(frozen=True, slots=True)
 class LogColumn:
-    """A column of a table: its topic (None for the only one), unit as stated, and its name's words.
+    """Column of a table: topic (None for the only one), stated unit, and words of its name.
 
-    `quantity` is what the unit leaves of the name: a column in N is no torque.
+    `quantity` is the quantity of the name that the unit permits: a column in N is no torque.
     """
 
     topic: str | None
@@ -27,18 +27,18 @@ class LogColumn:
     quantity: str | None
 
     def has_dimension_of_channel(self, channel: str) -> bool:
-        """Whether the unit is of a channel's dimension; no unit does not fit."""
+        """Whether the unit has a channel's dimension; False without a unit."""
         return self.has_dimension_of_unit(unit_of_name(channel))
 
     def has_dimension_of_unit(self, unit: str) -> bool:
-        """Whether the unit is of the dimension of another; percent are no angle."""
+        """Whether the unit has the dimension of another; percent is not an angle."""
         is_alike = self.unit == unit or "percent" not in (self.unit, unit)
         return self.unit is not None and is_alike and has_dimension_of(self.unit, unit)
 
 
 @cache
 def has_dimension_of(unit: str, other: str) -> bool:
-    """Whether a unit is of the dimension of another."""
+    """Whether a unit has the dimension of another."""
     try:
         gain_and_offset_to_si(unit, other)
     except MachineError:
@@ -48,16 +48,16 @@ def has_dimension_of(unit: str, other: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ChannelProposal:
-    """A channel of a draft.
+    """Proposed channel of a draft.
 
     Attributes:
-        column: that is filled.
-        topic: None for the table's own.
-        field: that fills it; None where it is derived.
-        unit: that the field is in; None for SI, "?" where it has to be stated.
-        reason: what it rests on.
-        derive: the arithmetic, where it is derived.
-        is_comment: whether something is missing, so that it stands there as a comment.
+        column: name of the channel.
+        topic: topic of the field; None for the table's only one.
+        field: source field; None if the channel is derived.
+        unit: unit of the field; None for SI, "?" if it must be stated.
+        reason: reason for the proposal.
+        derive: arithmetic of a derived channel.
+        is_comment: whether it is written as a comment because information is missing.
     """
 
     column: str
@@ -71,35 +71,35 @@ class ChannelProposal:
 
 @dataclass(slots=True)
 class Recognition:
-    """Channels, and questions by what they ask for."""
+    """Proposed channels, and questions by kind."""
 
     channels: list[ChannelProposal] = field(default_factory=list)
     asked: list[tuple[str, str]] = field(default_factory=list)
 
     @property
     def questions(self) -> list[str]:
-        """Each question once, in the order of need."""
+        """Questions without repetition, in order of importance."""
         ranked = sorted(self.asked, key=lambda each: ORDER.index(each[0]))
         return list(dict.fromkeys(text for _, text in ranked))
 
     @property
     def taken_columns(self) -> set[str]:
-        """The channels that are filled."""
+        """Channels that are filled."""
         return {each.column for each in self.channels if not each.is_comment}
 
     @property
     def named(self) -> set[str]:
-        """The channels that are filled or sketched."""
+        """Channels that are filled or proposed as comments."""
         return {each.column for each in self.channels}
 
     def ask_question(self, kind: str, question: str) -> None:
-        """Ask for one of `ORDER`."""
+        """Add a question of a kind in `ORDER`."""
         self.asked.append((kind, question))
 
     def fill_channel(
         self, column: LogColumn, channel: str, reason: str, unit: str | None = None
     ) -> None:
-        """Fill a channel; the first column that does so stands."""
+        """Fill a channel unless an earlier column has filled it."""
         if channel in self.taken_columns:
             return
         stated = _unit_unless_si(unit or column.unit, channel)
@@ -111,14 +111,14 @@ class Recognition:
         self.channels.append(proposal)
 
     def sketch_source(self, column: LogColumn, channel: str, unit: str | None, reason: str) -> None:
-        """The channel that a sketch derives from."""
+        """Add the source channel of a proposed derivation."""
         self.channels.append(
             ChannelProposal(channel, column.topic, column.field, unit, reason, is_comment=True)
         )
 
 
 def _unit_unless_si(unit: str | None, channel: str) -> str | None:
-    """The unit that a channel has to name: none for SI."""
+    """Unit that a channel must state; None if it is SI."""
     if unit is None:
         return None
     return None if gain_and_offset_to_si(unit, unit_of_name(channel)) == (1.0, 0.0) else unit

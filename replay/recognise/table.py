@@ -1,8 +1,8 @@
-"""Channels that a table's columns fill, each with its reason, and what has to be asked.
+"""Channels recognised in a table's columns, with reasons, and open questions.
 
-A column is proposed where its name says which quantity it is and its unit fits, or where its unit
-leaves one alone; how it goes with the others is said beside it. What the answer needs and no
-column tells is a question: the gear, the radius, the side, the unit, the sign.
+A column is proposed if its name states a quantity that fits its unit, or if its unit alone
+determines the quantity; its correlation with other columns is added. What the answer needs but no
+column states becomes a question: gear ratio, radius, side, unit, sign.
 """
 
 from collections import Counter, defaultdict
@@ -87,9 +87,9 @@ def recognise_channels(log: Log) -> Recognition:
 
 
 def settle_claims(log: Log, channel: str, claims: Sequence[Claim], found: Recognition) -> None:
-    """Fill a channel by the one column that may; ask where there are several.
+    """Fill a channel with the only candidate column, or ask if there are several.
 
-    Of several that show the same the first is taken, but of forces: those add up.
+    Of several columns with equal readings the first is taken, except for forces, which add up.
     """
     if channel in found.taken_columns:
         return
@@ -106,7 +106,7 @@ def settle_claims(log: Log, channel: str, claims: Sequence[Claim], found: Recogn
 
 
 def _ask_more_torques(columns: Sequence[LogColumn], found: Recognition) -> None:
-    """Ask whether further wheels drive, where a left and a right torque are taken for the force."""
+    """Ask whether other wheels drive too if a left and a right torque make the force."""
     if not {"torque_left_N_m", "torque_right_N_m"} <= found.taken_columns:
         return
     more = [
@@ -148,7 +148,7 @@ def _list_columns(log: Log) -> list[LogColumn]:
 
 
 def _name_without_unit(name: str) -> str:
-    """The words of a name, without its unit."""
+    """Words of a name without its unit."""
     cut = name
     for opening in "[(":
         cut = cut.partition(opening)[0] or cut
@@ -156,7 +156,7 @@ def _name_without_unit(name: str) -> str:
 
 
 def find_quantity_of_name(said: str | None, unit: str | None) -> str | None:
-    """The quantity of a name, as far as its unit allows it."""
+    """Quantity that a name states, if its unit permits it."""
     if unit is None or unit in _TURNS or said is None:
         return said
     return _find_quantity_of_unit(unit) or said
@@ -164,7 +164,7 @@ def find_quantity_of_name(said: str | None, unit: str | None) -> str | None:
 
 @cache
 def _find_quantity_of_unit(unit: str) -> str | None:
-    """The quantity that a unit alone tells."""
+    """Quantity that a unit alone determines."""
     dimension = unit_registry().parse_units(unit).dimensionality
     for each, quantity in _QUANTITY_OF.items():
         if unit_registry().parse_units(each).dimensionality == dimension:
@@ -237,7 +237,7 @@ _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
 
 
 def recognise_by_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
-    """Columns whose names say nothing, the only ones in a unit of force or of speed."""
+    """Propose columns with meaningless names that alone have a unit of force or speed."""
     own = [each for each in columns if each.unit and not each.said.is_elsewhere]
     units = Counter(find_quantity_of_name("", column.unit) for column in own)
     for column in own:
@@ -260,7 +260,7 @@ _WITHOUT_UNIT: Final = {
 
 
 def recognise_without_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
-    """A column whose name says what it is, and nothing its unit."""
+    """Propose columns whose names state a quantity but which have no unit."""
     given = {each.column for each in found.channels}
     for quantity, channel in _WITHOUT_UNIT.items():
         if channel in given or (quantity == "speed" and "speed_left_m_s" in given):

@@ -1,4 +1,4 @@
-"""The words of column names: which quantity, of which part and side, along which axis."""
+"""Words of column names: quantity, part, side and axis."""
 
 import re
 from collections.abc import Collection
@@ -80,11 +80,11 @@ _PREFIX: Final = re.compile(r"(?:(?<=[^A-Za-z])|^)[lr](?=[A-Z])")
 
 
 def has_side(name: str, names: Collection[str]) -> bool:
-    """Whether the side that a name has is one: a prefix `r` is, where one with `l` stands beside.
+    """Whether a name's side is real: a prefix `r` is one only if a name with `l` exists.
 
     Args:
-        name: of a column.
-        names: of all columns.
+        name: name of a column.
+        names: names of all columns.
     """
     match = _PREFIX.search(name)
     if match is None:
@@ -95,7 +95,7 @@ def has_side(name: str, names: Collection[str]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ColumnMeaning:
-    """Meaning of a column's name; None where it states none."""
+    """Meaning of a column's name; None for what it does not state."""
 
     quantity: str | None
     side: str | None
@@ -110,10 +110,10 @@ class ColumnMeaning:
 
 @lru_cache(maxsize=1 << 12)
 def read_column_name(name: str) -> ColumnMeaning:
-    """Read a column's name.
+    """Meaning of a column's name.
 
     Args:
-        name: without its unit.
+        name: name without its unit.
     """
     spaced = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", name)
     words = [word for word in re.split(r"[\W\d_]+", spaced.lower()) if word]

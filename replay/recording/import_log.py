@@ -1,4 +1,4 @@
-"""The importer of the Rerun viewer: a log replayed where it has a machine file, else as it is."""
+"""Importer for the Rerun viewer: replays a log if it has a machine file, otherwise shows it raw."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,14 +21,14 @@ _LEFT_OUT: Final = ("header.", "covariance")
 
 
 def import_log(log: Path, asks: ViewerRequest) -> str | None:
-    """Write a log to standard output as the viewer reads it.
+    """Write a log to standard output in the viewer's format.
 
     Args:
-        log: a path that `takes_file`.
-        asks: of the viewer.
+        log: path accepted by `takes_file`.
+        asks: request of the viewer.
 
     Returns:
-        Why it is shown without a replay, where its machine file does not fit.
+        Why the log is shown without a replay if its machine file does not fit, otherwise None.
 
     Raises:
         PayscopeError: the log cannot be read.
@@ -52,7 +52,7 @@ def import_log(log: Path, asks: ViewerRequest) -> str | None:
 
 
 def topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
-    """Every topic that can be read, in time: unix_ns, and the fields that are worth a line."""
+    """Yield every readable topic in order of time: unix_ns, and the fields worth plotting."""
     for row in log.topics().sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
             continue
@@ -68,7 +68,7 @@ def topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
 
 
 def _iter_field_paths(log: Log, row: dict[str, object]) -> Iterator[str]:
-    """Leaves, and of lists their elements: by name where the message has names."""
+    """Yield the paths of leaf fields and list elements, by name if the message has names."""
     fields, topic = row["fields"], str(row["topic"])
     assert isinstance(fields, list)
     for field in map(str, fields):

@@ -1,4 +1,4 @@
-"""Which files the importer of the Rerun viewer takes; asked of every file that is opened."""
+"""Files that the importer of the Rerun viewer accepts; checked for every opened file."""
 
 import os
 from pathlib import Path
@@ -12,10 +12,10 @@ _WITH_MACHINE: Final = (*_ALONE, ".mcap", ".parquet")
 
 
 def machine_file_of_log(log: Path) -> Path | None:
-    """The machine file of a log: the one of `PAYSCOPE_MACHINE`, or `shift.toml` beside `shift.bag`.
+    """Machine file of a log: that of `PAYSCOPE_MACHINE`, or `shift.toml` beside `shift.bag`.
 
     Returns:
-        None where there is neither.
+        None if neither exists.
     """
     named = os.environ.get(VARIABLE)
     if named:
@@ -25,7 +25,7 @@ def machine_file_of_log(log: Path) -> Path | None:
 
 
 def takes_file(log: Path) -> bool:
-    """Whether a file is for us: what the viewer reads itself only where it has a machine file."""
+    """Whether to import a file; formats of the viewer itself only if they have a machine file."""
     suffixes = _WITH_MACHINE if machine_file_of_log(log) is not None else _ALONE
     if log.is_dir():
         return (log / "metadata.yaml").is_file() and any(

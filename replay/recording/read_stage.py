@@ -1,4 +1,4 @@
-"""The command `show`: a frame of a recording, between two seconds of the run."""
+"""The command `show`: rows of a recording's frame between two times of the run."""
 
 import math
 from dataclasses import dataclass, replace
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RecordedStage:
-    """A frame of a recording.
+    """Frame of a recording.
 
     Attributes:
-        recording: the recording.
-        name: of the frame.
-        rows: as they are stored.
-        t0_unix_ns: the unix time of the run's start.
-        timezone: that a person reads times in.
+        recording: path of the recording.
+        name: name of the frame.
+        rows: rows as stored.
+        t0_unix_ns: unix time of the run's start.
+        timezone: timezone in which times are displayed.
     """
 
     recording: Path
@@ -37,7 +37,7 @@ class RecordedStage:
 
     @classmethod
     def read(cls, recording: Path, name: str) -> Self:
-        """Read a frame.
+        """Read a frame of a recording.
 
         Raises:
             RecordingError: no recording, or it has no such frame.
@@ -51,14 +51,14 @@ class RecordedStage:
 
     @property
     def time_column(self) -> str | None:
-        """Column that places its rows in time, if any."""
+        """Column that places the rows in time, if any."""
         if self.name.startswith("raw/"):
             return "log_time_ns"
         declared: Frame = FRAMES[self.name.partition("/")[0]]
         return declared.time_column
 
     def calibrate_loads(self, asked: "CalibrationRequest") -> Self:
-        """The loads with their calibrated masses.
+        """Loads with calibrated masses.
 
         Raises:
             RecordingError: another frame.
@@ -76,7 +76,7 @@ class RecordedStage:
         return replace(self, rows=calibrated_frame(frames, about, asked, self.recording))
 
     def select_rows_between(self, start_s: float | None, end_s: float | None) -> Self:
-        """The rows from one second of the run to another, both included.
+        """Rows between two seconds of the run, both included.
 
         Raises:
             RecordingError: the frame has no time, or that is no stretch.
@@ -94,7 +94,7 @@ class RecordedStage:
         return replace(self, rows=rows)
 
     def select_rows_at(self, second: float) -> Self:
-        """The rows that held at a second of the run: those whose span has it in it, or the last.
+        """Rows at a second of the run: those whose span contains it, otherwise the last before.
 
         Raises:
             RecordingError: the frame has no time, or that is no second.
@@ -115,7 +115,7 @@ class RecordedStage:
         return replace(self, rows=held.tail(1))
 
     def make_readable(self) -> pl.DataFrame:
-        """The rows with times as a person reads them: seconds, and local where they are dates."""
+        """Rows with readable times: seconds, and local time if they are dates."""
         column = self.time_column
         if column is None:
             return self.rows
@@ -131,7 +131,10 @@ class RecordedStage:
     def _require_time_column(self) -> str:
         column = self.time_column
         if column is None:
-            raise RecordingError(f"{self.recording}: frame '{self.name}' has no time to cut by")
+            raise RecordingError(
+                f"{self.recording}: frame '{self.name}' has no time; leave out --from, --to and "
+                "--at"
+            )
         return column
 
     def _since_start_ns(self, column: str) -> pl.Expr:

@@ -1,4 +1,4 @@
-"""The commands `view` and `plot`: a recording, or a stretch of it, in the viewer or as pictures."""
+"""The commands `view` and `plot`: show a recording, or part of it, in the viewer or as pictures."""
 
 import math
 import shutil
@@ -19,11 +19,11 @@ AROUND_S: Final = 15.0
 
 
 def parse_moment(recording: Path, text: str) -> float:
-    """The second of a recording's run that a person means.
+    """Second of a recording's run that a text denotes.
 
     Args:
         recording: the recording.
-        text: seconds since the start, or a time in ISO 8601, in UTC where it names no zone.
+        text: seconds since the start, or a time in ISO 8601, in UTC without a zone.
 
     Raises:
         RecordingError: it is neither, or the recording cannot be read.
@@ -53,18 +53,18 @@ def view_recording(
     screenshot: Path | None = None,
     tab: str | None = None,
 ) -> list[Path]:
-    """Open the viewer, or write pictures of its tabs.
+    """Open the viewer, or write screenshots of its tabs.
 
     Args:
         recording: the recording.
-        from_s: where the stretch begins that is shown, in seconds since the start.
-        to_s: where it ends.
-        at_s: where to put the time cursor.
-        screenshot: folder for the pictures; None opens the viewer.
-        tab: of the pictures, that of this one alone.
+        from_s: start of the shown stretch, in seconds since the start.
+        to_s: end of the shown stretch.
+        at_s: time of the cursor.
+        screenshot: folder for screenshots; None opens the viewer.
+        tab: the only tab to write.
 
     Returns:
-        The pictures.
+        Paths of the screenshots.
 
     Raises:
         PayscopeError: no such recording, nothing in that stretch, no viewer, no such tab.
@@ -103,12 +103,12 @@ def plot_recording(
 
     Args:
         recording: the recording.
-        output: the picture; its suffix says the format.
+        output: path of the picture; its suffix sets the format.
         figure: one of `recordings.plots.run_plots.FIGURES`.
-        at_s: a moment to mark; without a stretch, what lies `AROUND_S` around it is drawn.
-        from_s: where the stretch begins, in seconds since the start.
-        to_s: where it ends.
-        force: whether to replace a picture that is there already.
+        at_s: moment to mark; without a stretch, `AROUND_S` on either side is drawn.
+        from_s: start of the stretch, in seconds since the start.
+        to_s: end of the stretch.
+        force: whether to replace an existing picture.
 
     Raises:
         PayscopeError: no such recording, nothing in that stretch, or the picture cannot be written.
@@ -120,8 +120,6 @@ def plot_recording(
         if from_s is None and to_s is None:
             from_s, to_s = at_s - AROUND_S, at_s + AROUND_S
         elif (from_s is not None and at_s < from_s) or (to_s is not None and at_s > to_s):
-            raise RecordingError(
-                f"--at {at_s:g}: lies outside of what --from and --to draw; leave one of them out"
-            )
+            raise RecordingError(f"--at {at_s:g}: lies outside --from and --to; change one of them")
     run = read_window(recording, from_s, to_s, raw=False)
     return plot_run(run, output, figure=figure, at_s=at_s, force=force)

@@ -1,4 +1,4 @@
-"""Write verdicts into a review's folder, and count it anew without its logs."""
+"""Add verdicts to a review's folder, and recount the review without its logs."""
 
 import datetime as dt
 from collections.abc import Mapping, Sequence
@@ -41,18 +41,18 @@ _MODEL_KEYS: Final = {"id", "author", "time"}
 
 @dataclass(frozen=True)
 class GivenVerdicts:
-    """Verdict of a reviewer given on the command line.
+    """Verdicts of a reviewer from the command line.
 
     Attributes:
-        reject: cycles that are not to count; see `find_cycle` for how they are named.
-        accept: cycles that are to count again.
-        cycles: cycles that note and labels are of.
-        note: of the cycles.
-        labels: of the cycles, by name (`LABELS`); of the whole shift where no cycle is named.
-        spans: what the logs say of parts of the shift.
-        begin: local time from which on labels are of the shift's cycles.
-        end: local time up to which they are.
-        author: who says so.
+        reject: cycles to exclude from the count; `find_cycle` describes their names.
+        accept: cycles to include again.
+        cycles: cycles that the note and labels apply to.
+        note: note on these cycles.
+        labels: labels by name (`LABELS`), of these cycles or, without cycles, of the whole shift.
+        spans: labels of parts of the shift, from the logs.
+        begin: local time from which labels of the shift apply.
+        end: local time up to which labels of the shift apply.
+        author: name of the reviewer.
     """
 
     reject: Sequence[str] = ()
@@ -66,12 +66,12 @@ class GivenVerdicts:
     spans: Sequence[ShiftVerdict] = ()
 
     def __bool__(self) -> bool:
-        """Whether anything is said."""
+        """Whether there is any verdict."""
         return bool(self.named_cycles or self.note or self._labels or self.spans)
 
     @property
     def named_cycles(self) -> list[tuple[str, bool | None]]:
-        """The cycles that are named, and whether each is rejected; None: as before."""
+        """Named cycles, and whether each is rejected; None leaves it unchanged."""
         return [
             *((each, True) for each in self.reject),
             *((each, False) for each in self.accept),
@@ -83,19 +83,19 @@ class GivenVerdicts:
         return {name: text for name, text in self.labels.items() if text}
 
     def check(self) -> None:
-        """Refuse what is incomplete.
+        """Refuse incomplete verdicts.
 
         Raises:
             ReviewError: in a line.
         """
         if self.named_cycles and not self.author.strip():
-            raise ReviewError("a verdict on a cycle has an author: add --author NAME")
+            raise ReviewError("a verdict on a cycle needs an author; add --author NAME")
         if self.note and not self.named_cycles:
-            raise ReviewError("a note needs a cycle: add --reject, --accept or --cycle WHEN")
+            raise ReviewError("a note needs a cycle; add --reject, --accept or --cycle WHEN")
         if (self.begin or self.end) and (self.named_cycles or not self._labels):
             raise ReviewError(
-                "--from and --to limit labels of the shift: add --product, --operator, --truck, "
-                "--customer or --stockpile, and no cycle"
+                "--from and --to limit labels; add --product, --operator, --truck, --customer or "
+                "--stockpile, and name no cycle"
             )
         trial = {
             "id": "",
@@ -112,13 +112,13 @@ class GivenVerdicts:
     def list_changes_to(
         self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
-        """The verdicts that these add to those of before; one that changes nothing is none.
+        """Verdicts that change something compared with the earlier ones.
 
         Args:
-            before: what is said already.
+            before: earlier verdicts.
             rows: the ledger.
-            state: of the review.
-            folder: of the review.
+            state: state of the review.
+            folder: folder of the review.
         """
         logged = [each for each in self.spans if each not in before.shift]
         return [*logged, *self._said_by_person(before, rows, state, folder)]
@@ -126,7 +126,7 @@ class GivenVerdicts:
     def _said_by_person(
         self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
-        """Verdicts given by a person, not by a log; arguments as of `list_changes_to`."""
+        """Verdicts of a person rather than a log; arguments as for `list_changes_to`."""
         now = _current_second()
         signed = {"author": self.author.strip() or None, "time": now}
         if self.begin or self.end:
@@ -174,12 +174,12 @@ def _current_second() -> dt.datetime:
 
 
 def is_review(folder: Path) -> bool:
-    """Whether a folder holds a review that can be counted anew."""
+    """Whether a folder holds a review that can be recounted."""
     return read_state(folder) is not None and (folder / PARQUET).is_file()
 
 
 def recount_review(folder: Path, given: GivenVerdicts) -> ShiftReview:
-    """Add verdicts to a review's file, and write its ledger and page anew.
+    """Add verdicts to a review's file, and rewrite its ledger and page.
 
     Raises:
         ReviewError: no review is there, it is of another version, or a cycle is not there.
@@ -188,21 +188,21 @@ def recount_review(folder: Path, given: GivenVerdicts) -> ShiftReview:
     state = read_state(folder)
     if state is None:
         raise ReviewError(
-            f"{folder}: holds no review of this version; make it: payscope review LOG… -m MACHINE "
-            f"-o {folder}"
+            f"{folder}: holds no review of this version; create one with payscope review LOG… -m "
+            f"MACHINE -o {folder}"
         )
     with lock_folder(folder):
         recording = folder / RECORDING
         try:
             if file_sha256(recording) != state.recording_sha256:
-                raise RecordingError(f"{recording} is not the one that was written")
+                raise RecordingError(f"{recording} was replaced by another recording")
             summary = read_frame(recording, "shift")
             track = track_of_shift(read_frame(recording, "aligned"))
             rows = pl.read_parquet(folder / PARQUET)
             cycles = cycles_of_ledger(rows, state.t0_unix_ns)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:
             raise ReviewError(
-                f"{folder}: cannot be counted again ({error}); review its logs once more"
+                f"{folder}: its loads cannot be counted again ({error}); review its logs again"
             ) from None
         before = read_verdict_text(folder)
         added = given.list_changes_to(parse_verdicts(before, folder), rows, state, folder)

@@ -1,4 +1,4 @@
-"""Labels that the logs give themselves: who drove, what was loaded, from a topic with a text."""
+"""Labels from text topics of the logs: who drove, what was loaded."""
 
 import datetime as dt
 import re
@@ -23,7 +23,7 @@ BY_LOGS: Final = "the logs"
 
 
 class LabelChannel(NamedTuple):
-    """Where a label comes from: operator=/shift/operator:data."""
+    """Source of a label, written `operator=/shift/operator:data`."""
 
     label: str
     topic: str
@@ -31,7 +31,7 @@ class LabelChannel(NamedTuple):
 
 
 def parse_label_channel(text: str) -> LabelChannel:
-    """Read `LABEL=TOPIC:FIELD`.
+    """Parse `LABEL=TOPIC:FIELD`.
 
     Raises:
         ReviewError: it is written otherwise, or no label is called so.
@@ -51,9 +51,9 @@ def read_label_spans(
     """Labels of loads in the logs, each valid until the next different message.
 
     Args:
-        paths: the logs, as of a review; only such as have a date, or one time line.
-        channels: to read.
-        machine: how tables write their time.
+        paths: logs of the review; all must be dated or share one time line.
+        channels: sources of labels.
+        machine: machine file with the time format of tables.
 
     Raises:
         LogError: no log has a topic, or its field.
@@ -78,7 +78,7 @@ def read_label_spans(
 
 
 def verdicts_of_spans(channel: LabelChannel, frame: pl.DataFrame) -> Iterable[ShiftVerdict]:
-    """A verdict for each stretch in which the text is the same."""
+    """Yield a verdict for each stretch with the same text."""
     texts = [_format_label(each) for each in frame[channel.field]]
     times = frame["log_time_ns"].to_list()
     changes = [k for k, text in enumerate(texts) if k == 0 or text != texts[k - 1]]
@@ -95,7 +95,7 @@ def verdicts_of_spans(channel: LabelChannel, frame: pl.DataFrame) -> Iterable[Sh
 
 
 def _format_label(value: object) -> str:
-    """A message's text; whole numbers as such."""
+    """Text of a message's value; whole numbers without decimals."""
     if value is None:
         return ""
     if isinstance(value, float) and value.is_integer():
@@ -104,5 +104,5 @@ def _format_label(value: object) -> str:
 
 
 def _round_to_second(unix_ns: int) -> dt.datetime:
-    """To the second, as verdicts are written."""
+    """Round to a second, as verdicts are written."""
     return dt.datetime.fromtimestamp(int(unix_ns // NS_PER_S), dt.UTC)

@@ -1,4 +1,4 @@
-"""The folder of a review: for one review at a time, and for nothing else."""
+"""Folder of a review: locked for one review at a time, and without other files."""
 
 import shutil
 from collections.abc import Generator
@@ -17,9 +17,9 @@ _STAGE: Final = ".payscope-"
 
 @contextmanager
 def lock_folder(folder: Path) -> Generator[None]:
-    """The folder for this review alone; what a killed one left half done is swept out.
+    """Lock the folder for this review, and remove what a killed review left unfinished.
 
-    The system takes the lock back from a process that ends, however it ends.
+    The system releases the lock when the process ends, however it ends.
     """
     import fcntl
 
@@ -35,8 +35,8 @@ def lock_folder(folder: Path) -> Generator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise ReviewError(
-                f"{folder}: another review is being written there; wait for it, or name another "
-                "folder"
+                f"{folder}: another process is writing a review to this folder; wait for it, or "
+                "name another folder"
             ) from None
         for left in folder.glob(f"{_STAGE}*"):
             shutil.rmtree(left, ignore_errors=True)
@@ -48,7 +48,7 @@ def lock_folder(folder: Path) -> Generator[None]:
 
 
 def check_review_folder(folder: Path) -> None:
-    """Refuse a folder for a review before the work that it is for.
+    """Refuse an unsuitable folder before the review is computed.
 
     Raises:
         ReviewError: it holds other files and no review.
@@ -58,6 +58,6 @@ def check_review_folder(folder: Path) -> None:
     foreign = {each.name for each in folder.iterdir() if not each.name.startswith(".")}
     if foreign - {VERDICTS}:
         raise ReviewError(
-            f"{folder}: holds other files ({min(foreign - {VERDICTS})}) and no review; name a "
-            "folder of its own"
+            f"{folder}: holds other files ({min(foreign - {VERDICTS})}) but no review; name a new "
+            "folder"
         )

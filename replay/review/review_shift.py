@@ -1,4 +1,4 @@
-"""The command `review`: the logs of a shift in, its ledger, recording and page out."""
+"""The command `review`: logs of a shift in, its ledger, recording and page out."""
 
 import hashlib
 import json
@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
@@ -79,10 +79,10 @@ class ReviewOptions:
 
     Attributes:
         overrides: `key=value`, of the machine file.
-        calibration: evidence, and what is asked of it.
-        target_kg: of a load.
+        calibration: request for calibrated masses.
+        target_kg: target mass of a load.
         full: whether the recording keeps every sample and every intermediate.
-        decimal_comma: whether ledger_table.csv is for a locale that writes 1,5.
+        decimal_comma: whether ledger_table.csv is for a locale with decimal commas.
     """
 
     overrides: Sequence[str] = ()
@@ -106,11 +106,11 @@ def review_shift(
     and each log decoded.
 
     Args:
-        logs: of the shift, in any order; a folder stands for all in it.
+        logs: logs of the shift, in any order; a folder stands for all logs in it.
         machine_file: the machine file, or the name of a shipped one.
-        folder: to write; what a review wrote there before is replaced.
+        folder: folder to write; an earlier review in it is replaced.
         options: see `ReviewOptions`.
-        on_stage: told each stage as it begins.
+        on_stage: called with the name of each stage as it begins.
 
     Raises:
         PayscopeError: whatever is wrong with the input, before anything is written.
@@ -139,8 +139,8 @@ def review_shift(
         if by is not None:
             told = frames_for_calibration(made, folder)
             against = contradicted_priors(told["nuisances"])
-            unlike = Unlike.from_frames(told)
-            cycles = cycles if against else calibrate_cycles(cycles, by.calibration, unlike)
+            shared_errors = SharedErrors.from_frames(told)
+            cycles = cycles if against else calibrate_cycles(cycles, by.calibration, shared_errors)
         shift = ShiftCount.from_cycles(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
         on_stage("write")
         targets = [folder / name for name in (RECORDING, *OUTPUTS)]
@@ -166,7 +166,7 @@ def review_shift(
 
 @dataclass(frozen=True)
 class ReplayedShift:
-    """A replay of a shift, or the part that was kept."""
+    """Replay of a shift, or as much of it as was kept."""
 
     cycles: pl.DataFrame
     shift: pl.DataFrame
@@ -205,14 +205,14 @@ def _replay_opened_shift(
 
 
 def warn_of_mixed_machines(made: Run, opened: list[Log], machine: Machine) -> str:
-    """That these may be logs of two machines; empty where nothing says so."""
+    """Warning that the logs may be of two machines; empty if nothing indicates it."""
     begins = begin_of_each_log_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
     found = find_empty_mass_jump(made.frames["manoeuvres"], list(begins.values()))
     return "" if found is None else found.warning_text(list(begins)[found.log].path.name)
 
 
 def _shift_energy(made: Run, machine: Machine) -> ShiftEnergy:
-    """The energy of the shift, by the settings that it was replayed with."""
+    """Energy of the shift, by the settings of its replay."""
     frames, settings = made.frames, made.provenance.settings
     gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
     return compute_shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
@@ -234,7 +234,7 @@ def read_earlier_replay(folder: Path, before: ReviewState | None, key: str) -> R
 
 
 def frames_to_keep(made: Run, *, full: bool) -> Run:
-    """The frames that the recording of a shift has."""
+    """Frames for the recording of a shift."""
     if full:
         return made
     frames: dict[str, pl.DataFrame] = {}
@@ -252,7 +252,7 @@ def frames_to_keep(made: Run, *, full: bool) -> Run:
 
 
 def sort_by_first_message(logs: list[Log]) -> list[Log]:
-    """By their first message, so that the order on the command line does not matter."""
+    """Sort logs by their first messages, so that the order of arguments does not matter."""
 
     def begins(log: Log) -> tuple[int, str]:
         first = log.topics()["start_ns"].min()
@@ -262,7 +262,7 @@ def sort_by_first_message(logs: list[Log]) -> list[Log]:
 
 
 def frames_for_calibration(made: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
-    """Frames that calibrating needs, of the replay or its recording."""
+    """Frames needed for calibration, from the replay or its recording."""
     if made.run is not None:
         return made.run.frames
     there = stage_columns(folder / RECORDING)
@@ -270,7 +270,7 @@ def frames_for_calibration(made: ReplayedShift, folder: Path) -> Mapping[str, pl
 
 
 def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> str:
-    """A digest of all that a replay and its recording depend on."""
+    """Digest of everything that a replay and its recording depend on."""
     whole = {
         "format": FORMAT,
         "inputs": [each.sha256 for log in logs for each in input_files(log)],
@@ -296,7 +296,7 @@ def _resolved_inputs(
 
 
 def _changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
-    """Settings, options and logs that differ."""
+    """Settings, options and logs that differ from the earlier review."""
     was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (before, state))
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
@@ -306,12 +306,12 @@ def _changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, s
 def find_torn_logs(
     logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], about: Provenance
 ) -> tuple[TornLog, ...]:
-    """Logs that break off, in order of time.
+    """Logs that end abruptly, in order of time.
 
     Args:
-        logs: of the shift.
-        wanted: the fields that the channels name, by topic.
-        about: the replay: its losses, and where its times begin.
+        logs: logs of the shift.
+        wanted: fields used by channels, by topic.
+        about: provenance of the replay, with its losses and the origin of its times.
     """
     begins = begin_of_each_log_ns(logs, wanted, about.t0_unix_ns)
     ordered = list(begins)

@@ -1,4 +1,4 @@
-"""From the cycles of a shift and what reviewers say to the files of its review."""
+"""Write the files of a review from the cycles of a shift and its verdicts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,16 +32,16 @@ _TRACK_POINTS: Final = 400
 
 @dataclass(frozen=True)
 class ShiftReview:
-    """A review.
+    """Result of a review.
 
     Attributes:
-        folder: where it is.
-        ledger: its rows.
-        shift: frame `shift`, as reviewed.
-        state: what it was made of.
-        calibration: whose line the payloads are on.
-        target: 10/10/20, where a target was given.
-        replayed: whether the logs were replayed, or nothing that a replay depends on had changed.
+        folder: folder of the review.
+        ledger: rows of the ledger.
+        shift: frame `shift`, after verdicts.
+        state: inputs of the review.
+        calibration: calibration of the payloads, if any.
+        target: result of the 10/10/20 rule if a target was given.
+        replayed: whether the logs were replayed, rather than an unchanged replay reused.
     """
 
     folder: Path
@@ -54,7 +54,7 @@ class ShiftReview:
 
     @property
     def no_tonnes(self) -> str:
-        """Why no cycle counts; empty where one does."""
+        """Why no cycle counts; empty if one does."""
         return reason_for_no_tonnes(self.state, self.ledger)
 
     def to_dict(self) -> dict[str, Any]:
@@ -74,21 +74,21 @@ class ShiftReview:
 
     @classmethod
     def from_replay(cls, folder: Path, page: ReviewPage, *, replayed: bool) -> "ShiftReview":
-        """Contents of a page."""
+        """Review from the contents of a page."""
         shown = (page.state, page.calibration, page.target)
         return cls(folder, page.ledger, dict(page.shift), *shown, replayed)
 
 
 @dataclass(frozen=True)
 class ShiftCount:
-    """The cycles of a shift and its sums, with what reviewers say.
+    """Cycles of a shift and their sums, with verdicts applied.
 
     Attributes:
         rows: the ledger, without motion.
         shift: frame `shift`, one row.
-        verdicts: the file of all that was said.
-        by_row: on cycles, by row.
-        totals: by label, where loads have one.
+        verdicts: file of all verdicts.
+        by_row: verdicts on cycles, by row.
+        totals: totals by label, if loads have labels.
     """
 
     rows: pl.DataFrame
@@ -106,14 +106,14 @@ class ShiftCount:
         text: str,
         folder: Path,
     ) -> "ShiftCount":
-        """Count.
+        """Count the cycles of a shift with verdicts applied.
 
         Args:
-            cycles: the frame, on the line of a calibration where there is one.
-            summary: frame `shift` as replayed.
-            t0_unix_ns: where times begin.
-            text: of the file of verdicts.
-            folder: where that lies.
+            cycles: frame `cycles`, calibrated if there is a calibration.
+            summary: frame `shift` of the replay.
+            t0_unix_ns: origin of times.
+            text: text of the file of verdicts.
+            folder: folder of that file.
 
         Raises:
             ReviewError: the file says something else, or a verdict is about no cycle.
@@ -137,7 +137,7 @@ class ShiftCount:
         changes: list[tuple[str, str, str]] | None,
         track: pl.DataFrame | None,
     ) -> ReviewPage:
-        """The page of it; arguments as of `ReviewPage`."""
+        """Page of the review; arguments as for `ReviewPage`."""
         target_kg = state.resolved["target_kg"]
         counted = self.rows.filter("counted")
         return ReviewPage(
@@ -155,7 +155,7 @@ class ShiftCount:
 
 
 def write_review(page: ReviewPage, folder: Path) -> None:
-    """Write ledger, page and state."""
+    """Write ledger, page and state of a review."""
     write_ledger(page.ledger, folder)
     clock = page.state.clock
     write_xlsx(page.ledger, clock, folder / XLSX)
@@ -166,7 +166,7 @@ def write_review(page: ReviewPage, folder: Path) -> None:
 
 
 def track_of_shift(aligned: pl.DataFrame) -> pl.DataFrame | None:
-    """Some positions of the frame `aligned`, None where it has none."""
+    """Thinned positions of the frame `aligned`; None if it has none."""
     names = ("latitude_deg", "longitude_deg")
     if not set(names) <= set(aligned.columns):
         return None

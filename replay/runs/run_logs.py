@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RecordTo:
-    """Where a replay is recorded.
+    """Output of a replay's recording.
 
     Attributes:
-        path: the recording; None records nothing.
-        force: replace an existing one.
-        live: show it in the viewer as it is written.
-        viewer: one that is open already, for that.
+        path: path of the recording; None records nothing.
+        force: whether to replace an existing recording.
+        live: whether to show it in the viewer while it is written.
+        viewer: open viewer to use for that.
     """
 
     path: Path | None = None
@@ -59,11 +59,11 @@ def replay_logs(
     Args:
         logs: the logs.
         machine_file: the machine file, or the name of a shipped one.
-        output: the recording to write.
+        output: recording to write.
         overrides: `key=value`, of the machine file.
-        strict: refuse a log with any loss.
-        calibration: evidence that calibrates the masses.
-        on_stage: told each of `STEPS` as it begins.
+        strict: whether to refuse logs with any loss.
+        calibration: request for calibrated masses.
+        on_stage: called with the name of each of `STEPS` as it begins.
 
     Raises:
         PayscopeError: whatever is wrong with the input, before anything is written.

@@ -35,12 +35,12 @@ _LOADS_MIN = 3
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One combination: the overrides that make it, what `run` answers, how wrong that is.
+    """Result for one combination: its overrides, the answer, and the answer's errors.
 
-    `errors` holds, by name and method: `error_kg`, the whole log's mass less a reference; with the
-    truth beside the logs `rmse_kg`, of the runs' raw masses; with three loads or more
-    `calibrated_rmse_kg` and `left_out_rmse_kg`, of the runs' masses after (19), the run's own load
-    in the fit or not. None where the log cannot weigh.
+    `errors` holds by name and method: `error_kg`, the log's mass less a reference; with the truth
+    beside the logs `rmse_kg`, of the runs' raw masses; with three loads or more also
+    `calibrated_rmse_kg` and `left_out_rmse_kg`, of the runs' masses after (19) with and without the
+    run's own load in the fit. None if the log cannot weigh.
     """
 
     over: dict[str, str]
@@ -58,20 +58,20 @@ def sweep_settings(
     calibration: "CalibrationRequest | None" = None,
     on_stage: Callable[[str], None],
 ) -> list[Row]:
-    """Replay logs (in one time line) once a combination; each topic is decoded once.
+    """Replay logs on one time line for each combination; each topic is decoded once.
 
     Args:
-        logs: the logs; where the truth lies beside each, errors are given.
+        logs: logs; errors are given if the truth is beside each.
         machine_file: the machine file.
-        overrides: `key=value`, for every combination.
-        grid: the combinations, each more overrides (`replay.runs.setting_grid.combinations`).
-        reference_kg: what the machine truly weighs, if known.
+        overrides: `key=value` for every combination.
+        grid: combinations of further overrides (`replay.runs.setting_grid.combinations`).
+        reference_kg: true mass, if known.
         calibration: evidence that calibrates the masses of the combinations that it is of; the
             others say why they have none.
-        on_stage: told each combination as it begins.
+        on_stage: called with each combination as it begins.
 
     Returns:
-        A row a combination.
+        One row per combination.
 
     Raises:
         PayscopeError: whatever is wrong with the input, before the first replay.
@@ -159,7 +159,7 @@ def _rms_error(errors: pl.Series) -> float | None:
 
 
 def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
-    """Every combination of the values that are asked for.
+    """Every combination of the requested values.
 
     Args:
         over: `key=from:to:step` (both ends included) or `key=a,b,c`.
@@ -175,12 +175,15 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     keys = [axis[0].partition("=")[0] for axis in axes]
     for key in keys:
         if keys.count(key) > 1:
-            raise MachineError(f"--over {key}: is given twice; put its values in one --over")
+            raise MachineError(f"--over {key}: is given twice; put all its values into one --over")
     size = 1
     for axis in axes:
         size *= len(axis)
     if size > _LARGEST:
-        raise MachineError(f"--over: makes {size:,} replays, at most {_LARGEST:,}; widen a step")
+        raise MachineError(
+            f"--over: makes {size:,} replays, but at most {_LARGEST:,} are allowed; use larger "
+            "steps"
+        )
     return list(product(*axes))
 
 
@@ -195,21 +198,23 @@ def _parse_axis(over: str) -> list[str]:
 
 
 def _parse_range(over: str, text: str) -> list[str]:
-    """The decimal numbers of `from:to:step`, as they would be written."""
+    """Decimal numbers of the range `from:to:step`, as text."""
     try:
         first, last, step = (Decimal(part.strip()) for part in text.split(":"))
         steps = (last - first) / step
     except (ArithmeticError, ValueError):
         raise MachineError(f"--over {over}: {_HOW}") from None
     if not steps.is_finite() or steps < 0:
-        raise MachineError(f"--over {over}: no step of {step} leads from {first} to {last}")
+        raise MachineError(
+            f"--over {over}: no whole number of steps of {step} leads from {first} to {last}"
+        )
     if steps >= _LARGEST:
-        raise MachineError(f"--over {over}: makes more than {_LARGEST:,} values; widen the step")
+        raise MachineError(f"--over {over}: makes more than {_LARGEST:,} values; use a larger step")
     return [f"{first + k * step:f}" for k in range(int(steps) + 1)]
 
 
 def _split_values(text: str) -> list[str]:
-    """The values between commas; those inside brackets are one value."""
+    """Split values at commas, but not inside brackets."""
     values, depth = [""], 0
     for letter in text:
         depth += (letter in "[{") - (letter in "]}")

@@ -1,4 +1,4 @@
-"""The command `run --watch`: the logs replayed whenever the machine file changes."""
+"""The command `run --watch`: replay the logs whenever the machine file changes."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -39,12 +39,12 @@ def watch_machine_file(
     the replay before the last one as well.
 
     Args:
-        machine_file: what is watched.
-        output: the recording, replaced by each replay.
-        overrides: `key=value`, over what the file says.
-        replay: one replay, told where to record it.
-        on_answer: told each answer, and which keys differ from the replay before.
-        on_error: told what is wrong with a changed file; the watch goes on.
+        machine_file: file to watch.
+        output: recording, replaced by each replay.
+        overrides: `key=value`, with precedence over the file.
+        replay: function that replays once and records as it is told.
+        on_answer: called with each answer and the keys changed since the previous replay.
+        on_error: called with the error in a changed file; watching continues.
 
     Raises:
         PayscopeError: of the first replay.
@@ -78,7 +78,7 @@ def watch_machine_file(
 
 
 def machine_file_changes(path: Path) -> Iterator[None]:
-    """Once now, once after each change when the file has been still for a look, and once gone."""
+    """Yield once at the start, after each change that has settled, and when the file vanishes."""
     seen, missed = _file_signature(path), 0
     yield
     while True:

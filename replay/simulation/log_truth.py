@@ -1,4 +1,4 @@
-"""The truth beside a simulated log (`LOG.truth.json`): written with it, read to judge a replay."""
+"""Truth beside a simulated log (`LOG.truth.json`), for judging a replay."""
 
 import json
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def truth_path(log: Path) -> Path:
-    """Where the truth of a simulated log is."""
+    """Path of the truth of a simulated log."""
     return log.with_name(f"{log.name}.truth.json")
 
 
@@ -38,7 +38,7 @@ def write_truth(simulated: SimulatedLog, log: Path) -> None:
 def write_shift_truth(
     truth: "ShiftTruth", scenario: Scenario, logs: Sequence[Path], path: Path
 ) -> None:
-    """Write what is true of a whole shift: its cycles, dumps, stands and logs, in unix ns."""
+    """Write the truth of a whole shift: cycles, dumps, stands and logs, in unix ns."""
     named = truth.logs.insert_column(0, pl.Series("log", [log.name for log in logs]))
     whole = {
         "cycles": truth.cycles.to_dicts(),
@@ -51,18 +51,18 @@ def write_shift_truth(
 
 
 def has_truth(logs: Sequence[Path]) -> bool:
-    """Whether the truth of trials lies beside every log: a shift has cycles, and no trials."""
+    """Whether every log has the truth of its trials beside it; a shift has no trials."""
     return all(truth_path(log).is_file() and _has_trials(truth_path(log)) for log in logs)
 
 
 def true_trials(logs: Sequence[Path]) -> pl.DataFrame:
-    """Read the truth of every trial, in the logs' order, by the logs' own clock.
+    """True values of every trial, in the logs' order, by the logs' own clock.
 
     Args:
         logs: simulated logs, the truth beside each.
 
     Returns:
-        A row a trial: `start_ns`, `end_ns`, `load_kg`, `mass_kg`, and what else the truth holds.
+        One row per trial: `start_ns`, `end_ns`, `load_kg`, `mass_kg`, and other true values.
 
     Raises:
         LogError: a truth file cannot be read, or is none.
@@ -71,7 +71,7 @@ def true_trials(logs: Sequence[Path]) -> pl.DataFrame:
 
 
 def _has_trials(path: Path) -> bool:
-    """False for a shift; what cannot be read is for `true_trials` to say."""
+    """Whether a truth file is not of a shift; `true_trials` reports unreadable files."""
     try:
         return json.loads(path.read_text(encoding="utf-8")).get("runs") != []
     except (OSError, ValueError, AttributeError):

@@ -40,7 +40,7 @@ def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Sce
 
 
 def scenario_text(scenario: Scenario) -> str:
-    """A scenario file that reads back as `scenario`: what differs from the defaults."""
+    """Text of a scenario file with the values that differ from the defaults."""
     sections = scenario.model_dump(mode="json", exclude_defaults=True)
     manoeuvres = [each.model_dump(exclude_none=True) for each in scenario.campaign.manoeuvres]
     blocks: list[str] = []

@@ -1,4 +1,4 @@
-"""Simulate a scenario as logs of any format, with the truth beside each."""
+"""Simulate a scenario as logs of any format, each with its truth."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -50,14 +50,13 @@ def write_logs(
     force: bool = False,
     beside: Mapping[Path, Callable[[Path], None]] = MappingProxyType({}),
 ) -> None:
-    """Write each log to its target, and the truth to `TARGET.truth.json`: all of them, or none.
+    """Write each log to its target and its truth to `TARGET.truth.json`, all of them or none.
 
     Args:
-        logs: as many as there are targets.
-        targets: in one folder; the suffix says the format.
-        force: whether outputs that are there may be replaced.
-        beside: further files of the same folder, each with what writes it when all logs are
-            written.
+        logs: one log per target.
+        targets: paths in one folder; the suffix sets the format.
+        force: whether to replace existing outputs.
+        beside: further files in that folder, each with the function that writes it after all logs.
 
     Raises:
         OutputError: no format has that suffix, an output is there already, or the folder cannot
@@ -80,11 +79,11 @@ def write_logs(
 
 
 def tear_log(log: Path, share: float) -> None:
-    """Cut off so much of a log's file, at any byte; a directory loses its metadata as well.
+    """Cut off the end of a log's file; a directory also loses its metadata.
 
     Args:
-        log: a file, or a rosbag2 directory of one storage file.
-        share: from 0 to 1.
+        log: file, or rosbag2 directory with one storage file.
+        share: share to cut off, from 0 to 1.
     """
     if log.is_dir():
         (log / METADATA).unlink()
@@ -95,19 +94,18 @@ def tear_log(log: Path, share: float) -> None:
 
 
 def simulate_scenario(scenario: Scenario, output: Path, *, force: bool = False) -> list[Path]:
-    """Write the scenario's logs, and beside each its truth (`LOG.truth.json`).
+    """Write the scenario's logs, each with its truth (`LOG.truth.json`).
 
     Args:
-        scenario: what to simulate.
-        output: the log; its suffix says the format (.bag, .mcap, .db3, .csv; none: a rosbag2
-            directory).
-            With several loads, each has its own log, named after it: `campaign.bag` becomes
-            `campaign_000kg.bag`, `campaign_050kg.bag`, …. A shift of several logs numbers them,
-            `shift_1.bag`, …, and what is true of all is in `shift.cycles.json`.
-        force: whether logs that are there may be replaced.
+        scenario: scenario to simulate.
+        output: path of the log; its suffix sets the format (.bag, .mcap, .db3, .csv; none: a
+            rosbag2 directory). Several loads have a log each: `campaign.bag` becomes
+            `campaign_000kg.bag`, `campaign_050kg.bag`, …. Several logs of a shift are numbered,
+            `shift_1.bag`, …, and the truth of the whole shift is in `shift.cycles.json`.
+        force: whether to replace existing logs.
 
     Returns:
-        The logs, in the order of the loads, or of a shift; they make one time line.
+        Paths of the logs, in order of loads or of time; they share one time line.
 
     Raises:
         OutputError: no format has that suffix, an output is there already, or the folder cannot
@@ -134,12 +132,12 @@ def simulate_scenario(scenario: Scenario, output: Path, *, force: bool = False) 
 
 
 def shift_truth_path(output: Path) -> Path:
-    """Where the truth of a simulated shift is."""
+    """Path of the truth of a simulated shift."""
     return output.with_name(f"{output.stem}.cycles.json")
 
 
 def log_paths(scenario: Scenario, output: Path) -> list[Path]:
-    """The logs that `simulate` writes.
+    """Paths of the logs that `simulate` writes.
 
     Raises:
         OutputError: the output has no name.

@@ -1,1 +1,1 @@
-"""Everything that is compiled, compiled ahead of the first run."""
+"""Compilation of all loops ahead of the first run."""

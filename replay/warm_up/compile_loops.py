@@ -1,6 +1,6 @@
-"""Compile ahead what a run, a review and a simulation compile, by small ones of each.
+"""Compile in advance what runs, reviews and simulations need, by running small ones.
 
-What is compiled depends on the types of arrays and on the container of a log, not on its length.
+Compiled code depends on the types of arrays and on the container of a log, not on its length.
 """
 
 from collections.abc import Callable
@@ -57,10 +57,10 @@ _SHIFT: Final = SimulatedShift(duration_h=0.1, logs=2)
 
 
 def compile_loops(on_stage: Callable[[str], None] = lambda _: None) -> None:
-    """Compile everything into the folders that are kept; what is there is loaded instead.
+    """Compile all loops into their caches; cached ones are only loaded.
 
     Args:
-        on_stage: told each of `STEPS` as it begins.
+        on_stage: called with the name of each of `STEPS` as it begins.
     """
     with compile_at_once(), TemporaryDirectory(prefix="payscope-warm-up-") as made:
         folder = Path(made)

@@ -220,7 +220,7 @@ def test_a_dtype_that_cannot_be_stored_leaves_no_half_file(tmp_path: Path):
 
 
 def test_a_column_without_a_name_is_refused_in_one_line(tmp_path: Path):
-    with pytest.raises(OutputError, match="column without a name"):
+    with pytest.raises(OutputError, match="column of the log has an empty name"):
         write_recording(Run({"raw/table": pl.DataFrame({"": [1.0]})}), tmp_path / "shift.rrd")
 
 

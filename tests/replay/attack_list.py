@@ -85,16 +85,16 @@ JSON_FORMS: tuple[tuple[str, bytes, str], ...] = (
     ("an exponent too long", b'{"a":1e' + b"9" * 5000 + b"}", "a number of 5002 characters"),
     ("infinity by exponent", b'{"a":1e999}', "the number 1e999"),
     ("NaN", b'{"a":NaN}', "the number NaN"),
-    ("a name twice", b'{"a":1,"a":2}', "a name that comes twice"),
+    ("a name twice", b'{"a":1,"a":2}', "a name appears twice"),
     ("names out of order", b'{"b":1,"a":2}', "not in the canonical form"),
     ("1.0 for 1", b'{"a":1.0}', "not in the canonical form"),
-    ("no UTF-8", b'{"a":"\xff"}', "no JSON"),
+    ("no UTF-8", b'{"a":"\xff"}', "not valid JSON"),
     ("half a surrogate", b'{"a":"\\ud800"}', "canonical"),
-    ("nothing", b"", "no JSON"),
-    ("a pickle", pickle.dumps({"a": 1}), "no JSON"),
+    ("nothing", b"", "not valid JSON"),
+    ("a pickle", pickle.dumps({"a": 1}), "not valid JSON"),
     ("sixteen megabytes", b" " * ((16 << 20) + 1), "are more than"),
-    ("another object", b'{"a":1}', "which its schema refuses"),
-    ("a list", b"[]", "which its schema refuses"),
+    ("another object", b'{"a":1}', "which the schema of evidence does not allow"),
+    ("a list", b"[]", "which the schema of evidence does not allow"),
 )
 #: A line more of SHA256SUMS.
 OUTSIDE: tuple[str, ...] = (
@@ -106,9 +106,9 @@ OUTSIDE: tuple[str, ...] = (
     "0" * 64 + " *report.html\n",
 )
 
-_NO_DIGEST = "is no digest of a file of a bundle"
+_NO_DIGEST = "is not the digest of a file of this bundle"
 _NOT_GIVEN = "is not signed by the key"
-_NO_ENVELOPE = "is no DSSE envelope"
+_NO_ENVELOPE = "is not a DSSE envelope"
 _ALPHA_BY_OWN_KEY = "calibration.alpha_1: does not follow"
 
 ATTACKS: tuple[Attack, ...] = (
@@ -132,7 +132,7 @@ ATTACKS: tuple[Attack, ...] = (
     Attack("signature", "two", in_envelope(lambda h: h["signatures"].append(h["signatures"][0])),
            3, _NO_ENVELOPE),
     Attack("signature", "no base64", in_envelope(lambda h: h["signatures"][0].update(sig="?")), 3,
-           "is no base64"),
+           "is not base64"),
     Attack("signature", "spaces in base64",
            in_envelope(lambda h: h["signatures"][0].update(sig=h["signatures"][0]["sig"] + "\n")),
            3, "base64"),
@@ -231,7 +231,7 @@ ATTACKS: tuple[Attack, ...] = (
            "was made with other settings"),
     Attack("use", "weighed for another machine", used_of_other_machine, 2, "sledge-8"),
     Attack("use", "a campaign after a forged α", chained_to_forged, 2,
-           "nothing can be chained to it: tampered"),
+           "cannot be used as --previous: tampered"),
     Attack("use", "a campaign after an unknown key", chained_to_unknown, 2, "unknown key"),
     Attack("use", "verify asks for a known key", required_unknown, 5,
            "a signature by a known key is asked for"),

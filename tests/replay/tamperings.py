@@ -195,10 +195,10 @@ TAMPERINGS: dict[str, Tampering] = {
         TAMPERED, TAMPERED, "the campaign", "evidence.json: notice: Input should be"),
     "an unknown key": Tampering(
         lambda b: b.evidence.update(more=1), TAMPERED, TAMPERED, "the campaign",
-        "evidence.json: more: Extra inputs are not permitted, which its schema refuses"),
+        "evidence.json: more: Extra inputs are not permitted, which the schema"),
     "a number as text": Tampering(
         in_evidence("chain", "counter", to="2"), TAMPERED, TAMPERED, "the campaign",
-        "evidence.json: holds a value in a form that its schema does not have"),
+        "evidence.json: holds a value of a type that the schema of evidence does not allow"),
     "the machine's id": Tampering(
         in_evidence("campaign", "machine", "id", to="sledge-8"),
         TAMPERED, IRREPRODUCIBLE, "the campaign",

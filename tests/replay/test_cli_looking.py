@@ -57,12 +57,12 @@ class TestShow:
         self, payscope: Payscope, recording: Path
     ) -> None:
         said = payscope("show", recording, "gate", "--format", "csv", "-o", recording, "--force")
-        one_line(said, "out.rrd", "the input itself")
+        one_line(said, "out.rrd", "is also an input")
         assert read_recording(recording).frames
 
     def test_what_only_a_stage_can_do_needs_one(self, payscope: Payscope, recording: Path) -> None:
         for words in (["--from", 1], ["-o", recording.with_name("a.csv")], ["--format", "csv"]):
-            one_line(payscope("show", recording, *words), "name one")
+            one_line(payscope("show", recording, *words), "a frame")
 
     def test_a_moment_is_its_last_row_or_the_spans_that_hold_it(
         self, payscope: Payscope, recording: Path
@@ -86,14 +86,16 @@ class TestShow:
     def test_a_moment_is_no_range_and_needs_a_time(
         self, payscope: Payscope, recording: Path
     ) -> None:
-        one_line(payscope("show", recording, "gate", "--at", 2, "--from", 1), "take one")
+        one_line(
+            payscope("show", recording, "gate", "--at", 2, "--from", 1), "use one or the other"
+        )
         for ends in (["--from", 5, "--to", 1], ["--from", "nan"], ["--to", "inf"]):
             one_line(
                 payscope("show", recording, "gate", *ends), "is not a time span", "earlier first"
             )
         one_line(payscope("show", recording, "gate", "--at", "nan"), "is not a time")
-        one_line(payscope("show", recording, "masses", "--at", 2), "no time to cut by")
-        one_line(payscope("show", recording, "--at", 2), "name one")
+        one_line(payscope("show", recording, "masses", "--at", 2), "has no time")
+        one_line(payscope("show", recording, "--at", 2), "need the name of a frame")
 
     def test_a_joints_name_in_a_column_is_no_markup(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path

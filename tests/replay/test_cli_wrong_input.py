@@ -89,7 +89,7 @@ class TestWrongInput:
     ) -> None:
         (tmp_path / "m.toml").write_text('[machine]\nname = "bare"\n')
         said = payscope("run", log, "-m", tmp_path / "m.toml")
-        one_line(said, "m.toml", "no force: give channels.force_x_N")
+        one_line(said, "m.toml", "no force channel: give channels.force_x_N")
 
     def test_machine_file_that_is_no_toml(
         self, payscope: Payscope, log: Path, tmp_path: Path
@@ -170,7 +170,7 @@ class TestWrongInput:
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         said = payscope("run", log, "-m", machine_file, "--set", "channels.force_x_N.delay_s=1000")
-        one_line(said, "share no stretch of time")
+        one_line(said, "the channels do not overlap in time")
 
     def test_live_without_a_recording_to_show(
         self, payscope: Payscope, log: Path, machine_file: Path
@@ -229,5 +229,5 @@ class TestOutputs:
         before = log.read_bytes()
         (tmp_path / "link.toml").symlink_to(log)
         for out in (log, tmp_path / "link.toml"):
-            one_line(payscope("init", log, "-o", out, "--force"), out.name, "the input itself")
+            one_line(payscope("init", log, "-o", out, "--force"), out.name, "is also an input")
         assert log.read_bytes() == before

@@ -71,7 +71,7 @@ def test_the_statement_is_read_with_the_same_care(genuine: Path, tmp_path: Path)
 def test_names_that_lead_outside_are_refused(genuine: Path, tmp_path: Path, line: str) -> None:
     sums = (genuine / SUMS).read_bytes() + line.encode()
     found = changed(genuine, tmp_path, SUMS, sums)
-    assert "is no digest of a file of a bundle" in findings_text(found)
+    assert "is not the digest of a file of this bundle" in findings_text(found)
 
 
 def test_no_link_is_followed(genuine: Path, tmp_path: Path) -> None:

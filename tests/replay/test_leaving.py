@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from recordings.report.atomic_output import check_output
+from recordings.report.atomic_output import require_writable_output
 from tests.replay.sledge import MACHINE, sledge
 from tests.twins import mark_slow_after
 
@@ -111,7 +111,7 @@ def test_a_signal_while_the_hidden_folder_goes_leaves_nothing(
 
     monkeypatch.setattr(shutil, "rmtree", interrupt_once)
     with pytest.raises(KeyboardInterrupt):
-        check_output(tmp_path / "out.rrd", force=False)
+        require_writable_output(tmp_path / "out.rrd", force=False)
     assert interrupted
     assert list(tmp_path.iterdir()) == []
 

@@ -169,9 +169,9 @@ def test_nothing_is_chained_to_evidence_by_an_unknown_key(
     invented: Path, made: Made, tmp_path: Path
 ) -> None:
     own, _ = key_files(tmp_path, "other")
-    with pytest.raises(EvidenceError, match="nothing is chained to what cannot be verified"):
+    with pytest.raises(EvidenceError, match="so its signature cannot be verified"):
         previous_evidence(invented, None, signing_key(own))
-    with pytest.raises(EvidenceError, match="nothing is chained"):
+    with pytest.raises(EvidenceError, match="its signature cannot be verified"):
         previous_evidence(made.bundle, None, signing_key(own))
     previous_evidence(made.bundle, None, signing_key(made.private))
     add_key(load_keyring(), known(made))

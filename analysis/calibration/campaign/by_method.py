@@ -1,4 +1,4 @@
-"""The frame `calibration`: a line for each method, by the same fit as evidence."""
+"""Frame `calibration`: a line for each method, by the same fit as for evidence."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -27,14 +27,14 @@ _COLUMNS = {
 
 
 def calibrate_methods(estimates: pl.DataFrame) -> pl.DataFrame:
-    """Fit a line to the starts of each method; a load is a point, its masses are known.
+    """Fit a line to the starts of each method; each load is a point with a known mass.
 
     Args:
-        estimates: a row a method and start: `method`, `load_kg`, `reference_kg`, `mass_kg` (null
-            where it gave none).
+        estimates: a row per method and start: `method`, `load_kg`, `reference_kg`, `mass_kg` (null
+            if not estimated).
 
     Returns:
-        The frame `calibration`: a row a method and load, null from `alpha_1` on where the loads
+        The frame `calibration`: a row per method and load, null from `alpha_1` on if the loads
         determine no line.
     """
     rows: list[dict[str, Any]] = []
@@ -52,12 +52,12 @@ def calibrate_methods(estimates: pl.DataFrame) -> pl.DataFrame:
 
 @dataclass(frozen=True, eq=False)
 class MethodReadings:
-    """The starts of one method as readings; a load is a run, its mass is known.
+    """Starts of one method as readings; each load is a run with a known mass.
 
     Attributes:
-        readings: run_id, load_id, day, mass_kg, used.
-        references: load_id, reference_kg.
-        covariance_kg2: (loads, loads) of these: none.
+        readings: frame with run_id, load_id, day, mass_kg, used.
+        references: frame with load_id, reference_kg.
+        covariance_kg2: (loads, loads) covariance of the references, which is 0.
     """
 
     readings: pl.DataFrame
@@ -66,10 +66,10 @@ class MethodReadings:
 
 
 def readings_by_method(estimates: pl.DataFrame) -> Iterator[tuple[str, MethodReadings]]:
-    """The readings of each method, in their order of appearance.
+    """Readings of each method, in order of appearance.
 
     Args:
-        estimates: as `calibrate_methods` takes them.
+        estimates: as in `calibrate_methods`.
     """
     for (method,), found in estimates.group_by("method", maintain_order=True):
         load_id = found["load_kg"].cast(pl.String)
@@ -91,13 +91,13 @@ def method_rows(
     line: Calibration | None,
     load_kg: Callable[[Point], float],
 ) -> list[dict[str, Any]]:
-    """The rows of a method, loads ascending.
+    """Rows of a method, by ascending load.
 
     Args:
-        method: its name.
-        points: a point a load.
-        line: through them; None where there is none.
-        load_kg: of a point, without the machine.
+        method: name of the method.
+        points: a point per load.
+        line: line through them; None without one.
+        load_kg: returns the load of a point, without the machine.
     """
     ordered = sorted(points, key=lambda point: point.reference_kg)
     return [
@@ -113,7 +113,7 @@ def method_rows(
 
 
 def calibration_frame(rows: list[dict[str, Any]]) -> pl.DataFrame:
-    """The frame of such rows."""
+    """Frame `calibration` of the rows."""
     texts = {"method": pl.String, "load_kg": pl.Float64, "runs": pl.Int64}
     numbers = dict.fromkeys((*_COLUMNS.values(), "alpha_1", "beta_kg"), pl.Float64)
     return conform("calibration", pl.DataFrame(rows, schema={**numbers, **texts}, orient="row"))

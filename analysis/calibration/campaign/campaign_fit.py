@@ -1,4 +1,4 @@
-"""From a campaign, what lay on board and its readings to the calibration, made and checked."""
+"""Fit of a campaign: from references and readings to the calibration."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.calibration.campaign.campaign_plan import JOINT_ESTIMATORS, CalibrationCampaign
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point, StatedPart
 from analysis.calibration.line.line_fit import fit_calibration
-from analysis.calibration.line.unlike_driving import RunResponse
+from analysis.calibration.line.shared_errors import RunResponse
 from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_drift_against
 from analysis.calibration.use.error_limits import (
     DecisionRule,
@@ -53,11 +53,10 @@ class CampaignFit:
     """Result of fitting a campaign.
 
     Attributes:
-        calibration: the line; None where the readings determine none.
-        no_fit: why there is none, else empty.
-        points: a row a run, also where there is no line.
-        limits: whether it is within the error limits that the campaign asks for; None where it
-            asks for none, or there is no line.
+        calibration: the line; None if the readings determine none.
+        no_fit: why there is no line; else empty.
+        points: a row per run, even without a line.
+        limits: verdict on the campaign's error limits; None without limits or without a line.
     """
 
     calibration: Calibration | None
@@ -78,14 +77,14 @@ def fit_campaign(
     options: CalibrationOptions,
     responses: Sequence[RunResponse] = (),
 ) -> CampaignFit:
-    """Fit the line of a campaign; where its readings determine none, say why.
+    """Fit the line of a campaign; if that is impossible, give the reason.
 
     Args:
-        campaign: references.
-        body: the machine, whose empty mass is part of them.
+        campaign: campaign with its references.
+        body: machine body with its empty mass.
         readings: frame `readings`.
-        options: of the fit.
-        responses: of runs to the errors of learnt means.
+        options: options of the fit.
+        responses: responses of runs to errors of learnt means.
     """
     known, covariance_kg2 = load_references(campaign, body)
     rule = make_decision_rule(campaign, known)
@@ -99,14 +98,14 @@ def fit_campaign(
 
 
 def make_decision_rule(campaign: CalibrationCampaign, known: pl.DataFrame) -> DecisionRule | None:
-    """The decision rule that a campaign file asks for.
+    """Decision rule of a campaign file; None without one.
 
     Args:
-        campaign: its decision.
-        known: `reference_kg` of its loads.
+        campaign: campaign with its decision.
+        known: frame with `reference_kg` of its loads.
 
     Raises:
-        DataError: no such class, one that needs a scale interval, or one without such a load.
+        DataError: the class is unknown, needs a scale interval, or does not cover a load.
     """
     asked = campaign.decision
     if asked is None:
@@ -120,11 +119,11 @@ def make_decision_rule(campaign: CalibrationCampaign, known: pl.DataFrame) -> De
 def make_calibration_options(
     campaign: CalibrationCampaign, stated: Iterable[StatedPart]
 ) -> CalibrationOptions:
-    """The options of the fit that a campaign file asks for.
+    """Options of the fit from a campaign file.
 
     Args:
-        campaign: its method.
-        stated: components that the replays know; one that the file states too is the file's.
+        campaign: campaign with its method.
+        stated: components known from the replays; components in the file override them.
     """
     method = campaign.method
     own = tuple(
@@ -143,12 +142,12 @@ def make_calibration_options(
 def stated_force_scale_parts(
     campaign: CalibrationCampaign, budgets: Iterable[pl.DataFrame]
 ) -> tuple[StatedPart, ...]:
-    """The factors of the force that no log tells, from the budgets of the replays.
+    """Force factors that no log determines, from the budgets of the replays.
 
-    They are constants of the machine, which the line takes with it.
+    They are constants of the machine, which the line absorbs.
 
     Args:
-        campaign: which estimator; those of the paper have no budget.
+        campaign: campaign with its estimator; those of the paper have no budget.
         budgets: frame `budget` of each replay.
     """
     if campaign.method.estimator not in JOINT_ESTIMATORS:
@@ -171,10 +170,10 @@ def points_outside_fit(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Poi
 
     Args:
         readings: frame `readings`.
-        known: `load_id`, `reference_kg`.
+        known: frame with `load_id`, `reference_kg`.
 
     Raises:
-        DataError: a load without a reference.
+        DataError: a load has no reference.
     """
     unknown = set(readings["load_id"]) - set(known["load_id"])
     if unknown:
@@ -206,18 +205,18 @@ def points_outside_fit(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Poi
 def load_references(
     campaign: CalibrationCampaign, body: Body
 ) -> tuple[pl.DataFrame, NDArray[np.float64]]:
-    """The reference of each load, and how their errors go together.
+    """Reference of each load, and covariance of the references.
 
     Args:
-        campaign: masses and runs.
-        body: the machine; its empty mass is part of a reference unless payload is calibrated.
+        campaign: campaign with masses and runs.
+        body: machine body; its empty mass is part of a reference unless payload is calibrated.
 
     Returns:
-        `load_id`, `reference_kg`; and (loads, loads) their covariance, kg²: masses of one source
-        share a part, loads with a mass in common all of it, whole masses the machine's own.
+        Frame with `load_id`, `reference_kg`; and (loads, loads) covariance in kg²: masses of one
+        source share a part, loads with a common mass all of it, whole masses the machine's own.
 
     Raises:
-        CampaignError: the machine file does not know the empty mass, or its uncertainty.
+        CampaignError: the machine file lacks the empty mass, or its uncertainty.
     """
     ids = campaign.load_ids
     count = len(campaign.masses)
@@ -257,16 +256,16 @@ def check_known_mass(
     readings: pl.DataFrame,
     calibration: Calibration,
 ) -> tuple[CampaignFit, DriftCheck]:
-    """Compare the one load of a campaign with what a calibration makes of it.
+    """Compare the single load of a campaign with its mass by a calibration.
 
     Args:
-        campaign: of one run.
-        body: the machine.
+        campaign: campaign of one run.
+        body: machine body.
         readings: frame `readings`.
-        calibration: made before.
+        calibration: earlier calibration.
 
     Returns:
-        The calibration with the points of this campaign, and the outcome.
+        The calibration with the points of this campaign, and the result of the check.
     """
     known, covariance_kg2 = load_references(campaign, body)
     (point, *_) = points_outside_fit(readings, known)

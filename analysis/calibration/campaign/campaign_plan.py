@@ -71,7 +71,7 @@ class CampaignRun(BaseModel):
         if self.to_s is not None and self.to_s <= (self.from_s or 0.0):
             raise ValueError(f"run '{self.id}': to_s is not after from_s")
         if len(set(self.loads)) < len(self.loads):
-            raise ValueError(f"run '{self.id}': a mass is on board once")
+            raise ValueError(f"run '{self.id}': lists the same mass twice; remove one")
         return self
 
 
@@ -165,9 +165,13 @@ class NotaryStretch(BaseModel):
         numbers = [each.number for each in self.left_out]
         for number in numbers:
             if not self.first <= number <= self.last:
-                raise ValueError(f"notary: number {number} is left out, and is not between them")
+                raise ValueError(
+                    f"notary: number {number} is left out, but is not between first and last"
+                )
             if numbers.count(number) > 1:
-                raise ValueError(f"notary: number {number} is left out twice")
+                raise ValueError(
+                    f"notary: number {number} appears twice in left_out; remove one entry"
+                )
         return self
 
 
@@ -210,7 +214,7 @@ class CalibrationCampaign(BaseModel):
         ):
             twice = sorted({each for each in ids if ids.count(each) > 1})
             if twice:
-                raise ValueError(f"two of the {what}s are called '{twice[0]}'")
+                raise ValueError(f"two of the {what}s have the same id '{twice[0]}'")
         known = {each.id for each in self.masses}
         for run in self.runs:
             for load in run.loads:

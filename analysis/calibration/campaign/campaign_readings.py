@@ -1,4 +1,4 @@
-"""Readings of the runs of a campaign: by each manoeuvre of a replay, and by each method."""
+"""Readings of a campaign's runs, for each manoeuvre and by each method."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -12,7 +12,7 @@ from analysis.calibration.campaign.campaign_plan import (
     CampaignRun,
     Estimator,
 )
-from analysis.calibration.line.unlike_driving import RunResponse, Unlike
+from analysis.calibration.line.shared_errors import RunResponse, SharedErrors
 from analysis.model.methods import METHODS, LogSummary
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
@@ -40,15 +40,15 @@ _NO_ZERO: Final = "no run of this log without load, so there is no payload as a 
 def read_campaign_runs(
     replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator
 ) -> pl.DataFrame:
-    """Read the runs of one log.
+    """Readings of the campaign's runs in one log.
 
     Args:
         replayed: the replay of that log.
         runs: the campaign's runs in it, in order.
-        estimator: which mass.
+        estimator: estimator of the mass.
 
     Returns:
-        Frame `readings`, seconds from the log's first aligned sample; all that is not used has a
+        Frame `readings`, in seconds from the log's first aligned sample; unused readings have a
         reason.
     """
     joint = estimator in JOINT_ESTIMATORS
@@ -77,14 +77,14 @@ def read_campaign_runs(
 def responses_of_runs_to_learnt_means(
     replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator
 ) -> tuple[RunResponse, ...]:
-    """What errors of learnt means move the runs of one log by; nothing where none were learnt.
+    """Responses of the runs in one log to errors of learnt means; empty without any.
 
     Args:
         replayed: the replay of that log, under learnt priors.
         runs: the campaign's runs in it, in order.
-        estimator: which mass.
+        estimator: estimator of the mass.
     """
-    shared = Unlike.from_frames(replayed.frames)
+    shared = SharedErrors.from_frames(replayed.frames)
     if shared is None or estimator not in JOINT_ESTIMATORS:
         return ()
     said = replayed.frames["manoeuvres"].to_dicts()
@@ -127,10 +127,10 @@ def joint_fit_readings(replayed: Run) -> list[dict[str, Any]]:
 
 
 def causes_not_in_common(replayed: Run) -> list[str]:
-    """Parts common to one log's masses but not to all masses of the campaign.
+    """Uncertainty sources common to one log's masses but not to all masses of the campaign.
 
-    What the means of learnt priors have wrong the line takes with it. Their widths are what differs
-    from log to log: anew in every log, so that it scatters the runs about the line.
+    Errors of learnt means are absorbed by the line. Their prior widths vary from log to log, and
+    scatter the runs about the line.
     """
     nuisances = replayed.frames["nuisances"]
     if "prior_mean_u" not in nuisances.columns:
@@ -140,14 +140,14 @@ def causes_not_in_common(replayed: Run) -> list[str]:
 
 
 def subtract_part_u(u_kg: float | None, part_kg: float | None) -> float | None:
-    """A standard uncertainty less a part of it."""
+    """Standard uncertainty without one of its parts."""
     if u_kg is None or not part_kg:
         return u_kg
     return float(np.sqrt(max(u_kg**2 - part_kg**2, 0.0)))
 
 
 def method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
-    """Reading of each manoeuvre by a method of the paper; its ± is statistical only."""
+    """Reading of each manoeuvre by a method of the paper, with a statistical ± only."""
     about = replayed.provenance
     segments = replayed.frames["segments"]
     if f"estimates/{method}" not in replayed.frames or segments.is_empty():
@@ -195,7 +195,7 @@ def _make_reading_row(
 
 
 def differences_from_empty(found: pl.DataFrame) -> pl.DataFrame:
-    """Masses less the mean of the log's readings without load, whose error they share."""
+    """Masses minus the mean of the log's empty readings, whose error they share."""
     parts: list[pl.DataFrame] = []
     for log in found.partition_by("log", maintain_order=True):
         zero = log.filter((pl.col("load_id") == EMPTY) & pl.col("used"))
@@ -222,17 +222,17 @@ def differences_from_empty(found: pl.DataFrame) -> pl.DataFrame:
 
 
 def average_readings_by_run(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
-    """One mass a method and run, null where nothing in the run was accepted.
+    """One mass per method and run; null if nothing in the run was accepted.
 
     Windowed methods give the mean of the windows that end in the run, weighted by 1/std²; the
     recursive one its last state in it; `pooled` the run's own fit.
 
     Args:
         replayed: a replay of the campaign's logs.
-        runs: a row a run: `start_ns`, `end_ns` (unix), `load_kg`, `mass_kg` (the reference).
+        runs: a row per run: `start_ns`, `end_ns` (Unix), `load_kg`, `mass_kg` (the reference).
 
     Returns:
-        A row a method and run: method, run, load_kg, reference_kg, mass_kg.
+        A row per method and run: method, run, load_kg, reference_kg, mass_kg.
     """
     t0 = replayed.provenance.t0_unix_ns
     rows: list[dict[str, object]] = []

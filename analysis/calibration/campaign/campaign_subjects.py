@@ -1,4 +1,4 @@
-"""What a campaign calibrates and with what: organisation, machine, reference masses, conditions."""
+"""Subjects of a campaign: organisation, machine, reference masses and conditions."""
 
 import datetime as dt
 from typing import Annotated, Literal, Self
@@ -62,7 +62,10 @@ class EvidenceSubject(BaseModel):
     @model_validator(mode="after")
     def _check_replacement_reason(self) -> Self:
         if bool(self.replaces) != bool(self.replaces_reason):
-            raise ValueError("replaces and replaces_reason go together: what is replaced, and why")
+            raise ValueError(
+                "replaces and replaces_reason must be given together: the id of the evidence, and "
+                "why it is replaced"
+            )
         return self
 
 
@@ -120,9 +123,14 @@ class ReferenceMass(BaseModel):
     @model_validator(mode="after")
     def _check_part_of_whole(self) -> Self:
         if self.shared_u_kg > self.u_kg:
-            raise ValueError(f"'{self.id}': shared_u_kg is a part of u_kg, and cannot exceed it")
+            raise ValueError(
+                f"'{self.id}': shared_u_kg exceeds u_kg, of which it is a part; correct one of them"
+            )
         if self.shared_u_kg and not self.source:
-            raise ValueError(f"'{self.id}': shared_u_kg needs source, what it is shared with")
+            raise ValueError(
+                f"'{self.id}': shared_u_kg needs source, the common origin of the shared "
+                "uncertainty"
+            )
         return self
 
 

@@ -12,7 +12,7 @@ from estimators.errors import DataError
 
 
 def rms_errors(calibration: pl.DataFrame) -> pl.DataFrame:
-    """Sum up a calibration: root mean square errors over its loads, a row a method.
+    """Root mean square errors of a calibration over its loads, a row per method.
 
     Args:
         calibration: the frame `calibration`.
@@ -39,14 +39,14 @@ def rms_errors(calibration: pl.DataFrame) -> pl.DataFrame:
 
 
 def calibrated_errors_of_runs(estimates: pl.DataFrame) -> pl.DataFrame:
-    """Errors of single starts on the line through all loads, and through the others.
+    """Errors of single starts on the line through all loads, and through the other loads.
 
     Args:
-        estimates: as `calibrate_methods` takes them; the line is the same.
+        estimates: as in `calibrate_methods`, with the same line.
 
     Returns:
-        The estimates' rows with `error_kg` and `error_left_out_kg`: the calibrated mass less the
-        reference. Null where the start gave no mass, or the loads determine no line.
+        The estimates' rows with `error_kg` and `error_left_out_kg`: calibrated mass minus
+        reference. Null if the start gave no mass, or the loads determine no line.
     """
     columns = {"error_kg": pl.Float64, "error_left_out_kg": pl.Float64}
     numbered = estimates.with_row_index("row")
@@ -65,7 +65,7 @@ def calibrated_errors_of_runs(estimates: pl.DataFrame) -> pl.DataFrame:
 
 
 def calibrated_errors_of_points(found: MethodReadings) -> tuple[Floats, Floats]:
-    """(starts,) errors on the line, and with the start's load left out; NaN where there is none."""
+    """(starts,) errors on the line, and on the line without the start's load; NaN without one."""
     mass = found.readings["mass_kg"].to_numpy().astype(np.float64)
     loads = {load: k for k, load in enumerate(found.references["load_id"])}
     load = np.array([loads[each] for each in found.readings["load_id"]], np.int64)

@@ -1,4 +1,4 @@
-"""Which load to run next: the one that makes the line surest (D-optimal), and by how much."""
+"""Choice of the next load: the one that reduces the line's uncertainty most (D-optimal)."""
 
 from dataclasses import dataclass, replace
 
@@ -17,14 +17,15 @@ from estimators.arrays import Floats
 
 @dataclass(frozen=True, slots=True)
 class NextLoad:
-    """A run that could be added, on a day of its own.
+    """A possible additional run, on a day of its own.
 
     Attributes:
-        load_id: on board.
-        reference_kg: of it.
-        determinant_1: of the covariance of level and slope, over what it is now.
-        half_width_kg: largest half of the interval of a later mass at the references, after it.
-        half_width_now_kg: the same now.
+        load_id: load on board.
+        reference_kg: its reference.
+        determinant_1: determinant of the covariance of level and slope, relative to the present
+            one.
+        half_width_kg: largest half interval of a later mass at the references, with the run.
+        half_width_now_kg: the same without the run.
     """
 
     load_id: str
@@ -35,14 +36,14 @@ class NextLoad:
 
 
 def rank_next_loads(calibration: Calibration, *, same_day: bool = False) -> tuple[NextLoad, ...]:
-    """Rank the campaign's loads by what one more run with each is worth, the best first.
+    """Rank the campaign's loads by the benefit of one more run, the best first.
 
-    Variances stay as they were found; the run has as many readings as the middle one of the
-    campaign, and the degrees of freedom that it adds count.
+    Variances stay as estimated. The run has the median number of readings, and its degrees of
+    freedom count.
 
     Args:
-        calibration: of the campaign so far.
-        same_day: whether the run is on the campaign's last day; else on a new one.
+        calibration: calibration of the campaign so far.
+        same_day: whether the run is on the campaign's last day rather than on a new one.
 
     Source:
         D-optimality: Atkinson, Donev and Tobias, Optimum Experimental Designs, 10.
@@ -77,7 +78,7 @@ def rank_next_loads(calibration: Calibration, *, same_day: bool = False) -> tupl
 
 
 def unused_day(used: list[Point]) -> str:
-    """A label that no run has."""
+    """Day label that no run uses."""
     return max((point.day for point in used), key=len) + "+"
 
 
@@ -94,7 +95,7 @@ def _widest_interval_kg(
 
 
 def inversion_with_points(calibration: Calibration, points: list[Point]) -> Inversion:
-    """The calibration's line with its variances, as if it had been fitted to these points."""
+    """The calibration's line with its variances, as if fitted to these points."""
     loads = {one.load_id: k for k, one in enumerate(calibration.references)}
     days = list(dict.fromkeys(point.day for point in points))
     reference_kg = np.array([one.reference_kg for one in calibration.references])

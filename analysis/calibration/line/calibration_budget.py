@@ -30,14 +30,14 @@ def calibration_budget_rows(
     at: tuple[float, int],
     common_kg: float | None,
 ) -> tuple[BudgetRow, ...]:
-    """Every component, in kg of calibrated mass; their squares add up to that of the whole.
+    """Rows of all components in kg of calibrated mass; their squares add up to the total.
 
     Args:
-        inversion: of the line.
-        components: of it, in its order.
-        stated: what the points do not show.
-        at: the mass, and how many readings it is the mean of.
-        common_kg: common error that counts, in kg of m̂; None where the line absorbs it.
+        inversion: inversion of the line.
+        components: components of the line, in its order.
+        stated: components that the points do not show.
+        at: the mass, and its number of readings.
+        common_kg: common error that counts, in kg of m̂; None if the line absorbs it.
     """
     mass_kg, readings = at
     anew = clip_negative_parts(inversion.parts_kg2(readings), components)
@@ -87,7 +87,7 @@ def calibration_budget_rows(
 
 
 def clip_negative_parts(parts_kg2: Floats, components: Sequence[Component]) -> Floats:
-    """(effects,) deviations; what days or runs scatter too little is taken off the next finer."""
+    """(effects,) standard deviations; a negative variance reduces the next finer effect."""
     parts = parts_kg2.copy()
     names = [component.name for component in components]
     for coarse, fine in ((DAY, RUN), (RUN, REPEATABILITY)):
@@ -99,7 +99,7 @@ def clip_negative_parts(parts_kg2: Floats, components: Sequence[Component]) -> F
 
 
 def line_parts(inversion: Inversion, mass_kg: float) -> tuple[float, float, float]:
-    """Uncertainty of the line at a mass, in kg of m̂: by its centroid, slope and references."""
+    """Uncertainty of the line at a mass, in kg of m̂: due to centroid, slope and references."""
     own = inversion.scatters > 0.0
     line = np.tensordot(inversion.variance_kg2[own], inversion.on_line[own], 1)
     h = mass_kg - inversion.centre_kg

@@ -1,4 +1,4 @@
-"""From the readings of a campaign to its points, a point a run."""
+"""Points of a campaign: the mean of each run's readings."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -40,12 +40,12 @@ def average_runs(
     """Take the mean of the used readings of each run.
 
     Args:
-        readings: a row a reading: run_id, load_id, day, mass_kg, used (others are not looked at).
-        references: a row a load: load_id, reference_kg.
-        covariance_kg2: (loads, loads) of the references, in their order.
+        readings: a row per reading: run_id, load_id, day, mass_kg, used; unused ones are ignored.
+        references: a row per load: load_id, reference_kg.
+        covariance_kg2: (loads, loads) covariance of the references, in their order.
 
     Raises:
-        DataError: what no line can be fitted to.
+        DataError: no line can be fitted to the readings.
     """
     _check_frames(readings, references, covariance_kg2)
     references = references.select("load_id", pl.col("reference_kg").cast(pl.Float64))
@@ -68,7 +68,9 @@ def average_runs(
         .join(references, "load_id", "left", maintain_order="left")
     )
     for run_id in runs.filter((pl.col("loads") > 1) | (pl.col("days") > 1))["run_id"]:
-        raise DataError(f"calibration: run '{run_id}' has several loads or days: make it several")
+        raise DataError(
+            f"calibration: run '{run_id}' has several loads or days; split it into several runs"
+        )
     fitted = np.flatnonzero(runs["readings"].to_numpy() > 0)
     part = runs[fitted.tolist()]
     order = {load: k for k, load in enumerate(references["load_id"])}
@@ -91,7 +93,9 @@ def average_runs(
 def _check_frames(readings: pl.DataFrame, references: pl.DataFrame, covariance_kg2: Floats) -> None:
     loads = references.height
     if references["load_id"].n_unique() != loads:
-        raise DataError("calibration: two references have one load_id")
+        raise DataError(
+            "calibration: two references have the same load_id; give each load one reference"
+        )
     if covariance_kg2.shape != (loads, loads) or not np.isfinite(covariance_kg2).all():
         raise DataError(
             f"calibration: the references' covariance is not {loads} by {loads} numbers"
@@ -114,4 +118,6 @@ def _check_points(points: Points) -> None:
             f"whether it is one needs {LOADS_MIN}"
         )
     if np.ptp(points.y_kg) <= 1e-9 * np.abs(points.y_kg).max():
-        raise DataError("calibration: the estimates do not differ from load to load")
+        raise DataError(
+            "calibration: the estimates are equal for all loads; use reference masses that differ"
+        )

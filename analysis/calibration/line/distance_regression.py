@@ -22,12 +22,12 @@ class StraightLine:
 
     Attributes:
         intercept: at x = 0.
-        slope: of the line.
+        slope: slope of the line.
         covariance: (2, 2) of intercept and slope.
-        chi2: the weighted sum of squared distances at the solution.
-        freedom: points less two.
-        x: (points,) abscissae as adjusted.
-        residual: (points,) y less the line at the x that were given.
+        chi2: weighted sum of squared distances at the solution.
+        freedom: number of points minus two.
+        x: (points,) adjusted abscissae.
+        residual: (points,) y minus the line at the given x.
     """
 
     intercept: float
@@ -46,25 +46,28 @@ class StraightLine:
 def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> StraightLine:
     """Fit a straight line by generalised distance regression.
 
-    Minimises the distances in x and y together. For given parameters the best abscissae have a
-    closed form, x + b Ux Ω⁻¹ z with z = y - a - b x and Ω = Uy + b² Ux; what is left is zᵀ Ω⁻¹ z,
+    It minimises the distances in x and y together. For given parameters the best abscissae have a
+    closed form, x + b Ux Ω⁻¹ z with z = y - a - b x and Ω = Uy + b² Ux; what remains is zᵀ Ω⁻¹ z,
     and its Gauss-Newton steps are those of the standard's clauses 7 and 10.
 
     Args:
         x: (points,) abscissae.
         y: (points,) ordinates.
-        x_cov: (points, points) covariance of x; zeros where x is exact, and singular where points
-            share an abscissa.
+        x_cov: (points, points) covariance of x; zeros if x is exact, and singular if points share
+            an abscissa.
         y_cov: (points, points) covariance of y, positive definite.
 
     Raises:
-        DataError: fewer than two different abscissae, a covariance that is none, or no convergence.
+        DataError: fewer than two different abscissae, an invalid covariance, or no convergence.
 
     Source:
         ISO/TS 28037:2010, clauses 6 (exact x), 7 (uncorrelated) and 10 (any covariance).
     """
     if x.size < 2 or np.ptp(x) == 0.0:
-        raise DataError("straight line: the points need two different abscissae at least")
+        raise DataError(
+            "straight line: all points have the same reference mass; at least two different "
+            "masses are needed"
+        )
     # about its centroid a line's two parameters are nearly independent
     x0, y0 = float(x.mean()), float(y.mean())
     rounding = _ROUNDING * float(np.abs(y).max()) * np.array([1.0, 1.0 / float(np.ptp(x))])
@@ -84,7 +87,10 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
         if (np.abs(step) <= np.maximum(_SMALL_STEP * np.sqrt(np.diag(covariance)), rounding)).all():
             break
     else:
-        raise DataError("straight line: the fit does not settle: are the uncertainties right?")
+        raise DataError(
+            "straight line: the fit does not converge; check the uncertainties of readings and "
+            "references"
+        )
     residual = y - level - slope * x
     shift = np.array([[1.0, -x0], [0.0, 1.0]])
     return StraightLine(

@@ -1,4 +1,4 @@
-"""Fit a calibration to the readings of a campaign: line, lack of fit, and notes for its reader."""
+"""Fit of a calibration to a campaign's readings: line, test of its fit, and notes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -37,7 +37,7 @@ from analysis.calibration.line.point_errors import (
     scatter_over_stated_std,
     slope_attenuation,
 )
-from analysis.calibration.line.unlike_driving import RunResponse, line_responses
+from analysis.calibration.line.shared_errors import RunResponse, line_responses
 from analysis.calibration.line.variance_components import restricted_likelihood
 from estimators.arrays import Floats
 from estimators.errors import DataError
@@ -48,11 +48,11 @@ _NEEDED: Final = ("run_id", "load_id", "day", "mass_kg", "used")
 
 
 def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
-    """Compare a mean a load with the line.
+    """Test the means of the loads against the line.
 
     Args:
         points: means of runs.
-        day_known_kg: deviation from day to day where it is known, in kg of m̂.
+        day_known_kg: known deviation between days, in kg of m̂; None if unknown.
     """
     design = (points.load[:, None] == np.unique(points.load)[None, :]).astype(np.float64)
     loads, count = design.shape[1], points.y_kg.size
@@ -92,19 +92,19 @@ def fit_calibration(
     options: CalibrationOptions,
     responses: Sequence[RunResponse] = (),
 ) -> Calibration:
-    """Fit m̂ = c0 + c1 m to the means of runs, and everything that a later mass needs of it.
+    """Fit m̂ = c0 + c1 m to the means of runs, with all that later masses need.
 
-    The references' errors, shared sources included, and the scatter of readings, runs and days are
-    in the line's covariance. An error that all points share shifts the line and none of its
-    residuals; it is not noise of a point.
+    Errors of the references, including shared sources, and the scatter of readings, runs and days
+    are in the line's covariance. An error common to all points shifts the line without a residual;
+    it is not noise of a point.
 
     Args:
-        readings: a row a reading: run_id, load_id, day, mass_kg, used; std_kg, common_u_kg and
-            reading where they are known. Readings that are not used stay listed.
-        references: a row a load: load_id, reference_kg.
-        covariance_kg2: (loads, loads) of the references, in their order.
-        options: method, confidence, what is known besides.
-        responses: of runs to the errors of learnt means.
+        readings: a row per reading: run_id, load_id, day, mass_kg, used; std_kg, common_u_kg and
+            reading if known. Unused readings stay listed.
+        references: a row per load: load_id, reference_kg.
+        covariance_kg2: (loads, loads) covariance of the references, in their order.
+        options: method, confidence and known components.
+        responses: responses of runs to errors of learnt means.
 
     Raises:
         DataError: fewer than three loads, no slope, references that do not match.
@@ -190,22 +190,25 @@ def fit_calibration(
 
 
 def fit_tested_line(points: Points, day_known_kg: float | None) -> tuple[FittedLine, LackOfFit]:
-    """Fit the line, with a deviation of each load from it where the points show one.
+    """Fit the line, with an extra deviation of each load if the points show one.
 
     Args:
         points: means of runs.
-        day_known_kg: deviation from day to day where it is known, in kg of m̂.
+        day_known_kg: known deviation between days, in kg of m̂; None if unknown.
     """
     test = test_lack_of_fit(points, day_known_kg)
     lacking = test.separate and test.p_1 is not None and test.p_1 < LEVEL
     line = fit_line(points, day_known_kg=day_known_kg, lack_of_fit=lacking)
     if line.slope_1 == 0.0:
-        raise DataError("calibration: the estimates do not follow the loads")
+        raise DataError(
+            "calibration: the estimates do not change with the reference masses; check the mass "
+            "of each log"
+        )
     return line, test
 
 
 def estimate_components(line: FittedLine, campaign: Campaign) -> tuple[Component, ...]:
-    """The effects as plain numbers."""
+    """Components with the size of each effect, as plain numbers."""
     found: list[Component] = []
     place = 0
     for effect in line.effects:
@@ -229,7 +232,7 @@ def estimate_components(line: FittedLine, campaign: Campaign) -> tuple[Component
 def degrees_of_freedom(
     name: str, variance_kg2: float, line: FittedLine, campaign: Campaign, place: int
 ) -> float:
-    """Degrees of freedom of an estimated variance; those of the readings are counted."""
+    """Degrees of freedom of an estimated variance; those of readings are counted."""
     if name == REPEATABILITY:
         return float(campaign.points.within.freedom)
     uncertain = float(line.variances.covariance[place, place])
@@ -241,7 +244,7 @@ def _upper_covariance_entries(covariance: Floats) -> tuple[float, float, float]:
 
 
 def largest_common_kg(used: pl.DataFrame) -> float:
-    """The largest common uncertainty of a run, 0 where none is stated."""
+    """Largest common uncertainty of a run; 0 if none is stated."""
     if "common_u_kg" not in used.columns:
         return 0.0
     largest = used["common_u_kg"].cast(pl.Float64).max()
@@ -249,7 +252,7 @@ def largest_common_kg(used: pl.DataFrame) -> float:
 
 
 def _alpha_interval(inversion: Inversion, confidence_1: float) -> tuple[float | None, float | None]:
-    """Interval of 1/c1, none where that of c1 holds 0."""
+    """Interval of 1/c1; (None, None) if that of c1 contains 0."""
     low, high = inversion.slope_interval(confidence_1)
     return (1.0 / high, 1.0 / low) if low * high > 0.0 else (None, None)
 
@@ -262,7 +265,7 @@ def _beta_interval(inversion: Inversion, confidence_1: float) -> tuple[float | N
 
 
 def calibration_notes(calibration: Calibration) -> tuple[str, ...]:
-    """One sentence a matter, the heaviest first."""
+    """One sentence per matter, the most important first."""
     found = [*_notes_on_days(calibration), *_notes_on_line(calibration)]
     found += [
         f"{one.test}: {one.about} stands out (p = {one.p_1:.2g}); it is in the fit"

@@ -1,4 +1,4 @@
-"""From a later m̂ back to its mass: classical calibration inverted, with Fieller's interval."""
+"""Inverse of the calibration line, with Fieller's interval."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ _UNBOUNDED: Final = float("nan")
 
 @dataclass(frozen=True, eq=False)
 class InverseReading:
-    """Masses: each (n,), NaN limits where the slope cannot be told from 0."""
+    """Masses, (n,) each; limits are NaN if the slope may be 0."""
 
     mass_kg: Floats
     u_kg: Floats
@@ -30,23 +30,23 @@ class InverseReading:
 
 @dataclass(frozen=True, eq=False)
 class Inversion:
-    """A line y = level + slope (x - centre) with what scatters later values of y.
+    """A line y = level + slope (x - centre) with the scatter of later values of y.
 
     Attributes:
-        centre_kg: where the line has its level.
-        level_kg: of the line.
-        slope_1: of the line.
+        centre_kg: mass at which the line has its level.
+        level_kg: level of the line.
+        slope_1: slope of the line.
         effects: index of each effect by name.
-        variance_kg2: (effects,) of one draw.
-        on_line: (effects, 2, 2) what a variance of 1 gives level and slope.
-        scatters: (effects,) whether a later value has it anew.
-        estimated: (estimated,) which effects' variances are estimated.
-        covariance: (estimated, estimated) of these variances.
+        variance_kg2: (effects,) variance of one draw.
+        on_line: (effects, 2, 2) covariance of level and slope for a variance of 1.
+        scatters: (effects,) whether a later value draws it again.
+        estimated: (estimated,) effects whose variances are estimated.
+        covariance: (estimated, estimated) covariance of these variances.
         extra_kg2: variance of every later value that the points do not show.
-        apart: effects that few degrees of freedom tell, by name, with these: each has its own
-            Student factor. Welch and Satterthwaite's single one trusts an estimate of one or two
-            degrees of freedom when it happens to be small.
-        most_readings: of a run of the campaign.
+        apart: effects with few degrees of freedom, by name, with these: each has its own Student
+            factor. Welch and Satterthwaite's single one trusts an estimate of one or two degrees of
+            freedom when it happens to be small.
+        most_readings: largest number of readings of a run of the campaign.
     """
 
     centre_kg: float
@@ -64,7 +64,7 @@ class Inversion:
 
     @classmethod
     def from_line(cls, line: FittedLine, extra_kg2: float = 0.0) -> "Inversion":
-        """The inverse of a fitted line."""
+        """Inverse of a fitted line."""
         effects = line.effects
         return cls(
             centre_kg=line.centre_kg,
@@ -84,16 +84,16 @@ class Inversion:
     def invert(
         self, y_kg: Floats, readings: Floats, u_random_kg: Floats, confidence_1: float
     ) -> InverseReading:
-        """The mass of each later m̂.
+        """Mass of each later m̂, with its interval.
 
-        Its random part is that of the campaign, for so many readings, and what its own standard
-        uncertainty says beyond that. The Student factor is that of Welch and Satterthwaite.
+        The random part is that of the campaign for this number of readings, plus the excess of the
+        value's own uncertainty. The Student factor is that of Welch and Satterthwaite.
 
         Args:
             y_kg: (n,) m̂.
-            readings: (n,) whose mean each is.
-            u_random_kg: (n,) its own random standard uncertainty; NaN where it has none.
-            confidence_1: of the intervals.
+            readings: (n,) number of readings in each mean.
+            u_random_kg: (n,) own random standard uncertainty; NaN if unknown.
+            confidence_1: confidence of the intervals.
 
         Source:
             Fieller (1954); Draper and Smith, Applied Regression Analysis, 3.2 (inverse regression).
@@ -103,48 +103,48 @@ class Inversion:
         return self._solve_estimates(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
     def invert_exact(self, y_kg: float, confidence_1: float) -> InverseReading:
-        """Where the line itself has the value `y_kg`: nothing scatters it."""
+        """Mass at which the line itself has the value `y_kg`, without scatter."""
         none = np.zeros((1, self.variance_kg2.size))
         return self._solve_estimates(np.array([y_kg]), none, np.zeros(1), confidence_1)
 
     def slope_interval(self, confidence_1: float) -> tuple[float, float]:
-        """Interval of the slope."""
+        """Confidence interval of the slope."""
         gradient = self.on_line[None, :, 1, 1]
         squared, _ = self._squared_student_factors(gradient, np.zeros(1), confidence_1)
         half = float(np.sqrt((squared * gradient) @ self.variance_kg2)[0])
         return self.slope_1 - half, self.slope_1 + half
 
     def parts_kg2(self, readings: float) -> Floats:
-        """(effects,) what each gives anew to the variance of a later mass, in kg² of mass."""
+        """(effects,) variance that each new draw adds to a later mass, in kg² of mass."""
         return (
             self._new_value_effects(np.array([readings]))[0] * self.variance_kg2 / self.slope_1**2
         )
 
     def add_common_u(self, u_kg: float) -> "Inversion":
-        """Add an uncertainty that all later masses share, in kg of mass."""
+        """Add an uncertainty common to all later masses, in kg of mass."""
         return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
 
     def u_kg(self, mass_kg: float, readings: float, u_random_kg: float = 0.0) -> float:
-        """Standard uncertainty of a later mass."""
+        """Standard uncertainty of a later mass, in kg."""
         return self._half_interval_kg(mass_kg, None, readings, u_random_kg)
 
     def half_interval_kg(
         self, mass_kg: float, confidence_1: float, readings: float, u_random_kg: float = 0.0
     ) -> float:
-        """Half of the interval of a later mass, without what the slope's doubt skews it by.
+        """Half interval of a later mass, without the skew due to the slope's uncertainty.
 
         Args:
-            mass_kg: of it.
-            confidence_1: of the interval.
-            readings: whose mean it is.
-            u_random_kg: its own random standard uncertainty in kg of m̂, 0 where it has none.
+            mass_kg: the mass.
+            confidence_1: confidence of the interval.
+            readings: number of readings in its mean.
+            u_random_kg: own random standard uncertainty in kg of m̂; 0 if unknown.
         """
         return self._half_interval_kg(mass_kg, confidence_1, readings, u_random_kg)
 
     def exceedance_probability(
         self, distance_kg: float, mass_kg: float, readings: float, u_random_kg: float = 0.0
     ) -> float:
-        """Probability that a later mass errs to one side by more than a distance, 0.5 at 0."""
+        """Probability that a later mass errs to one side by more than a distance; 0.5 at 0."""
         if distance_kg < 0.0:
             return 1.0 - self.exceedance_probability(-distance_kg, mass_kg, readings, u_random_kg)
 
@@ -159,7 +159,7 @@ class Inversion:
     def _half_interval_kg(
         self, mass_kg: float, confidence_1: float | None, readings: float, u_random_kg: float
     ) -> float:
-        """Half of an interval; one standard uncertainty where it has no confidence."""
+        """Half interval; one standard uncertainty if no confidence is given."""
         away = np.array([1.0, mass_kg - self.centre_kg])
         new = self._new_value_effects(np.array([readings]))
         gradient = new + np.einsum("i,kij,j->k", away, self.on_line, away)
@@ -172,16 +172,16 @@ class Inversion:
         return float(np.sqrt(variance)) / abs(self.slope_1)
 
     def _excess_random_kg2(self, new: Floats, u_random_kg: Floats) -> Floats:
-        """(n,) what a random uncertainty has beyond that of the campaign's readings."""
+        """(n,) random variance beyond that of the campaign's readings."""
         random = new[:, self._random_effect()] * self.variance_kg2[self._random_effect()]
         return np.fmax(np.nan_to_num(u_random_kg) ** 2 - np.maximum(random, 0.0), 0.0)
 
     def _random_effect(self) -> int:
-        """The effect that readings average out, or else the one that has it in it."""
+        """Index of the effect that averages over readings, or else of the one that contains it."""
         return self.effects.get(REPEATABILITY, self.effects.get(RUN, 0))
 
     def _new_value_effects(self, readings: Floats) -> Floats:
-        """(n, effects) of each variance in a later value."""
+        """(n, effects) factor of each variance in a later value."""
         new = np.tile(self.scatters, (readings.size, 1))
         if self.variance_kg2[self.effects.get(RUN, 0)] < 0.0:
             # more readings than any run had would count on the runs' luck
@@ -193,7 +193,7 @@ class Inversion:
     def _solve_estimates(
         self, y_kg: Floats, new: Floats, more_kg2: Floats, confidence_1: float
     ) -> InverseReading:
-        """Mass, uncertainty and interval of values with the given share of each effect anew."""
+        """Mass, uncertainty and interval of values with given factors of each effect."""
         away = (y_kg - self.level_kg) / self.slope_1
         at = np.stack([np.ones_like(away), away], -1)
         gradient = new + np.einsum("ni,kij,nj->nk", at, self.on_line, at)
@@ -221,12 +221,12 @@ class Inversion:
     def _squared_student_factors(
         self, gradient: Floats, more_kg2: Floats, confidence_1: float
     ) -> tuple[Floats, Floats]:
-        """(n, effects) squared Student factor of each effect's part of variances, (n,) of the rest.
+        """Squared Student factors of each effect, (n, effects), and of the rest, (n,).
 
         Args:
-            gradient: (n, effects) of the variances.
-            more_kg2: (n,) in them, and known.
-            confidence_1: of the intervals.
+            gradient: (n, effects) derivatives by the variances.
+            more_kg2: (n,) known part of the variance.
+            confidence_1: confidence of the intervals.
         """
         rest = gradient.copy()
         squared = np.zeros_like(gradient)
@@ -254,7 +254,7 @@ class Inversion:
 
 
 def student_factor(confidence_1: float, freedom: Floats) -> Floats:
-    """Student's factor of a two-sided interval; the normal one where the freedom is infinite."""
+    """Student's factor of a two-sided interval; the normal one for infinite degrees of freedom."""
     level = 0.5 + 0.5 * confidence_1
     finite = np.isfinite(freedom)
     return np.where(finite, stdtrit(np.where(finite, freedom, 1.0), level), ndtri(level))

@@ -1,4 +1,4 @@
-"""The line of a calibration with every effect that scatters its points."""
+"""Model of a calibration line, with every effect that scatters its points."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -37,12 +37,12 @@ class Points:
 
     Attributes:
         y_kg: (points,) mean of a run's readings.
-        readings: (points,) how many they are.
-        load: (points,) index of the load on board.
+        readings: (points,) number of readings in each mean.
+        load: (points,) index of the load.
         day: (points,) index of the day.
         reference_kg: (loads,) references.
-        covariance_kg2: (loads, loads) of the references.
-        within: the readings about their means.
+        covariance_kg2: (loads, loads) covariance of the references.
+        within: scatter of the readings about their means.
     """
 
     y_kg: Floats
@@ -55,7 +55,7 @@ class Points:
 
     @property
     def x_kg(self) -> Floats:
-        """(points,) reference of each."""
+        """(points,) reference mass of each point."""
         return self.reference_kg[self.load]
 
     @property
@@ -65,11 +65,11 @@ class Points:
 
     @property
     def days(self) -> int:
-        """How many days there are."""
+        """Number of days."""
         return np.unique(self.day).size
 
     def effect_covariance(self, name: str) -> Floats:
-        """(points, points) covariance of the points for a variance of 1 of an effect."""
+        """(points, points) covariance of the points for a unit variance of an effect."""
         if name == REPEATABILITY:
             return np.diag(1.0 / self.readings)
         if name == RUN:
@@ -83,12 +83,13 @@ class Effect:
     """One effect that scatters points.
 
     Attributes:
-        name: of the effect.
-        variance_kg2: of one draw of it; negative where its mean square is below what is in it of
+        name: name of the effect.
+        variance_kg2: variance of one draw; negative if its mean square is below the contribution of
             others.
-        on_line: (2, 2) what a variance of 1 gives the covariance of level and slope.
-        estimated: whether its variance is one of `FittedLine.variances`, in their order.
-        scatters: whether a later run draws it anew: all but the references and the common error.
+        on_line: (2, 2) covariance of level and slope for a variance of 1.
+        estimated: whether its variance is among `FittedLine.variances`, in their order.
+        scatters: whether a later run draws it again: all except the references and the common
+            error.
     """
 
     name: str
@@ -100,7 +101,7 @@ class Effect:
 
 @dataclass(frozen=True, eq=False)
 class FittedLine:
-    """y = level + slope (x - centre), and where its uncertainty comes from."""
+    """A line y = level + slope (x - centre), with the effects behind its uncertainty."""
 
     centre_kg: float
     level_kg: float
@@ -117,10 +118,10 @@ class FittedLine:
 
 
 def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tuple[str, ...]:
-    """The effects whose variance the points can tell, with so many parameters fitted to them.
+    """Effects whose variances the points determine, given the number of fitted parameters.
 
-    Days are told apart from runs where there are several, several runs in one of them, and
-    points enough for both; else the scatter of runs has that of days in it.
+    Days are separated from runs if there are several days, several runs in one of them, and enough
+    points for both; otherwise the scatter of runs includes that of days.
     """
     names: list[str] = []
     count, days = points.y_kg.size, points.days
@@ -134,12 +135,12 @@ def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tu
 
 
 def mean_squares_transform(points: Points, names: tuple[str, ...]) -> Floats:
-    """(effects, effects) that makes variances of mean squares, which are what cannot be negative.
+    """(effects, effects) matrix from mean squares, which cannot be negative, to variances.
 
-    Runs whose means scatter by chance less than their readings let expect have a negative variance
-    of their own; cut off at 0, it would widen every interval by the factor of few degrees of
-    freedom. What a run's mean scatters by, with as many readings as any has, stays positive, and
-    so does what a day's mean scatters by.
+    If means of runs scatter by chance less than their readings imply, their own variance is
+    negative; cut off at 0, it would widen every interval by the factor of few degrees of freedom.
+    The mean squares of a run's mean, with the largest number of readings, and of a day's mean stay
+    positive.
     """
     of = np.eye(len(names))
     if REPEATABILITY in names and RUN in names:
@@ -152,15 +153,15 @@ def mean_squares_transform(points: Points, names: tuple[str, ...]) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """How the effects scatter the points of a campaign.
+    """Covariance of a campaign's points, by effect.
 
     Attributes:
-        names: (effects,) those whose variance is estimated.
-        each: (effects, points, points) covariance for a variance of 1 of each.
-        squares: (effects, effects) that makes variances of mean squares (`mean_squares`).
-        day: (points, points) likewise of the day.
-        day_known_kg: deviation from day to day where it is known.
-        known: (points, points) covariance that is known.
+        names: (effects,) names of the estimated effects.
+        each: (effects, points, points) covariance for a unit variance of each.
+        squares: (effects, effects) matrix of `mean_squares_transform`.
+        day: (points, points) covariance for a unit variance of the day.
+        day_known_kg: known deviation between days; None if unknown.
+        known: (points, points) known covariance.
     """
 
     names: tuple[str, ...]
@@ -172,17 +173,17 @@ class Scatter:
 
     @property
     def mean_square_covariances(self) -> Floats:
-        """(effects, points, points) covariance for a mean square of 1 of each."""
+        """(effects, points, points) covariance for a unit mean square of each."""
         return np.asarray(np.tensordot(self.squares.T, self.each, 1), np.float64)
 
     def covariance_for_variances(self, value: Floats) -> Floats:
-        """(points, points) covariance for such variances."""
+        """(points, points) covariance for the given variances."""
         return np.asarray(np.tensordot(value, self.each, 1) + self.known, np.float64)
 
     def effects_on_line(
         self, variances: Variances, design: Floats, slope: float, x_cov: Floats
     ) -> tuple[Effect, ...]:
-        """Each effect, and what it does to a line that is fitted by generalised least squares."""
+        """Each effect, with its contribution to a line fitted by generalised least squares."""
         covariance = self.covariance_for_variances(variances.value) + slope**2 * x_cov
         weighted = np.linalg.solve(covariance, design).T
         # (2, points): how level and slope follow each point
@@ -199,7 +200,7 @@ class Scatter:
 
 
 def make_scatter(points: Points, names: tuple[str, ...], day_known_kg: float | None) -> Scatter:
-    """The scatter of points by these effects."""
+    """Covariance structure of the points for these effects."""
     day = points.effect_covariance(DAY)
     known = np.eye(points.y_kg.size) * (_ROUNDING * np.abs(points.y_kg).max()) ** 2
     if day_known_kg is not None:
@@ -215,8 +216,8 @@ def fit_line(
 
     Args:
         points: means of runs.
-        day_known_kg: deviation from day to day where it is known, in kg of m̂.
-        lack_of_fit: whether each load has a deviation of its own from the line.
+        day_known_kg: known deviation between days, in kg of m̂; None if unknown.
+        lack_of_fit: whether each load has its own deviation from the line.
     """
     names = estimated_effects(points, 2, day_known=day_known_kg is not None)
     scatter = make_scatter(points, (*names, LACK_OF_FIT) if lack_of_fit else names, day_known_kg)

@@ -20,11 +20,11 @@ def test_by_grubbs(values: Floats) -> tuple[int, float, float]:
     """Grubbs' test for one outlier on either side.
 
     Args:
-        values: (n,) three at least.
+        values: (n,) at least three values.
 
     Returns:
-        Index of the farthest value, its distance from the mean over the standard deviation, and
-        the probability of one as far (an upper bound).
+        Index of the farthest value, its distance from the mean over the standard deviation, and an
+        upper bound of the p-value.
 
     Source:
         Grubbs (1969), Technometrics 11; ISO 5725-2, 7.3.4.
@@ -44,7 +44,7 @@ def test_by_grubbs(values: Floats) -> tuple[int, float, float]:
 
 
 def studentised_residuals(line: FittedLine) -> Floats:
-    """(points,) residuals over their own deviations."""
+    """(points,) residuals over their own standard deviations."""
     design = np.column_stack([np.ones_like(line.adjusted_kg), line.adjusted_kg - line.centre_kg])
     covariance = line.point_covariance_kg2
     fitted = design @ np.linalg.solve(design.T @ np.linalg.solve(covariance, design), design.T)
@@ -55,7 +55,7 @@ def studentised_residuals(line: FittedLine) -> Floats:
 
 
 def find_outliers(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
-    """Name the readings (Grubbs within a run) and runs (studentised residuals) that stand out."""
+    """Find outlying readings (Grubbs within a run) and runs (studentised residuals)."""
     found: list[Outlier] = []
     runs = campaign.runs["run_id"]
     tested = 0

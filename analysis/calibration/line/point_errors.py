@@ -1,4 +1,4 @@
-"""The errors of a calibration's points: on the line, with their load left out, and on (19).
+"""Errors of a calibration's points: on the line, on the line without their load, and on (19).
 
 (19) is the paper's calibration as printed: references regressed on estimates.
 """
@@ -24,7 +24,7 @@ _OF_19: Final = ("mass_kg", "reference_kg")
 
 
 def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
-    """A row a run, those without a used reading as well."""
+    """A row per run, including those without a used reading."""
     reference = campaign.points.x_kg
     calibrated = (campaign.points.y_kg - line.level_kg) / line.slope_1 + line.centre_kg
     values = {
@@ -46,7 +46,7 @@ def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
 
 
 def leave_one_load_out_errors(campaign: Campaign, line: FittedLine) -> Floats:
-    """(points,) error of each under the line through the other loads; NaN where they give none."""
+    """(points,) error on the line through the other loads; NaN if there is none."""
     points = campaign.points
     errors = np.full(points.y_kg.size, np.nan)
     for load, other in fit_lines_without_each_load(points, line).items():
@@ -56,9 +56,9 @@ def leave_one_load_out_errors(campaign: Campaign, line: FittedLine) -> Floats:
 
 
 def fit_lines_without_each_load(points: Points, line: FittedLine) -> dict[int, StraightLine]:
-    """The line through the other loads, by index of the load that is left out.
+    """Line through the other loads, by index of the load left out.
 
-    A load whose others give no line has none.
+    A load is absent if the others determine no line.
     """
     x, x_cov = points.x_kg, points.x_cov_kg2
     y_cov = line.point_covariance_kg2 - line.slope_1**2 * x_cov
@@ -75,7 +75,7 @@ def fit_lines_without_each_load(points: Points, line: FittedLine) -> dict[int, S
 
 
 def root_mean_square(errors: Sequence[float | None]) -> float | None:
-    """Root mean square of the errors that there are."""
+    """Root mean square of the known errors; None without any."""
     known = [error for error in errors if error is not None]
     return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
@@ -83,7 +83,7 @@ def root_mean_square(errors: Sequence[float | None]) -> float | None:
 def slope_attenuation(campaign: Campaign) -> float | None:
     """Slope of (19) fitted to single readings over that fitted to load means.
 
-    Noise of the estimates flattens a line from estimates to references: below 1 by as much.
+    Noise of the estimates attenuates a line from estimates to references, so the ratio is below 1.
     """
     of_run = campaign.runs.select("run_id", "reference_kg")
     single = campaign.readings.select("run_id", "load_id", "mass_kg").join(of_run, "run_id")
@@ -99,7 +99,7 @@ def slope_attenuation(campaign: Campaign) -> float | None:
 
 
 def scatter_over_stated_std(campaign: Campaign) -> float | None:
-    """How much more single readings scatter within runs than their own deviations say."""
+    """Scatter of single readings within runs over their stated standard deviations."""
     if "std_kg" not in campaign.readings.columns:
         return None
     known = campaign.readings.filter(pl.col("std_kg") > 0.0).with_columns(
@@ -127,7 +127,7 @@ def fit_error_line(
         reference_kg: (points,) m_c.
 
     Returns:
-        alpha, and beta in kg; None where the estimates do not spread.
+        alpha, and beta in kg; None if the estimates are all equal.
 
     Source:
         Equation (19).

@@ -22,8 +22,8 @@ class WithinRunVariance:
     """Within-run variance of single readings: sum of squares about the run means.
 
     Attributes:
-        squares: the sum, in kg².
-        freedom: readings less means.
+        squares: sum of squares, in kg².
+        freedom: number of readings minus number of means.
     """
 
     squares: float
@@ -32,22 +32,22 @@ class WithinRunVariance:
 
 @dataclass(frozen=True, eq=False)
 class Variances:
-    """Variances of the effects.
+    """Variances of the effects, with their covariance.
 
     Attributes:
-        value: (effects,) of each.
-        covariance: (effects, effects) of the estimates, by the expected information.
+        value: (effects,) variances.
+        covariance: (effects, effects) covariance of the estimates, by the expected information.
     """
 
     value: Floats
     covariance: Floats
 
     def combine_linearly(self, by: Floats) -> "Variances":
-        """The variances of the linear combinations `by` @ value."""
+        """Variances of the linear combinations `by` @ value."""
         return Variances(by @ self.value, by @ self.covariance @ by.T)
 
     def dof(self, weight: Floats, total: float) -> float:
-        """Degrees of freedom of a variance that is `total`, of which `weight` @ value is estimated.
+        """Degrees of freedom of a variance `total` whose estimated part is `weight` @ value.
 
         Source:
             Satterthwaite (1946); with the information of REML Giesbrecht and Burns (1985).
@@ -64,20 +64,19 @@ def restricted_likelihood(
     within: WithinRunVariance,
     start: Floats | None = None,
 ) -> Variances:
-    """Estimate the variances of random effects by Fisher scoring.
+    """Estimate variances of random effects by Fisher scoring.
 
-    The covariance of the observations is Σ θ_k effects_k + known. A variance that would be
-    negative is 0, but for rounding, and stays in the information: what is hardly known counts as
-    such.
+    The covariance of the observations is Σ θ_k effects_k + known. A variance that would be negative
+    is set to 0, apart from rounding, and stays in the information, so that its uncertainty counts.
 
     Args:
-        residual: (points,) observations, less any combination of the design's columns.
+        residual: (points,) observations minus any combination of the design's columns.
         design: (points, parameters) regressors that are fitted with them.
-        effects: (effects, points, points) structure of each; the first is that of the readings'
-            own variance where `within.freedom` is not 0.
-        known: (points, points) covariance that is not estimated.
-        within: what the readings say besides of the first effect.
-        start: (effects,) variances to begin with; None for those of plain least squares.
+        effects: (effects, points, points) structure of each; the first is that of readings if
+            `within.freedom` is not 0.
+        known: (points, points) known covariance.
+        within: scatter of the readings, for the first effect.
+        start: (effects,) initial variances; None uses those of least squares.
 
     Source:
         Patterson and Thompson (1971); expected information as in Searle, Casella and McCulloch,
@@ -100,7 +99,7 @@ def restricted_likelihood(
 def _starting_variances(
     residual: Floats, design: Floats, effects: Floats, within: WithinRunVariance
 ) -> Floats:
-    """Equal shares of what plain least squares leaves; the readings' own as they say it."""
+    """Initial variances: equal shares of the least-squares residual, and the readings' own."""
     left = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
     freedom = max(residual.size - design.shape[1], 1)
     spread = max(float(left @ left) / freedom, 1e-300)
@@ -113,13 +112,13 @@ def _starting_variances(
 def expected_information(
     design: Floats, effects: Floats, known: Floats, within: WithinRunVariance, value: Floats
 ) -> Floats:
-    """(effects, effects) information on the variances that such observations are expected to have.
+    """(effects, effects) expected information on the variances.
 
     Args:
         design: as `restricted_likelihood` takes it.
         effects: likewise.
         known: likewise.
-        within: likewise; its sum of squares is not looked at.
+        within: as in `restricted_likelihood`; its sum of squares is not used.
         value: (effects,) the variances.
     """
     return _fisher_information(
@@ -148,7 +147,7 @@ def reml_score(
     within: WithinRunVariance,
     value: Floats,
 ) -> tuple[Floats, Floats]:
-    """Derivative of the restricted log-likelihood, and its expected information."""
+    """Derivative of the restricted log likelihood, and expected information."""
     projection = _reml_projection(design, effects, known, value)
     projected = projection @ residual
     through = projection @ effects
@@ -161,7 +160,7 @@ def reml_score(
 
 
 def scoring_step(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:
-    """A scoring step that takes no variance below a share of itself."""
+    """Scoring step that keeps each variance above a fraction of itself."""
     try:
         step = np.linalg.solve(information, score)
     except np.linalg.LinAlgError:

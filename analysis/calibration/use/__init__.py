@@ -1,1 +1,1 @@
-"""A calibration used on later logs: masses, drift, error limits, learnt priors."""
+"""Use of a calibration on later logs: masses, drift, error limits, learnt priors."""

@@ -1,4 +1,4 @@
-"""Calibrated masses beside the raw ones of a log's loads."""
+"""Add calibrated masses to the loads of a log."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.line.calibration import CalibratedMass, Calibration
-from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_drift_against
 from analysis.calibration.use.mass_differences import NORMAL, difference_on_line
 from analysis.model.schema import CALIBRATED, conform
@@ -29,15 +29,15 @@ class LaterLog:
     """Facts about a later log besides its loads.
 
     Attributes:
-        refused: why no mass of it is calibrated; "" where nothing speaks against it.
-        unlike: what it says of errors that it shares with its campaign; None takes none off.
-        empty_kg: known mass of the empty machine; None where it is not known.
+        refused: why none of its masses is calibrated; "" if they are.
+        shared_errors: its estimate of errors shared with its campaign; None corrects none.
+        empty_kg: known mass of the empty machine; None if unknown.
         empty_u_kg: its standard uncertainty.
-        unseen: what would have changed unseen since evidence of one day.
+        unseen: changes that would have stayed undetected since evidence of one day.
     """
 
     refused: str = ""
-    unlike: Unlike | None = None
+    shared_errors: SharedErrors | None = None
     empty_kg: float | None = None
     empty_u_kg: float = 0.0
     unseen: Mapping[int, str] = field(default_factory=dict[int, str])
@@ -49,27 +49,27 @@ _NOTHING_MORE: Final = LaterLog()
 def calibrate_loads(
     loads: pl.DataFrame, calibration: Calibration, log: LaterLog = _NOTHING_MORE
 ) -> pl.DataFrame:
-    """Put the calibrated mass and payload of each load beside the raw ones.
+    """Add the calibrated mass and payload of each load.
 
-    Where the log has an empty part, its calibrated mass has to be that of the empty machine: by
-    chance it is not in one log of 370.
+    If the log has an empty part, its calibrated mass must equal that of the empty machine; by
+    chance it differs in one log of 370.
 
     Args:
-        loads: the frame `loads`, without calibrated columns or with those of another calibration.
-        calibration: of the machine, by one of `ESTIMATORS`.
-        log: what is known of it besides.
+        loads: frame `loads`; existing calibrated columns are replaced.
+        calibration: calibration of the machine, by one of `ESTIMATORS`.
+        log: further facts about the log.
 
     Returns:
         The frame with the columns `CALIBRATED`; `calibrated_reason` says why a row has no mass (""
         else), `calibrated_said` what a reader must know of one.
 
     Raises:
-        DataError: the calibration is of an estimator that the frame does not have.
+        DataError: the frame lacks the calibration's estimator.
     """
     if calibration.method not in ESTIMATORS:
         raise DataError(
-            f"calibration: it is of '{calibration.method}', no mass of the loads: "
-            f"{nearest(calibration.method, ESTIMATORS)}"
+            f"calibration: it was made for '{calibration.method}', which is not a mass of the "
+            f"loads; {nearest(calibration.method, ESTIMATORS)}"
         )
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
@@ -96,8 +96,8 @@ def _calibrate_load_columns(
     told: bool,
     empties: int,
 ) -> dict[str, Any]:
-    """The calibrated columns of a load."""
-    off_kg, unlike_u_kg = _unlike_driving_shift(row, calibration, log.unlike)
+    """Calibrated columns of a load."""
+    off_kg, unlike_u_kg = _unlike_driving_shift(row, calibration, log.shared_errors)
     one = _calibrate_load(row, calibration, refused, off_kg, unlike_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
@@ -125,15 +125,15 @@ def _calibrate_load_columns(
 
 
 def _unlike_driving_shift(
-    row: Mapping[str, Any], calibration: Calibration, unlike: Unlike | None
+    row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
-    """Offset of m̂ because its log is driven unlike the campaign, with its uncertainty."""
+    """Offset of m̂ because the log is driven unlike the campaign, with its uncertainty, in kg."""
     key = ("mass" if calibration.method == "joint_mass" else "payload", row["load_id"])
-    if unlike is None or not calibration.responses or key not in unlike.moved_kg:
+    if shared_errors is None or not calibration.responses or key not in shared_errors.moved_kg:
         return 0.0, 0.0
     away_kg = ((row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
-    line_kg = unlike.line_shifts(calibration.responses, 1.0, away_kg)
-    return unlike.off_kg(unlike.moved_kg[key], line_kg)
+    line_kg = shared_errors.line_shifts(calibration.responses, 1.0, away_kg)
+    return shared_errors.off_kg(shared_errors.moved_kg[key], line_kg)
 
 
 def _calibrate_load(
@@ -161,7 +161,7 @@ def payload_interval(
     one: CalibratedMass,
     empties: int,
 ) -> tuple[float, float, float] | None:
-    """Payload, its standard uncertainty, and half of its interval; None where there is none."""
+    """Payload, standard uncertainty and half interval in kg; None without a payload."""
     if one.mass_kg is None or one.u_kg is None or row["own_payload_kg"] is None or row["empty"]:
         return None
     assert one.high_kg is not None
@@ -181,7 +181,10 @@ def payload_interval(
     random_kg = max(u_random_kg, repeats_kg)
     common_kg = float(np.sqrt(max(u_kg**2 - u_random_kg**2, 0.0)))
     found = difference_on_line(
-        calibration, log.unlike, [("payload", row["load_id"])], np.array([row["own_payload_kg"]])
+        calibration,
+        log.shared_errors,
+        [("payload", row["load_id"])],
+        np.array([row["own_payload_kg"]]),
     )
     beside_kg = found.common_kg_beside_line(np.array([common_kg]))[0]
     parts = (random_kg / abs(calibration.c1_1), beside_kg, found.unlike_u_kg[0], found.line_kg[0])
@@ -192,13 +195,13 @@ def payload_interval(
 def find_empty_machine(
     rows: list[dict[str, Any]], calibration: Calibration, log: LaterLog
 ) -> DriftCheck | None:
-    """The log's empty part against the known mass; None where it has none."""
+    """Check of the log's empty part against the known mass; None without one."""
     empty = [row for row in rows if row["empty"] and row["mass_kg"] is not None]
     if log.empty_kg is None or not empty or calibration.method != "joint_mass":
         return None
     count = np.array([row["manoeuvres"] for row in empty], np.float64)
     share = count / count.sum()
-    apart = [_unlike_driving_shift(row, calibration, log.unlike) for row in empty]
+    apart = [_unlike_driving_shift(row, calibration, log.shared_errors) for row in empty]
     mass_kg = float(
         share @ [row["mass_kg"] - off for row, (off, _) in zip(empty, apart, strict=True)]
     )
@@ -211,7 +214,7 @@ def find_empty_machine(
 
 
 def reason_of_change(check: DriftCheck | None, log: LaterLog) -> str:
-    """Why the calibration is no longer that of this machine; "" where nothing says so."""
+    """Why the calibration no longer applies to this machine; "" if it does."""
     if check is None or check.p_1 is None or check.p_1 > _RARE or log.empty_kg is None:
         return ""
     assert check.mass_kg is not None

@@ -1,4 +1,4 @@
-"""Whether a machine has drifted since its calibration, by one known mass."""
+"""Check for drift of a machine since its calibration, with one known mass."""
 
 from typing import Final
 
@@ -18,9 +18,9 @@ class CheckPoint:
     """Reading of a run with the known mass on board.
 
     Attributes:
-        mass_kg: m̂, by the calibration's method; None where there is none.
-        u_random_kg: the random part of its standard uncertainty; None where it is unknown.
-        readings: whose mean it is.
+        mass_kg: m̂ by the calibration's method; None without one.
+        u_random_kg: random standard uncertainty of m̂; None if unknown.
+        readings: number of readings in its mean.
     """
 
     mass_kg: float | None
@@ -62,22 +62,24 @@ def check_drift_against(
     point: CheckPoint,
     matters_kg: float | None = None,
 ) -> DriftCheck:
-    """Compare one known mass with what the calibration makes of it.
+    """Compare one known mass with its mass by the calibration.
 
     Args:
-        calibration: of the machine.
-        reference_kg: the known mass, with the machine's where the calibration has it.
-        reference_u_kg: its standard uncertainty, taken as independent of the calibration's.
-        point: what the machine said.
-        matters_kg: a drift that must not be missed; None for twice the limit.
+        calibration: calibration of the machine.
+        reference_kg: known mass, including the machine if the calibration includes it.
+        reference_u_kg: its standard uncertainty, independent of the calibration's.
+        point: reading of the machine.
+        matters_kg: drift that must be detected; None for twice the limit.
 
     Raises:
-        DataError: an uncertainty or a drift that is no size.
+        DataError: an uncertainty or drift is not a positive number.
     """
     if not (np.isfinite(reference_u_kg) and reference_u_kg >= 0.0):
-        raise DataError("check: the standard uncertainty of the known mass is no size")
+        raise DataError(
+            "check: the standard uncertainty of the known mass must be a number of at least 0 kg"
+        )
     if matters_kg is not None and not matters_kg > 0.0:
-        raise DataError("check: a drift that matters is above 0 kg")
+        raise DataError("check: the drift limit must be above 0 kg")
     low, high = calibration.range_kg
     # a drifted machine may well say a mass outside of the range: the known mass has to be in it
     if not low <= reference_kg <= high:

@@ -1,4 +1,4 @@
-"""Whether later masses stay within the error limits of a class, with a guard band and its risk."""
+"""Decision whether later masses are within the error limits of a class, with a guard band."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -91,7 +91,7 @@ class ErrorLimits:
 
 
 def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
-    """The error that a class allows to either side of a load.
+    """Error limit of a class for a load, to either side, in kg.
 
     Raises:
         DataError: an unknown class, one that needs a scale interval without any, or a load of more
@@ -122,13 +122,13 @@ def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
 def error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
     """Judge later masses at each load of the campaign.
 
-    A later mass is taken to err by what its load's runs erred without themselves in the fit, and
-    by what a calibrated mass is uncertain by. It is within the limits where the probability of an
-    error beyond them is at most the rule's risk.
+    A later mass is assumed to err by the mean leave-one-out error of its load, and by the
+    uncertainty of a calibrated mass. It is within the limits if the probability of a larger error
+    is at most the rule's risk.
 
     Args:
-        calibration: of the campaign.
-        rule: what is asked.
+        calibration: calibration of the campaign.
+        rule: decision rule.
 
     Raises:
         DataError: an unknown class, or one that needs a scale interval without any.
@@ -163,7 +163,7 @@ def error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
 
 
 def errors_of_points(calibration: Calibration) -> list[tuple[str, float, float]]:
-    """Reference of each load on board, and the mean error of its runs."""
+    """Name, reference and mean error of each load on board, in kg."""
     found: list[tuple[str, float, float]] = []
     for reference in calibration.references:
         errors = [

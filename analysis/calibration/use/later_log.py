@@ -1,11 +1,11 @@
-"""Reasons for and against weighing a later log by a calibration."""
+"""Facts about a later log that decide whether a calibration applies."""
 
 from collections.abc import Mapping
 from typing import Final
 
 import polars as pl
 
-from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.apply_calibration import LaterLog
 from analysis.calibration.use.learnt_priors import contradicted_priors, undetectable_changes
 from analysis.model.machine import Body
@@ -17,18 +17,18 @@ FRAMES: Final = ("loads", "nuisances", "responses", "learnt_errors")
 def describe_later_log(
     frames: Mapping[str, pl.DataFrame], body: Body, refused: str = ""
 ) -> LaterLog:
-    """Gather it.
+    """Collect the facts about a later log.
 
     Args:
-        frames: `FRAMES`, of a replay with the priors that the calibration learnt.
-        body: the machine with the empty mass that the calibration has.
-        refused: why nothing of the log is to be calibrated, if that is known already.
+        frames: `FRAMES` of a replay with the calibration's learnt priors.
+        body: machine body with the calibration's empty mass.
+        refused: known reason why the log must not be calibrated, if any.
     """
-    nuisances, unlike = frames["nuisances"], Unlike.from_frames(frames)
+    nuisances, shared_errors = frames["nuisances"], SharedErrors.from_frames(frames)
     return LaterLog(
         refused or contradicted_priors(nuisances),
-        unlike,
+        shared_errors,
         body.empty_mass_kg,
         body.empty_mass_u_kg or 0.0,
-        undetectable_changes(nuisances, unlike),
+        undetectable_changes(nuisances, shared_errors),
     )

@@ -1,4 +1,4 @@
-"""Narrower priors of the joint fit's nuisances, learnt from the logs of a campaign.
+"""Learnt priors: narrower priors of nuisances, from the logs of a campaign.
 
 Each log finds its own nuisances under wide priors, and its mass with them, so that masses of
 separate logs scatter by what the log's noise does to those. What lasts as long as the machine does
@@ -14,7 +14,7 @@ import polars as pl
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.special import chdtrc
 
-from analysis.calibration.line.unlike_driving import RunResponse, Unlike
+from analysis.calibration.line.shared_errors import RunResponse, SharedErrors
 from analysis.model.machine import Machine
 from analysis.model.prior_settings import LearnableTerm, LearntTerm
 from analysis.model.strict_config import STRICT
@@ -69,11 +69,11 @@ class LearntPriors(BaseModel):
 
 
 def learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
-    """The terms of a log that can be learnt.
+    """Terms of a log from which priors can be learnt.
 
     Args:
-        log: its name.
-        nuisances: the frame, of a replay under priors that were not learnt.
+        log: name of the log.
+        nuisances: frame of a replay without learnt priors.
     """
     columns = ("term", "prior_mean", "prior_std", "posterior", "posterior_std")
     return tuple(
@@ -84,17 +84,17 @@ def learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
 
 
 def learn_terms_of_logs(said: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
-    """Pool what logs say, term by term: weighted mean, its uncertainty, what differs between logs.
+    """Pool the logs' estimates of each term: weighted mean, uncertainty, variation between logs.
 
-    What differs is by the moments of the weighted squares (DerSimonian and Laird 1986), where their
-    chi-square shows it at 5 %; where it does not, one hundredth of the prior is left. What varies
-    without showing scatters the runs of a calibration, whose intervals have it.
+    The variation is estimated by moments (DerSimonian and Laird 1986) if chi-square shows it at 5
+    %; otherwise one hundredth of the prior is kept. Undetected variation scatters the runs of a
+    calibration, whose intervals include it.
 
     Args:
-        said: a log's prior and posterior of each term.
+        said: prior and posterior of each term by each log.
 
     Returns:
-        By term, those of which at least three logs say something.
+        Learnt priors by term, for terms with estimates from at least three logs.
     """
     by_term: dict[LearnableTerm, list[TermOfLog]] = {}
     for each in said:
@@ -123,7 +123,7 @@ def _pool_term(said: Sequence[TermOfLog]) -> LearntTerm:
 
 
 def estimate_without_prior(said: TermOfLog) -> tuple[float, float] | None:
-    """Estimate of a term by the log without its prior, and its standard deviation."""
+    """Estimate of a term by the log alone, without the prior, and its standard deviation."""
     prior = (said.prior_mean, said.prior_std)
     return machine_without_prior((said.posterior, said.posterior_std), prior)
 
@@ -131,7 +131,7 @@ def estimate_without_prior(said: TermOfLog) -> tuple[float, float] | None:
 def machine_without_prior(
     posterior: tuple[float, float], prior: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """Take a prior off a posterior, mean and deviation each; None where little more is known."""
+    """Remove a prior from a posterior (mean and deviation each); None if the log adds little."""
     (value, std), (mean, width) = posterior, prior
     if std > _TELLS * width:
         return None
@@ -140,7 +140,7 @@ def machine_without_prior(
 
 
 def between_log_variance(value: np.ndarray, variance: np.ndarray) -> float:
-    """Variance between logs, 0 where chance explains what they differ by."""
+    """Variance between logs; 0 if chance explains the differences."""
     weight = 1.0 / variance
     mean = float(weight @ value / weight.sum())
     squares, freedom = float(weight @ (value - mean) ** 2), value.size - 1
@@ -153,7 +153,7 @@ def between_log_variance(value: np.ndarray, variance: np.ndarray) -> float:
 def machine_with_learnt_priors(
     machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]
 ) -> Machine:
-    """The machine with priors that a calibration learnt; those that its file states stay."""
+    """The machine with a calibration's learnt priors; those stated in its file are kept."""
     if not terms:
         return machine
     stated = machine.settings.priors.learnt
@@ -165,16 +165,16 @@ def machine_with_learnt_priors(
 
 
 def machine_for_later_log(machine: Machine) -> Machine:
-    """The machine as later logs are weighed: one of several loads tells what means have wrong."""
+    """The machine for later logs, in which several loads show errors of learnt means."""
     told = {"priors.learnt_means": "told"}
     return machine.model_copy(update={"settings": machine.settings.with_changes(told)})
 
 
 def contradicted_priors(nuisances: pl.DataFrame) -> str:
-    """How a later log contradicts the priors that its calibration learnt; "" if it does not.
+    """How a later log contradicts its learnt priors; "" if it does not.
 
     Args:
-        nuisances: the frame; without learnt priors there is nothing to contradict.
+        nuisances: the frame `nuisances`.
     """
     worst, said = CONTRADICTS, ""
     for row, own, std in estimates_of_log(nuisances):
@@ -190,7 +190,7 @@ def contradicted_priors(nuisances: pl.DataFrame) -> str:
 
 
 def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], float, float]]:
-    """For each learnt term: its row, the estimate by the log alone, and its expected deviation."""
+    """Row, estimate by the log alone, and expected deviation of each learnt term."""
     if "alone" not in nuisances.columns:
         return
     for row in nuisances.drop_nulls("alone").to_dicts():
@@ -202,22 +202,24 @@ def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], 
             yield row, own[0], std
 
 
-def undetectable_changes(nuisances: pl.DataFrame, unlike: Unlike | None) -> dict[int, str]:
-    """Largest change since a calibration that this log would not contradict, by load.
+def undetectable_changes(
+    nuisances: pl.DataFrame, shared_errors: SharedErrors | None
+) -> dict[int, str]:
+    """Largest change since the calibration that this log would not contradict, by load.
 
     Args:
-        nuisances: the frame.
-        unlike: what the means of learnt priors move masses by.
+        nuisances: the frame `nuisances`.
+        shared_errors: the log's masses' responses to the means of learnt priors.
     """
-    if unlike is None:
+    if shared_errors is None:
         return {}
-    place = {term: k for k, term in enumerate(unlike.terms)}
+    place = {term: k for k, term in enumerate(shared_errors.terms)}
     times = np.zeros(len(place))
     for row, _, std in estimates_of_log(nuisances):
         if row["term"] in place and row["term"] in _CHANGES:
             times[place[row["term"]]] = CONTRADICTS * std / row["prior_mean_u"]
     return {
         number: _ONE_DAY.format(float(np.max(np.abs(moved_kg) * times, initial=0.0)))
-        for (of, number), moved_kg in unlike.moved_kg.items()
+        for (of, number), moved_kg in shared_errors.moved_kg.items()
         if of == "mass"
     }

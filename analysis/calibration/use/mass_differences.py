@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from analysis.calibration.line.calibration import Calibration
-from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.line.shared_errors import SharedErrors
 from estimators.arrays import Floats
 
 #: What grows with the load makes of a slope beside the gain, as a standard deviation: rolling
@@ -32,15 +32,15 @@ NORMAL: Final = 1.96
 
 @dataclass(frozen=True)
 class DifferenceOnLine:
-    """Payloads on a line, (n,) each, in kg of mass.
+    """Payloads calibrated by a line, (n,) each, in kg of mass.
 
     Attributes:
-        payload_kg: on the line.
+        payload_kg: calibrated payload.
         line_kg: uncertainty of the line.
-        taken_kg: what the line has taken with it, in kg of m̂, as a standard uncertainty.
-        unlike_u_kg: uncertainty of what is left of that.
-        shared_u_kg: the part of that that all have alike.
-        size_1: of the slope.
+        taken_kg: standard uncertainty absorbed by the line, in kg of m̂.
+        unlike_u_kg: standard uncertainty of its remainder, due to driving unlike the campaign.
+        shared_u_kg: part of that common to all payloads.
+        size_1: absolute slope.
     """
 
     payload_kg: Floats
@@ -51,48 +51,48 @@ class DifferenceOnLine:
     size_1: float
 
     def common_kg_beside_line(self, common_kg: Floats) -> Floats:
-        """(n,) what a log has in common, in kg of m̂, less what the line took, in kg of mass."""
+        """(n,) common uncertainty in kg of m̂ minus the absorbed part, in kg of mass."""
         return np.sqrt(np.maximum(common_kg**2 - self.taken_kg**2, 0.0)) / self.size_1
 
 
 def difference_on_line(
     calibration: Calibration,
-    unlike: Unlike | None,
+    shared_errors: SharedErrors | None,
     numbers: Sequence[tuple[str, int]],
     payload_kg: Floats,
 ) -> DifferenceOnLine:
-    """Put payloads on the line.
+    """Calibrate payloads by a line.
 
     Args:
-        calibration: of masses, or of payloads, whose line has a level.
-        unlike: what the log says of errors that it shares; None takes nothing off.
-        numbers: (n,) of `MOVED`, and which.
-        payload_kg: (n,) by the log alone; NaN where there is none.
+        calibration: calibration of masses, or of payloads with a level.
+        shared_errors: the log's estimate of errors shared with its campaign; None corrects none.
+        numbers: (n,) kind (`MOVED`) and number of each payload.
+        payload_kg: (n,) uncalibrated payloads; NaN if missing.
     """
     absolute = calibration.method == "joint_payload"
-    gain = line_gain(calibration) if absolute else _combine_gains(calibration, unlike)
+    gain = line_gain(calibration) if absolute else _combine_gains(calibration, shared_errors)
     slope, size = gain.slope_1, abs(gain.slope_1)
     level_kg = calibration.c0_kg if absolute else 0.0
     mass_kg = (payload_kg - level_kg) / slope
     none = np.zeros(len(numbers))
     off_kg, taken_kg, unlike_u_kg, shared_u_kg = none, none, none, none
-    if unlike is not None and calibration.responses:
+    if shared_errors is not None and calibration.responses:
         centre_kg = calibration.centre_kg if absolute else 0.0
-        nothing = np.zeros(len(unlike.terms))
-        moved = np.array([unlike.moved_kg.get(each, nothing) for each in numbers])
-        of_level = unlike.line_shifts(calibration.responses, 1.0, 0.0)
-        of_slope = unlike.line_shifts(calibration.responses, 0.0, 1.0)
+        nothing = np.zeros(len(shared_errors.terms))
+        moved = np.array([shared_errors.moved_kg.get(each, nothing) for each in numbers])
+        of_level = shared_errors.line_shifts(calibration.responses, 1.0, 0.0)
+        of_slope = shared_errors.line_shifts(calibration.responses, 0.0, 1.0)
         each = (1.0 - gain.by_level_1) * of_slope
         each = each + gain.by_level_1 * of_level / calibration.centre_kg
         line = np.outer(mass_kg - centre_kg, each) + (of_level if absolute else 0.0)
-        told = np.array([each in unlike.moved_kg for each in numbers]) & np.isfinite(mass_kg)
+        told = np.array([each in shared_errors.moved_kg for each in numbers]) & np.isfinite(mass_kg)
         moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
-        off = [unlike.off_kg(*each) for each in zip(moved, line, strict=True)]
+        off = [shared_errors.off_kg(*each) for each in zip(moved, line, strict=True)]
         off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
         share = np.nan_to_num(np.abs(mass_kg)) / max(float(np.nansum(np.abs(mass_kg))), 1e-9)
-        scale_kg = np.array([unlike.scale_kg.get(each, 0.0) for each in numbers])
-        taken_kg = np.hypot(share * unlike.learnt_part_kg(moved.sum(axis=0)), scale_kg)
-        shared_u_kg = share * unlike.u_kg((moved - line).sum(axis=0))
+        scale_kg = np.array([shared_errors.scale_kg.get(each, 0.0) for each in numbers])
+        taken_kg = np.hypot(share * shared_errors.learnt_part_kg(moved.sum(axis=0)), scale_kg)
+        shared_u_kg = share * shared_errors.u_kg((moved - line).sum(axis=0))
     mass_kg = (payload_kg - off_kg - level_kg) / slope
     variance = gain.variance_1 * mass_kg**2
     if absolute:
@@ -110,12 +110,12 @@ def difference_on_line(
 
 @dataclass(frozen=True)
 class DifferenceGain:
-    """From a mass to its estimate, in differences.
+    """Gain from a difference of masses to that of their estimates.
 
     Attributes:
-        slope_1: the factor.
-        variance_1: of it, without errors of learnt means.
-        by_level_1: how much of it is the line's level over the mass there; the rest is its slope.
+        slope_1: the gain.
+        variance_1: its variance, without errors of learnt means.
+        by_level_1: weight of the line's level over its mass; the remainder is that of the slope.
     """
 
     slope_1: float
@@ -124,19 +124,19 @@ class DifferenceGain:
 
 
 def line_gain(calibration: Calibration) -> DifferenceGain:
-    """The slope of the line alone."""
+    """Gain by the slope of the line alone."""
     return DifferenceGain(calibration.c1_1, calibration.covariance[2], 0.0)
 
 
-def _combine_gains(calibration: Calibration, unlike: Unlike | None) -> DifferenceGain:
-    """The gain by slope and by level of the line, combined by their uncertainties."""
-    if unlike is None or not calibration.responses:
+def _combine_gains(calibration: Calibration, shared_errors: SharedErrors | None) -> DifferenceGain:
+    """Gain by slope and level of the line, weighted by their uncertainties."""
+    if shared_errors is None or not calibration.responses:
         return line_gain(calibration)
     at_kg, slope = calibration.centre_kg, calibration.c1_1
     level_variance, both, slope_variance = calibration.covariance
     # the line's own uncertainty at its centre, of c0 + c1 m
     own = level_variance + 2.0 * both * at_kg + slope_variance * at_kg**2
-    means_kg = unlike.u_kg(unlike.line_shifts(calibration.responses, 1.0, 0.0))
+    means_kg = shared_errors.u_kg(shared_errors.line_shifts(calibration.responses, 1.0, 0.0))
     by_level, by_level_kg2 = calibration.level_kg / at_kg, max(own, 0.0) + means_kg**2
     variances = np.array([by_level_kg2 / at_kg**2, slope_variance + (_BY_LOAD_1 * slope) ** 2])
     if abs(by_level - slope) > _APART * float(np.sqrt(variances.sum())):

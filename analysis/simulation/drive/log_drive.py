@@ -1,4 +1,4 @@
-"""Drive the trials of a log one after the other: what the operator asks for, integrated."""
+"""Drive the trials of a log one after the other, by integration."""
 
 import math
 from collections.abc import Iterator
@@ -27,12 +27,12 @@ def integrate_log(scenario: Scenario, load_kg: float, load_index: int) -> Integr
     """Drive all trials of one log, without noise.
 
     Args:
-        scenario: the machine, the ground and the manoeuvres of a trial; straight ones.
-        load_kg: in the bucket when the log begins.
-        load_index: index of the log in the campaign, which starts that differ are drawn from.
+        scenario: scenario with machine, ground and the straight manoeuvres of a trial.
+        load_kg: load in the bucket when the log begins.
+        load_index: index of the log in the campaign, for the random numbers of its starts.
 
     Raises:
-        ScenarioError: a machine does not start, does not stop, or goes too fast.
+        ScenarioError: the machine does not start, does not stop, or becomes too fast.
     """
     driver = TrialDriver(scenario, load_kg, load_index)
     asked_s = sum(expected_duration_s(each) for each in scenario.campaign.trial)
@@ -53,7 +53,7 @@ def integrate_log(scenario: Scenario, load_kg: float, load_index: int) -> Integr
 
 
 def expected_duration_s(manoeuvre: Manoeuvre) -> float:
-    """About how long a manoeuvre takes, its stop included."""
+    """Approximate duration of a manoeuvre, including its stop."""
     match manoeuvre:
         case Rest():
             return 0.0  # a rest has two rows
@@ -77,7 +77,7 @@ class TrialDriver(MachineDriver):
         self._added_kg, self._lost_kg = 0.0, 0.0
 
     def drive(self, trial: int, number: int, manoeuvre: Manoeuvre, trial_begin_s: float) -> None:
-        """One manoeuvre, from standing to standing."""
+        """Drive one manoeuvre, from standing to standing."""
         loading = self.scenario.loading
         added_kg = loading.added_kg(self.starts)
         if added_kg != self._added_kg:
@@ -128,7 +128,7 @@ class TrialDriver(MachineDriver):
         )
 
     def _drive_waveform(self, excite: Excite, body: RigidBody) -> ManoeuvreTimes:
-        """A waveform of the drive force, then brakes."""
+        """Drive with a waveform of the force, then brake."""
         begin_s, force = self.time_s, excite.force
         assert force is not None
         since_s = np.arange(0.0, excite.duration_s + 2.0 * WAVE_STEP_S, WAVE_STEP_S)
@@ -143,7 +143,7 @@ class TrialDriver(MachineDriver):
         return ManoeuvreTimes("excite", begin_s, begin_s, None, braking_s, self.time_s)
 
     def _follow_pedal(self, travel: Travel, body: RigidBody) -> ManoeuvreTimes:
-        """Speeds that a pedal follows, with brakes and a rest at each stand.
+        """Follow target speeds by a pedal, with brakes and a rest at each stand.
 
         Raises:
             ScenarioError: the machine does not move.
@@ -190,12 +190,12 @@ class TrialDriver(MachineDriver):
         return ManoeuvreTimes("travel", begin_s, begin_s, None, None, self.time_s)
 
     def _count_pedal_steps(self, duration_s: float) -> int | None:
-        """Steps of a travel: of a slow drive longer ones do."""
+        """Number of integration steps of a travel; slow driving allows longer ones."""
         slow_s = self.scenario.campaign.valve_lag_s / _PEDAL_STEPS_A_LAG
         return None if self._swings or slow_s <= self._step_s else math.ceil(duration_s / slow_s)
 
     def end(self) -> None:
-        """End of the log: a rest, or, in motion, the moment after its last sample."""
+        """End the log with a rest or, in motion, just after its last sample."""
         rest_s = self.scenario.campaign.rest_s
         if self.state[plant.WHEEL] == 0.0:
             self.rest(rest_s + STEP_S, self.mass_kg)
@@ -211,11 +211,11 @@ class TrialDriver(MachineDriver):
 
 
 class TravelLeg(NamedTuple):
-    """From standing, or from where the log begins, to the next stand, or to where the log ends.
+    """Part of a travel from one stand, or the log's begin, to the next, or its end.
 
     Attributes:
-        wanted_m_s: (n,) the speed that is wanted, a value a step.
-        stand_s: how long the machine stands afterwards; None: it drives on.
+        wanted_m_s: (n,) target speed at each step.
+        stand_s: duration of the following stand; None to drive on.
     """
 
     wanted_m_s: Floats
@@ -223,7 +223,7 @@ class TravelLeg(NamedTuple):
 
 
 def travel_legs(travel: Travel, dice: np.random.Generator, step_s: float) -> Iterator[TravelLeg]:
-    """The legs of a travel, which together take about its duration."""
+    """Legs of a travel, which together take about its duration."""
     left_s = travel.duration_s
     speed = 0.0
     parts: list[Floats] = []

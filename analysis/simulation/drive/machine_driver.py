@@ -1,4 +1,4 @@
-"""The machine driven manoeuvre by manoeuvre, from standing to standing, by the integrated plant."""
+"""Driver of the integrated plant, manoeuvre by manoeuvre, from standing to standing."""
 
 import math
 from dataclasses import dataclass, replace
@@ -33,11 +33,11 @@ _LEAST_CRUISE_S: Final = 0.2
 
 @dataclass(frozen=True)
 class StartOrder:
-    """Order to the operator for one start.
+    """Command to the operator for one start.
 
-    `sign` is 1 ahead, -1 back; `digging_N` grows during `digging_s` until the throttle is shut;
-    of `load_kg` a part `spill_1_s` falls off a second; `distance_m` is when to stand again, instead
-    of after `cruise_s`.
+    `sign` is 1 ahead, -1 back; `digging_N` grows during `digging_s` until the throttle is shut; of
+    `load_kg` a part `spill_1_s` falls off a second; `distance_m` is when to stand again, instead of
+    after `cruise_s`.
     """
 
     sign: float
@@ -54,12 +54,12 @@ class StartOrder:
 
 
 class MachineDriver:
-    """Drives one manoeuvre after the other, and keeps what happens.
+    """Drives manoeuvres one after the other, and records the motion.
 
     Args:
-        scenario: the machine and its ground.
-        load_kg: in the bucket when the log begins.
-        load_index: index of the log in the campaign, which starts that differ are drawn from.
+        scenario: scenario with machine and ground.
+        load_kg: load in the bucket when the log begins.
+        load_index: index of the log in the campaign, for the random numbers of its starts.
     """
 
     def __init__(self, scenario: Scenario, load_kg: float, load_index: int) -> None:
@@ -89,15 +89,15 @@ class MachineDriver:
 
     @property
     def position_m(self) -> float:
-        """How far along the way the machine is."""
+        """Position of the machine along the way."""
         return float(self.state[plant.POSITION])
 
     def reserve_rows(self, duration_s: float) -> None:
-        """Make room for what is kept of so long a drive."""
+        """Reserve memory for a drive of this duration."""
         self.kept.reserve(math.ceil((duration_s + 2.0 * _LONGEST_STOP_S) / self._step_s))
 
     def rest(self, duration_s: float, mass_kg: float) -> ManoeuvreTimes:
-        """Stand, held by the brakes."""
+        """Stand with the brakes on."""
         begin_s = self.time_s
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
         stage = DriveStage(self.time_s, mass_kg, holds=1.0, facing=self.facing)
@@ -105,7 +105,7 @@ class MachineDriver:
         return ManoeuvreTimes("rest", begin_s, None, None, None, self.time_s)
 
     def half_turn(self, rate_rad_s: float, mass_kg: float) -> ManoeuvreTimes:
-        """Turn around on the spot; the yaw rate rises to `rate_rad_s` and falls, as a cosine."""
+        """Turn by half a turn on the spot, with a cosine yaw rate up to `rate_rad_s`."""
         begin_s, duration_s = self.time_s, 2.0 * math.pi / abs(rate_rad_s)
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
         stage = DriveStage(self.time_s, mass_kg, holds=1.0, facing=self.facing)
@@ -121,13 +121,13 @@ class MachineDriver:
         return ManoeuvreTimes("spin", begin_s, begin_s, None, None, self.time_s)
 
     def start(self, order: StartOrder, body: RigidBody) -> tuple[ManoeuvreTimes, float, float]:
-        """Throttle, cruise, perhaps coast, brake.
+        """Drive one start: throttle, cruise, coast if so ordered, brake.
 
         Returns:
-            The times, what has been filled in and what has fallen off, in kg.
+            Times of the start, mass filled in and mass fallen off, in kg.
 
         Raises:
-            ScenarioError: the machine does not move, does not stop, or goes too fast.
+            ScenarioError: the machine does not move, does not stop, or becomes too fast.
         """
         campaign, starts, brakes = (
             self.scenario.campaign,
@@ -227,7 +227,10 @@ class MachineDriver:
         brake_N = math.copysign(stage.mass_kg * braking_m_s2, speed)
         self.advance(BRAKING, stage._replace(brake_N=brake_N), _LONGEST_STOP_S, stops=True)
         if self.state[plant.WHEEL] != 0.0:
-            raise ScenarioError("campaign.braking_m_s2: does not stop the machine on this ground")
+            raise ScenarioError(
+                "campaign.braking_m_s2: does not stop the machine on this slope; give a larger "
+                "value"
+            )
 
     def advance(
         self,
@@ -239,10 +242,10 @@ class MachineDriver:
         stops: bool = False,
         steps: int | None = None,
     ) -> Floats:
-        """Move through a stage; the rows (n, 16) that are kept of it.
+        """Integrate a stage, and return its recorded rows (n, 16).
 
         Raises:
-            ScenarioError: the machine goes too fast.
+            ScenarioError: the machine becomes too fast.
         """
         steps = steps or max(math.ceil(duration_s / self._step_s - 1e-9), 1)
         rows = self.kept.free_rows(2 * steps + 4)
@@ -265,12 +268,12 @@ class MachineDriver:
         return rows[:kept]
 
     def uphill_m_s2(self) -> float:
-        """The part of gravity that pulls the machine back where it stands."""
+        """Component of gravity against the machine at its position."""
         slope_rad = self.scenario.terrain.slope_at_rad(self.position_m)
         return self.facing * self._plant.gravity_m_s2 * math.sin(slope_rad)
 
     def body_with_friction_at(self, body: RigidBody, time_s: float) -> RigidBody:
-        """A body with the friction that is left at a time."""
+        """Body with the remaining cold friction at a time."""
         viscous, coulomb = self._cold_friction_shares(time_s)
         return replace(
             body,
@@ -279,7 +282,7 @@ class MachineDriver:
         )
 
     def _cold_friction_shares(self, time_s: float) -> tuple[float, float]:
-        """The shares of viscous and Coulomb friction that are left at a time."""
+        """Remaining fractions of cold viscous and Coulomb friction at a time."""
         viscous, coulomb = self._plant.friction_warming, self._plant.coulomb_warming
         warming_s = self._plant.warming_s
         return cold_friction_share(time_s, viscous, warming_s), cold_friction_share(
@@ -293,7 +296,7 @@ class MachineDriver:
         return max(self.scenario.machine.coulomb_N + varied, 0.0)
 
     def draw_throttle(self) -> float:
-        """The share of the throttle of the next start."""
+        """Draw the throttle fraction of the next start."""
         starts = self.scenario.starts
         return float(
             self._random_stream("start_throttle").uniform(
@@ -305,7 +308,7 @@ class MachineDriver:
         return make_generator(self.scenario.sensors.seed, self._load_index, self.starts, stream)
 
     def _cruise_duration_s(self, gone_m: float, distance_m: float, body: RigidBody) -> float:
-        """How long to cruise so that the machine stands about so far from where it started."""
+        """Cruise duration after which the machine stops at about the wanted distance, in s."""
         speed = abs(float(self.state[plant.WHEEL]))
         campaign = self.scenario.campaign
         stop_m = speed * (campaign.valve_lag_s + 0.5 * speed / campaign.braking_m_s2)
@@ -314,7 +317,7 @@ class MachineDriver:
         return max((distance_m - gone_m - stop_m) / max(speed, 0.05), _LEAST_CRUISE_S)
 
     def _gentle_stop_m(self, speed_m_s: float, body: RigidBody) -> float:
-        """How far the machine goes under gentle brakes, which friction helps."""
+        """Stopping distance under gentle brakes and friction, in m."""
         gripping = body.standstill_grip[0] / body.mass_kg
         braking_m_s2 = self.scenario.brakes.gentle_m_s2 + gripping
         viscous_1_s = max(body.friction_x_N_s_m / body.mass_kg, 1e-3)
@@ -323,7 +326,7 @@ class MachineDriver:
         return stop_m + speed_m_s * self.scenario.campaign.valve_lag_s
 
     def _driveline_stretch_m(self, mass_kg: float) -> float:
-        """How far the spring of the driveline is stretched by the slope where a log begins."""
+        """Stretch of the driveline's spring by the slope at the begin of a log, in m."""
         wheel_kg = self._plant.wheel_share * mass_kg + self._plant.rotating_kg
         body_kg = mass_kg * (1.0 - self._plant.wheel_share)
         reduced_kg = wheel_kg * body_kg / (wheel_kg + body_kg)
@@ -333,14 +336,14 @@ class MachineDriver:
     def rolling_resistance(
         self, mass_kg: float, speed_m_s: float = 0.0, turn_rad_s: float = 0.0
     ) -> float:
-        """The rolling resistance of a mass where the machine is."""
+        """Rolling resistance of a mass at the machine's position, in N."""
         slope_rad = float(self.scenario.terrain.slope_at_rad(self.position_m))
         return rolling_resistance(
             self.position_m, speed_m_s, turn_rad_s, mass_kg, slope_rad, self._plant
         )
 
     def _cruise_force(self, stage: DriveStage, full_N: float) -> float:
-        """The drive force that keeps the speed on this slope, within that of the throttle."""
+        """Drive force in N that keeps the speed on this slope, limited by the throttle."""
         speed, sign = float(self.state[plant.WHEEL]), math.copysign(1.0, full_N)
         turned = abs(stage.turn_rad_s) if speed else 0.0
         viscous, coulomb = self._cold_friction_shares(self.time_s)

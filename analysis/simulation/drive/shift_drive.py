@@ -1,4 +1,4 @@
-"""Drive a shift cycle by cycle: what the operator does, drawn from the seed, integrated.
+"""Drive a shift cycle by cycle, with an operator drawn from the seed.
 
 The way runs from the dump (at 0) to the pile (at `haul_m`). A machine that looks along it faces the
 pile. Cycles: drive to the pile, dig, back out, turn, haul, dump, back out, turn; hauls in reverse
@@ -34,7 +34,7 @@ _LIFT_S: Final = 2.0
 
 
 class Cycle(NamedTuple):
-    """A cycle as it was driven; times in s since the shift began, masses in kg.
+    """True data of a cycle; times in s since the shift began, masses in kg.
 
     `load_kg` is what was dug, of which some may have fallen off or been poured on the way;
     `payload_kg` is what was dumped: the rest, less what was carried back.
@@ -60,7 +60,7 @@ class Cycle(NamedTuple):
 class Dump(NamedTuple):
     """Material that left the bucket: kind is dump, pour (at a stop on the way) or spill.
 
-    What is spilled falls off from one place of the way to another; the rest at one place.
+    A spill is spread along the way; the others are at one place.
     """
 
     cycle: int
@@ -73,7 +73,7 @@ class Dump(NamedTuple):
 
 
 class Stand(NamedTuple):
-    """A stretch in which the machine stands: kind is idle, break or refuelling."""
+    """A stand of the machine: kind is idle, break or refuelling."""
 
     kind: str
     start_s: float
@@ -81,7 +81,7 @@ class Stand(NamedTuple):
 
 
 class BoomAngle(NamedTuple):
-    """Angles from a time on; between two of them they change evenly."""
+    """Angles at a time, interpolated linearly to the next."""
 
     time_s: float
     boom_rad: float
@@ -89,11 +89,11 @@ class BoomAngle(NamedTuple):
 
 
 class ShiftDriver(MachineDriver):
-    """The machine and its operator through a shift.
+    """Machine and operator during a shift.
 
     Args:
-        scenario: the machine, its ground, and what starts are like.
-        shift: what is to be done.
+        scenario: scenario with machine, ground and starts.
+        shift: section of the shift.
     """
 
     def __init__(self, scenario: Scenario, shift: SimulatedShift) -> None:
@@ -114,17 +114,17 @@ class ShiftDriver(MachineDriver):
 
     @property
     def is_over(self) -> bool:
-        """Whether the shift has lasted long enough, and its last cycle is finished."""
+        """Whether the shift is over and its last cycle finished."""
         return self.time_s >= self.shift.duration_h * 3600.0
 
     def drive_cycle(self) -> None:
-        """One cycle, and what interrupts the work after it."""
+        """Drive one cycle, and the breaks that are due after it."""
         shift, number = self.shift, len(self.cycles)
         self._cycle, self._number = number, 0
         begin_s, starts, before_kg = self.time_s, self.starts, self._carried_kg
-        operator = self._draw_load("shift_operator")
+        operator = self._cycle_generator("shift_operator")
         self._rest_between_cycles(operator)
-        pours = bool(self._draw_load("shift_pour").random() < shift.pour_cycles)
+        pours = bool(self._cycle_generator("shift_pour").random() < shift.pour_cycles)
         self._drive_legs(1.0, shift.haul_m - _REACH_M, shift.empty_starts_most, operator)
         dig_s = self.time_s
         self._dig_into_pile(operator)
@@ -164,12 +164,13 @@ class ShiftDriver(MachineDriver):
         self._take_due_breaks()
 
     def _body_with_load(self) -> RigidBody:
-        """Machine, fuel and load as they are now."""
+        """Body of the machine with its present fuel and load."""
         body = RigidBody.from_scenario_with_load(self.scenario, self._load_kg)
         mass_kg = body.mass_kg - self._burnt_kg
         return replace(body, mass_kg=mass_kg, rolling_x_N=self.rolling_resistance(mass_kg))
 
-    def _draw_load(self, stream: str) -> np.random.Generator:
+    def _cycle_generator(self, stream: str) -> np.random.Generator:
+        """Random generator of a stream for the present cycle."""
         return make_generator(self.scenario.sensors.seed, 0, len(self.cycles), stream)
 
     def _drive_legs(
@@ -181,9 +182,9 @@ class ShiftDriver(MachineDriver):
         *,
         pours: bool = False,
     ) -> None:
-        """Drive along the way (1) or against it (-1) until a place, in a few starts.
+        """Drive along the way (1) or against it (-1) to a place, in a few starts.
 
-        One that `pours` does so at its first stop.
+        With `pours` a part of the load is poured at the first stop.
         """
         count = max(int(operator.integers(1, starts_most + 1)), 1 + pours)
         parts = operator.uniform(0.7, 1.3, count)
@@ -196,7 +197,7 @@ class ShiftDriver(MachineDriver):
                     self._pour_part_of_load()
 
     def _drive_start(self, way: float, distance_m: float, operator: np.random.Generator) -> None:
-        """One start along the way (1) or against it (-1), and the stand after it."""
+        """Drive one start along the way (1) or against it (-1), and stand afterwards."""
         sign = way * self.facing
         body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
         throttle = self.draw_throttle()
@@ -220,12 +221,12 @@ class ShiftDriver(MachineDriver):
         self._rest_between_cycles(operator)
 
     def _note_spill(self, kind: str, mass_kg: float, since_s: float, from_m: float) -> None:
-        """Keep what has left the bucket since a time and a place."""
+        """Record material that has left the bucket since a time and a place."""
         lost = Dump(self._cycle, kind, since_s, self.time_s, from_m, self.position_m, mass_kg)
         self.dumps.append(lost)
 
     def _pour_part_of_load(self) -> None:
-        """Stand, and pour a part of the load halfway."""
+        """Stand, and pour a part of the load halfway through the stand."""
         half_s, loaded = self.shift.dump_s / 2.0, self._body_with_load()
         times = self.rest(half_s, loaded.mass_kg)
         self._note_boom(_CARRY, at_s=times.start_s)
@@ -239,9 +240,9 @@ class ShiftDriver(MachineDriver):
         self._note_boom(_CARRY, at_s=self.time_s)
 
     def _dig_into_pile(self, operator: np.random.Generator) -> None:
-        """Drive into the pile; the bucket fills, and closes when the machine stands."""
+        """Drive into the pile, which fills the bucket until the machine stands."""
         shift = self.shift
-        drawn = self._draw_load("shift_load").normal(shift.load_kg, shift.load_std_kg)
+        drawn = self._cycle_generator("shift_load").normal(shift.load_kg, shift.load_std_kg)
         wanted_kg = float(np.clip(drawn, shift.load_least_kg, shift.load_most_kg))
         body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
         self._note_boom(_DIG, at_s=self.time_s)
@@ -267,9 +268,9 @@ class ShiftDriver(MachineDriver):
         self._rest_between_cycles(operator)
 
     def _dump_load(self) -> float:
-        """Stand, and dump halfway; when that is."""
+        """Stand, dump halfway through the stand, and return the time of the dump in s."""
         shift, loaded = self.shift, self._body_with_load()
-        drawn = self._draw_load("shift_carry_back").exponential(shift.carry_back_kg)
+        drawn = self._cycle_generator("shift_carry_back").exponential(shift.carry_back_kg)
         times = self.rest(shift.dump_s / 2.0, loaded.mass_kg)
         self._note_boom(_CARRY, at_s=times.start_s)
         self._note_boom(_DUMP, at_s=self.time_s)
@@ -289,7 +290,7 @@ class ShiftDriver(MachineDriver):
         )
 
     def _take_due_breaks(self) -> None:
-        """Idle, a break, refuelling: each where it is due after a cycle."""
+        """Idle, take a break and refuel if due after this cycle."""
         shift, idles = (
             self.shift,
             make_generator(self.scenario.sensors.seed, 0, len(self.cycles), "shift_idle"),
@@ -305,7 +306,7 @@ class ShiftDriver(MachineDriver):
             self._burnt_kg = 0.0
 
     def _burn_fuel(self) -> None:
-        """Fuel is taken off at the end of each cycle; nobody burns any in a break."""
+        """Subtract the fuel burnt in the cycle; breaks burn none."""
         hours = (self.time_s - self._burnt_until_s) / 3600.0
         self._burnt_until_s = self.time_s
         self._burnt_kg = min(self._burnt_kg + hours * self.shift.fuel_kg_h, self.shift.fuel_tank_kg)
@@ -318,7 +319,7 @@ class ShiftDriver(MachineDriver):
             self._burnt_until_s = self.time_s
 
     def _note_boom(self, angles: tuple[float, float], at_s: float) -> None:
-        """Boom and bucket reach their angles at a time; not before the last ones."""
+        """Record that boom and bucket reach angles at a time, after the previous ones."""
         after_s = self.angles[-1].time_s if self.angles else 0.0
         self.angles.append(BoomAngle(max(at_s, after_s), *angles))
 
@@ -330,7 +331,7 @@ class ShiftDriver(MachineDriver):
         throttle: float | None = None,
         load_kg: float | None = None,
     ) -> None:
-        """Keep a manoeuvre: `load_kg` where it began, if not as now."""
+        """Record a manoeuvre; `load_kg` is the load at its begin, by default the present one."""
         directions = {0.0: None, 1.0: "forward", -1.0: "reverse"}
         begin_kg = self._load_kg if load_kg is None else load_kg
         self.driven.append(

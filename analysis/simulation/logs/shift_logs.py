@@ -1,4 +1,4 @@
-"""A shift as the recorder has it: logs on one time line, and the truth about all of them."""
+"""Logs of a shift on one time line, with the truth about all of them."""
 
 from bisect import bisect_right
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ _LEAST_DAMAGE: Final = 0.05
 
 
 class LogSpan(NamedTuple):
-    """When a log is recorded, in s since the shift began, and the part of it that is torn off."""
+    """Recorded time of a log in s since the shift began, and its torn fraction."""
 
     start_s: float
     end_s: float
@@ -40,12 +40,12 @@ class LogSpan(NamedTuple):
 
 
 class ShiftTruth(NamedTuple):
-    """True values of a shift; times are unix ns.
+    """True values of a shift; times are Unix ns.
 
-    `cycles`: a row a cycle, as `shift_drive.Cycle` has it, with the numbers of the logs in which it
-    begins and ends (counted from 0; null where nothing is recorded); `stands`: idle stretches,
-    breaks and refuelling; `logs`: when each log begins and ends, and the part that is torn off;
-    `dumps`: a row for whatever left the bucket, as `shift_drive.Dump` has it.
+    `cycles`: a row per cycle, as in `shift_drive.Cycle`, with the numbers of the logs in which it
+    begins and ends (from 0; null if not recorded); `stands`: idle stretches, breaks and refuelling;
+    `logs`: begin, end and torn part of each log; `dumps`: a row for all material that left the
+    bucket, as in `shift_drive.Dump`.
     """
 
     cycles: pl.DataFrame
@@ -56,14 +56,14 @@ class ShiftTruth(NamedTuple):
 
 @dataclass(eq=False)
 class ShiftSimulation:
-    """A shift that is driven while its logs are taken.
+    """A shift that is driven while its logs are requested.
 
     Attributes:
-        scenario: with a shift.
-        shift: its section.
+        scenario: scenario with a shift.
+        shift: section of the shift.
 
     Raises:
-        ScenarioError: the machine cannot be driven so.
+        ScenarioError: the machine cannot be driven as requested.
     """
 
     scenario: Scenario
@@ -75,7 +75,7 @@ class ShiftSimulation:
         self._spans: list[LogSpan] = []
 
     def simulate_logs(self) -> Iterator[SimulatedLog]:
-        """The logs in order, once; the same scenario gives the same ones bit for bit."""
+        """Logs in order, once; the same scenario gives the same logs bit for bit."""
         start_ns = to_whole_ns(self.scenario.log.start_unix_s)
         planned = _plan_log_spans(self.scenario, self.shift)
         heading_rad = 0.0
@@ -90,7 +90,7 @@ class ShiftSimulation:
             yield self._simulate_log(index, self._spans[-1], heading_rad, start_ns)
 
     def collect_truth(self) -> ShiftTruth:
-        """Collect the true values, once all logs have been taken."""
+        """Collect the true values after all logs were requested."""
         start_ns = to_whole_ns(self.scenario.log.start_unix_s)
         cycles = pl.DataFrame([each._asdict() for each in self._driver.cycles])
         starts = [span.start_s for span in self._spans]
@@ -156,7 +156,7 @@ class ShiftSimulation:
 
 
 class _ShiftTimeline(NamedTuple):
-    """The motion by unix time."""
+    """Motion by Unix time."""
 
     motion: IntegratedLog
     start_ns: int
@@ -166,7 +166,7 @@ class _ShiftTimeline(NamedTuple):
 
 
 class _PositionAndBoom(NamedTuple):
-    """Where the machine is and how its boom stands, by unix time."""
+    """Position of the machine and angles of its boom, by Unix time."""
 
     motion: IntegratedLog
     angles: tuple[BoomAngle, ...]
@@ -183,14 +183,14 @@ class _PositionAndBoom(NamedTuple):
 def times_within_cycles(
     driven: tuple[DrivenManoeuvre, ...], begins: Floats
 ) -> tuple[DrivenManoeuvre, ...]:
-    """Count the times of manoeuvres from the begin of their cycle."""
+    """Manoeuvres with their times relative to the begin of their cycle."""
     return tuple(
         each._replace(times=each.times.subtract_begin(float(begins[each.trial]))) for each in driven
     )
 
 
 def _plan_log_spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
-    """When the logs are recorded, and which are torn, by plan."""
+    """Spans of the logs, and which are torn."""
     drawn = make_generator(scenario.sensors.seed, 0, 0, "shift_recorder")
     length_s = shift.duration_h * 3600.0 / shift.logs
     spans: list[LogSpan] = []
@@ -207,7 +207,7 @@ def _plan_log_spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
 
 
 def add_start_to_times(frame: pl.DataFrame, start_ns: int) -> pl.DataFrame:
-    """Columns of seconds since the shift began as unix ns."""
+    """Convert columns of seconds since the shift began to Unix ns."""
     seconds = [name for name in frame.columns if name.endswith("_s")]
     return frame.with_columns(
         (pl.col(name) * 1e9).round().cast(pl.Int64) + start_ns for name in seconds

@@ -1,4 +1,4 @@
-"""A campaign: for each load one log of many trials, with the truth of every trial.
+"""Simulated campaign: for each load one log of many trials, with the truth of each.
 
 A trial is what a scenario calls a run: the manoeuvres of `campaign.manoeuvres`, once.
 """
@@ -30,9 +30,9 @@ class SimulatedLog:
     """The recorded topics of one load, and the truth about it.
 
     Attributes:
-        scenario: that was simulated.
+        scenario: simulated scenario.
         load_kg: the load.
-        topics: `imu`, `torque` and `speed`, in a shift also others, as `measure_topics` gives them.
+        topics: `imu`, `torque` and `speed`, in a shift also others, as from `measure_topics`.
         trials: a row a trial (none in a shift): `run` (its number), the unix times `start_ns` and
             `end_ns`, `throttle_ns`, `cruise_ns` and `braking_ns` of its first start (null without
             one), and the true `load_kg mass_kg friction_N_s_m coulomb_N rolling_N slope_deg
@@ -42,9 +42,9 @@ class SimulatedLog:
             unix times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has not);
             `load_kg mass_kg friction_N_s_m coulomb_N rolling_N` where it begins, `load_end_kg`
             where it ends, and of a start its `direction` and its share of full `throttle`.
-        timeline: the motion without noise, at any time.
-        phase_s: when each topic is first sampled, in s since the log's beginning.
-        torn_share: the part of the file that is torn off at its end.
+        timeline: motion without noise, at any time.
+        phase_s: time of each topic's first sample, since the log's begin.
+        torn_share: fraction of the file that is torn off at its end.
     """
 
     scenario: Scenario
@@ -58,9 +58,9 @@ class SimulatedLog:
 
     @cached_property
     def noise_free(self) -> pl.DataFrame:
-        """The motion every period of `sensors.rate_hz` from the log's beginning on.
+        """Motion without noise at `sensors.rate_hz`, from the log's begin on.
 
-        `time_ns` (unix) and the fields of `Channels`.
+        The columns are `time_ns` (Unix) and the fields of `Channels`.
         """
         time_ns = sample_times_ns(self.timeline, self.scenario.sensors.rate_hz, 0.0)
         now = self.timeline.sample(time_ns)
@@ -70,20 +70,19 @@ class SimulatedLog:
 
     @property
     def origin_unix_ns(self) -> int:
-        """When the campaign began: what the time of its tables counts from."""
+        """Unix time of the campaign's begin, from which times of its tables count."""
         return to_whole_ns(self.scenario.log.start_unix_s)
 
 
 def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
-    """Simulate the scenario: one log a load, in the order of the loads, on one time line.
+    """Simulate a scenario: one log per load, in order, on one time line.
 
     The same scenario gives the same logs bit for bit. Slope and Coulomb friction are in the motion
-    and in the measurements as on site; what they do to an uncorrected mass is for the replay to
-    find out.
+    and the measurements as on site; the replay has to deal with them.
 
     Raises:
-        ScenarioError: the machine cannot be driven as asked with one of the loads; raised before
-            the first log.
+        ScenarioError: the machine cannot be driven as requested with one of the loads; raised
+            before the first log.
     """
     if scenario.shift is not None:
         raise ScenarioError("shift: is not a campaign; use ShiftSimulation")
@@ -108,7 +107,7 @@ def _simulate_logs(scenario: Scenario) -> Iterator[SimulatedLog]:
 
 
 def _make_timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> Timeline:
-    """The log of a load: one exact trial repeated where that can be, integrated otherwise."""
+    """Time line of a load's log: one exact trial repeated if possible, else integrated."""
     if key_that_needs_integration(scenario) is None:
         return repeat_trial(scenario, load_kg, solve_motion(scenario, load_kg), start_ns)
     from analysis.simulation.drive.log_drive import integrate_log

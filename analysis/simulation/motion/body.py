@@ -1,4 +1,4 @@
-"""The machine and its load as one rigid body in the plane, and its two equations of motion.
+"""The machine and its load as a rigid body in the plane, with two equations of motion.
 
     F = m s_x - ω² mc_x - ω̇ mc_y + b_x v + (F_c + F_r) sign(v)
     T = mc_x s_y - mc_y s_x + Izz ω̇ + b_ψ ω + T_c sign(ω)
@@ -24,7 +24,7 @@ Values: TypeAlias = float | NDArray[np.float64]
 
 
 class AxisPair(NamedTuple):
-    """Something along x (force, speed, acceleration) and about z (torque, yaw rate, …)."""
+    """A quantity along x (force, speed, acceleration) and about z (torque, yaw rate, …)."""
 
     x: Values
     z: Values
@@ -32,7 +32,7 @@ class AxisPair(NamedTuple):
 
 @dataclass(frozen=True)
 class RigidBody:
-    """One machine with one load on one slope; moments are about the origin."""
+    """A machine with a load on a slope; moments are about the origin."""
 
     mass_kg: float
     first_moment_x_kg_m: float
@@ -50,7 +50,7 @@ class RigidBody:
 
     @classmethod
     def from_scenario_with_load(cls, scenario: Scenario, load_kg: float) -> Self:
-        """The scenario's machine with a load, a point mass in its bucket."""
+        """The scenario's machine with a point-mass load in its bucket."""
         machine, terrain = scenario.machine, scenario.terrain
         x, y = machine.load_x_m, machine.load_y_m
         return cls(
@@ -72,17 +72,17 @@ class RigidBody:
 
     @property
     def standstill_grip(self) -> tuple[float, float]:
-        """Grip at standstill, along x and about z: Coulomb friction and rolling resistance."""
+        """Largest force and torque that friction holds at standstill."""
         return self.coulomb_x_N + self.rolling_x_N, self.coulomb_z_N_m
 
     @property
     def com_x_m(self) -> float:
-        """Centre of mass, ahead of the origin."""
+        """Centre of mass ahead of the origin."""
         return self.first_moment_x_kg_m / self.mass_kg
 
     @property
     def com_y_m(self) -> float:
-        """Centre of mass, to the left of the origin."""
+        """Centre of mass to the left of the origin."""
         return self.first_moment_y_kg_m / self.mass_kg
 
     def gravity_along_heading(self, heading: Values) -> tuple[Values, Values]:
@@ -92,12 +92,12 @@ class RigidBody:
         return self.uphill_m_s2 * np.cos(heading), -self.uphill_m_s2 * np.sin(heading)
 
     def net_drive(self, applied: AxisPair, rate: AxisPair, heading: Values) -> AxisPair:
-        """Force and torque that are left for acceleration and Coulomb friction.
+        """Force and torque that remain for acceleration and Coulomb friction.
 
         Args:
-            applied: F and T, drive less brakes.
+            applied: F and T, drive minus brakes.
             rate: v and ω.
-            heading: in rad.
+            heading: heading in rad.
         """
         gravity_x, gravity_y = self.gravity_along_heading(heading)
         v, omega = rate
@@ -113,7 +113,7 @@ class RigidBody:
         )
 
     def accelerations(self, net: AxisPair, moves: tuple[bool, bool]) -> AxisPair:
-        """dv/dt and ω̇ under `net` force and torque; an axis that does not move has none."""
+        """dv/dt and ω̇ under `net` force and torque; 0 for an axis that does not move."""
         m, mc_y = self.mass_kg, self.first_moment_y_kg_m
         if not any(moves):
             return AxisPair(0.0 * net.x, 0.0 * net.z)
@@ -127,7 +127,7 @@ class RigidBody:
     def required_drive(
         self, rate: AxisPair, acceleration: AxisPair, heading: Values, friction: AxisPair
     ) -> AxisPair:
-        """F and T that a motion takes; `friction` has the signs of what grips on each."""
+        """Drive F, T of a motion; `friction` has the sign of Coulomb friction on each axis."""
         left = self.net_drive(AxisPair(0.0 * rate.x, 0.0 * rate.z), rate, heading)
         dv, turn = acceleration
         mc_y = self.first_moment_y_kg_m

@@ -1,4 +1,4 @@
-"""A solved motion: the manoeuvres of one trial with one load, without noise."""
+"""Solved motion of one trial with one load, without noise."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from estimators.arrays import Floats
 
 
 class MotionState(NamedTuple):
-    """The machine at n instants, each (n,): drive and brakes are forces in N, torques in N·m."""
+    """State of the machine at n instants, (n,) each; drive and brakes in N and N·m."""
 
     speed_x_m_s: Floats
     acc_x_m_s2: Floats
@@ -26,9 +26,9 @@ class MotionState(NamedTuple):
 
 
 class MotionPhase(NamedTuple):
-    """A part of a trial, times in s since the trial began.
+    """A part of a trial; times in s since the trial began.
 
-    `name` is a phase of motion, or None where it follows from the motion; `state` takes times (n,).
+    `name` is a phase of motion, or None if it follows from the motion; `state` takes times (n,).
     """
 
     name: str | None
@@ -38,7 +38,7 @@ class MotionPhase(NamedTuple):
 
 
 class ManoeuvreTimes(NamedTuple):
-    """When a manoeuvre happens, in s since the trial began; None for what it does not have.
+    """Times of a manoeuvre in s since the trial began; None for those it lacks.
 
     `drive_s` is when drive begins, `steady_s` when a start cruises, a spin holds its rate and an
     arc its speed; `braking_s` when it ends in braking (or in the ramp down of an arc).
@@ -52,7 +52,7 @@ class ManoeuvreTimes(NamedTuple):
     end_s: float
 
     def subtract_begin(self, begin_s: float) -> "ManoeuvreTimes":
-        """Count the times from `begin_s`."""
+        """The times relative to `begin_s`."""
 
         def later(time_s: float | None) -> float | None:
             return None if time_s is None else time_s - begin_s
@@ -68,7 +68,7 @@ class ManoeuvreTimes(NamedTuple):
 
 
 class Channels(NamedTuple):
-    """The motion at n instants, each (n,): no noise, and nothing of the sensors in it."""
+    """Motion at n instants, (n,) each, without noise and sensor effects."""
 
     phase: NDArray[np.str_]
     speed_x_m_s: Floats
@@ -102,13 +102,13 @@ class Channels(NamedTuple):
 
 @dataclass(frozen=True)
 class SolvedMotion:
-    """One trial with one load, from standing to standing; before and after, the machine stands.
+    """One trial with one load, from standing to standing; the machine stands before and after.
 
     Attributes:
-        body: the machine with its load: what an estimator should find.
-        brake_measured_share: how much of the brakes the torque sensors see.
-        phases: without a gap between them, over all times.
-        manoeuvres: a window a manoeuvre, in order.
+        body: machine with its load: the values that estimators should find.
+        brake_measured_share: fraction of the brakes that the torque sensors measure.
+        phases: consecutive phases over all times.
+        manoeuvres: times of each manoeuvre, in order.
     """
 
     body: RigidBody
@@ -118,11 +118,11 @@ class SolvedMotion:
 
     @property
     def duration_s(self) -> float:
-        """Until the last manoeuvre has ended."""
+        """End of the last manoeuvre."""
         return self.manoeuvres[-1].end_s
 
     def sample_channels(self, time_s: Floats) -> Channels:
-        """The channels at times (n,) in s since the trial began: any times, in any order."""
+        """Channels at times (n,) in s since the trial began, in any order."""
         name = np.full(time_s.shape, "standstill", dtype="<U12")
         rows = np.zeros((len(MotionState._fields), *time_s.shape))
         for phase in self.phases:
@@ -157,7 +157,7 @@ class SolvedMotion:
 
 
 def _name_phases(state: MotionState) -> NDArray[np.str_]:
-    """The phases of motion (n,) of an excitation."""
+    """Phases of motion (n,) of an excitation."""
     stands, turns = state.speed_x_m_s == 0.0, state.yaw_rate_rad_s != 0.0
     return np.select(
         [turns & stands, turns, stands, state.speed_x_m_s * state.acc_x_m_s2 >= 0.0],

@@ -1,4 +1,4 @@
-"""A log in time: its trials and manoeuvres, the truth of each, and the motion at any instant."""
+"""Time line of a log: trials and manoeuvres with their truth, and the motion at any time."""
 
 import math
 from collections.abc import Callable
@@ -16,10 +16,10 @@ from estimators.arrays import Floats
 
 
 class DrivenManoeuvre(NamedTuple):
-    """A manoeuvre of a log as it was driven; its times are in s since its trial began.
+    """A manoeuvre as driven; times in s since its trial began.
 
     `body` is that of machine and load where it begins, `load_end_kg` the load where it ends;
-    `direction` and `throttle` are None but for a start.
+    `direction` and `throttle` are None except for a start.
     """
 
     trial: int
@@ -33,9 +33,9 @@ class DrivenManoeuvre(NamedTuple):
 
 
 class Hints(NamedTuple):
-    """Signals of a shift besides its motion, each (n,).
+    """Signals of a shift besides the motion, (n,) each.
 
-    Place along the way, and the angles of boom and bucket, positive up.
+    Position along the way, and angles of boom and bucket, positive up.
     """
 
     position_m: Floats
@@ -45,15 +45,15 @@ class Hints(NamedTuple):
 
 @dataclass(frozen=True)
 class Timeline:
-    """One log from unix time `start_ns` on.
+    """A log from Unix time `start_ns` on.
 
     Attributes:
-        start_ns: when it begins.
-        end_ns: when it ends, its last rest included.
-        trial_ns: (trials + 1,) when each trial begins, and the last ends.
-        driven: the manoeuvres, in order.
-        sample: the motion at times (n,) in unix ns.
-        hints: likewise what a shift has besides; None in a campaign.
+        start_ns: begin of the log.
+        end_ns: end of the log, including its last rest.
+        trial_ns: (trials + 1,) begin of each trial, and end of the last.
+        driven: manoeuvres in order.
+        sample: computes the motion at times (n,) in Unix ns.
+        hints: computes the other signals of a shift likewise; None in a campaign.
     """
 
     start_ns: int
@@ -64,12 +64,12 @@ class Timeline:
     hints: Callable[[NDArray[np.int64]], Hints] | None = None
 
     def number_trials(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The trial at each time; the rest after the last has the next number."""
+        """Trial number at each time; the rest after the last trial has the next number."""
         found = np.searchsorted(self.trial_ns, time_ns, side="right") - 1
         return np.clip(found, 0, self.trial_ns.size - 1)
 
     def make_trial_table(self, slope_deg: float) -> pl.DataFrame:
-        """A row a trial, with the truth about the machine in it (`SimulatedLog.trials`)."""
+        """A row per trial, with its truth (`SimulatedLog.trials`)."""
         rows: list[dict[str, object]] = []
         for trial in range(self.trial_ns.size - 1):
             mine = [each for each in self.driven if each.trial == trial]
@@ -102,7 +102,7 @@ class Timeline:
         return pl.DataFrame(rows).cast(dict.fromkeys(times_ns, pl.Int64))
 
     def make_manoeuvre_table(self) -> pl.DataFrame:
-        """A row a manoeuvre (`SimulatedLog.manoeuvres`)."""
+        """A row per manoeuvre (`SimulatedLog.manoeuvres`)."""
         rows: list[dict[str, object]] = []
         for each in self.driven:
             begin_ns, times = int(self.trial_ns[each.trial]), each.times
@@ -138,7 +138,7 @@ class Timeline:
 def repeat_trial(
     scenario: Scenario, load_kg: float, motion: SolvedMotion, start_ns: int
 ) -> Timeline:
-    """Repeat a solved trial, then rest."""
+    """Time line of a repeated solved trial and a final rest."""
     trials = scenario.campaign.runs
     period_ns = math.ceil(motion.duration_s * 1e9)
     trial_ns = start_ns + period_ns * np.arange(trials + 1, dtype=np.int64)
@@ -167,14 +167,14 @@ def continuous_timeline(
     motion: Callable[[Floats], Channels],
     start_ns: int,
 ) -> Timeline:
-    """A log that is solved as a whole.
+    """Time line of a log that is solved as a whole.
 
     Args:
-        scenario: that was simulated.
-        trial_s: (trials + 1,) when each trial begins, and the last ends, since the log began.
-        driven: the manoeuvres, in order.
-        motion: the channels at times in s since the log began.
-        start_ns: unix time of the log's beginning.
+        scenario: simulated scenario.
+        trial_s: (trials + 1,) begin of each trial, and end of the last, since the log began.
+        driven: manoeuvres in order.
+        motion: computes the channels at times in s since the log began.
+        start_ns: Unix time of the log's begin.
     """
     trial_ns = start_ns + np.rint(trial_s * 1e9).astype(np.int64)
 

@@ -1,4 +1,4 @@
-"""The motion of a whole log, as the integrated plant keeps it: what it is at any instant."""
+"""Motion of a whole log from the integrated plant, at any instant."""
 
 import math
 from dataclasses import dataclass
@@ -27,16 +27,15 @@ REST, OPEN, STEADY, BRAKING, FREE, TURNING = range(6)
 
 @dataclass(frozen=True, eq=False)
 class IntegratedLog:
-    """The motion of a whole log.
+    """Integrated motion of a whole log.
 
     Attributes:
-        scenario: that was driven.
-        trial_s: (trials + 1,) when each trial begins, and the last ends, since the log began.
-        driven: the manoeuvres, in order.
-        rows: (n, 16) what `plant` keeps, times ascending; at a time that is there twice something
-            changes at once.
-        stage: (n,) the kind of stage that each row belongs to.
-        heading_rad: at the first row.
+        scenario: driven scenario.
+        trial_s: (trials + 1,) begin of each trial, and end of the last, since the log began.
+        driven: manoeuvres in order.
+        rows: (n, 16) rows from `plant`, times ascending; a repeated time marks a discontinuity.
+        stage: (n,) kind of stage of each row.
+        heading_rad: heading at the first row.
     """
 
     scenario: Scenario
@@ -47,7 +46,7 @@ class IntegratedLog:
     heading_rad: float = 0.0
 
     def sample_channels(self, time_s: Floats) -> Channels:
-        """The channels at times (n,) in s since the log began: any times, in any order."""
+        """Channels at times (n,) in s since the log began, in any order."""
         machine, terrain = self.scenario.machine, self.scenario.terrain
         now, rate = np.empty((plant.COLUMNS, time_s.size)), np.empty((SLOPES, time_s.size))
         last = np.empty(time_s.size, np.int64)
@@ -89,7 +88,7 @@ class IntegratedLog:
     def _squat_of_fast_springs(
         self, mass_kg: Floats, acc: Floats, rate: Floats
     ) -> tuple[Floats, Floats]:
-        """The pitch of springs that follow at once, and how fast it changes."""
+        """Pitch of springs that follow at once, and its rate."""
         chassis = self.scenario.chassis
         by_load = math.radians(chassis.squat_deg_s2_m_kg)
         standing = math.radians(chassis.pitch_deg_kg)
@@ -130,7 +129,7 @@ class IntegratedLog:
 
 @inlined
 def _row_before(rows: Floats, time_s: float, known: int) -> int:
-    """The last row at or before a time, but neither before the first nor the last of all."""
+    """Last row at or before a time, between the first and the last row."""
     most = rows.shape[0] - 2
     least = 0
     if rows[known, plant.TIME] <= time_s:
@@ -159,7 +158,7 @@ def _value_or_rate(row: Floats, which: int) -> float:
 
 @inlined
 def _rate_at_row(rows: Floats, at: int, which: int) -> float:
-    """How fast a value changes at a row: on both sides of it, without what changes at once."""
+    """Rate of a value at a row from both sides, without discontinuities."""
     total, known = 0.0, 0.0
     for first in (at - 1, at):
         if first >= 0 and first + 1 < rows.shape[0]:
@@ -176,14 +175,14 @@ def _rate_at_row(rows: Floats, at: int, which: int) -> float:
 def interpolate_rows(
     rows: Floats, time_s: Floats, now: Floats, slopes: Floats, last: NDArray[np.int64]
 ) -> None:
-    """Interpolate rows at times; before the first and after the last row nothing changes.
+    """Interpolate rows at times; constant before the first and after the last row.
 
     Args:
-        rows: (n, 16) what `plant` keeps, times ascending, two at least.
-        time_s: (m,) any times, fastest when ascending.
-        now: (16, m) filled with what is kept, at each time.
-        slopes: (4, m) filled with what changes how fast.
-        last: (m,) filled with the row before each time.
+        rows: (n, 16) at least two rows from `plant`, times ascending.
+        time_s: (m,) times, fastest if ascending.
+        now: (16, m) output: values at each time.
+        slopes: (4, m) output: rates at each time.
+        last: (m,) output: row before each time.
     """
     known = 0
     for number in range(time_s.size):

@@ -46,7 +46,7 @@ _HALVINGS: Final = 60
 
 @inlined
 def _motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> float:
-    """The force of the motor: what is asked for, within its limits while it drives."""
+    """Force of the motor: the commanded one, within its limits while it drives."""
     force_N = asked_N
     if force_N * speed_m_s > 0.0:
         fast = abs(speed_m_s)
@@ -61,7 +61,7 @@ def _motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> float:
 def commanded_force_or_speed(
     t: float, stage: DriveStage, wave: Floats, wave_step_s: float
 ) -> float:
-    """The commanded drive force; of a pedal, the speed that its wave wants."""
+    """Commanded drive force or, for a pedal, the target speed."""
     since_s = t - stage.begin_s
     if wave.size:
         place = since_s / wave_step_s
@@ -75,7 +75,7 @@ def commanded_force_or_speed(
 
 @inlined
 def _pedal_force(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tuple[float, float]:
-    """Drive force and force of the brakes that a pedal asks for."""
+    """Drive force and brake force that a pedal commands."""
     ahead_N = stage.way * stage.pedal_N_s_m * (wanted_m_s - speed_m_s)
     if ahead_N >= 0.0:
         return stage.way * min(ahead_N, stage.most_drive_N), 0.0
@@ -85,7 +85,7 @@ def _pedal_force(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tupl
 
 @inlined
 def _rotating_mass_kg(speed_m_s: float, plant: Plant) -> float:
-    """Equivalent mass of what rotates, in the gear of a speed."""
+    """Equivalent rotating mass in the gear at a speed."""
     for gear in range(plant.gears.shape[0]):
         if abs(speed_m_s) < plant.gears[gear, 0]:
             return plant.rotating_kg + plant.gears[gear, 1]
@@ -94,7 +94,7 @@ def _rotating_mass_kg(speed_m_s: float, plant: Plant) -> float:
 
 @inlined
 def _total_mass_at_kg(t: float, stage: DriveStage) -> float:
-    """Machine and load, of which some may fall in or off."""
+    """Mass of machine and load, some of which may fall in or off."""
     mass = stage.mass_kg + stage.fill_kg_s * (t - stage.begin_s)
     if stage.spill_1_s > 0.0:
         mass += stage.load_kg * math.expm1(-stage.spill_1_s * (t - stage.begin_s))
@@ -103,7 +103,7 @@ def _total_mass_at_kg(t: float, stage: DriveStage) -> float:
 
 @inlined
 def _pitch_acceleration_rad_s2(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float:
-    """How fast the pitch rate changes, on springs that give way under load and acceleration."""
+    """Pitch acceleration on springs under load and acceleration."""
     squat = (plant.squat_s2_m + plant.squat_s2_m_kg * load_kg) * acc_m_s2
     squat += plant.pitch_1_kg * load_kg
     return plant.squat_rad_s * (
@@ -123,7 +123,7 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     wave_step_s: float,
     out: Floats,
 ) -> None:
-    """Fill `out` with the derivatives of the state, and with the forces of the instant."""
+    """Compute the derivatives of the state, and the forces, into `out`."""
     wheel, body = y[WHEEL], y[BODY]
     mass = _total_mass_at_kg(t, stage)
     slope = plant.slope_rad + plant.hills_rad * math.sin(
@@ -219,7 +219,7 @@ def _integrate_step(  # noqa: PLR0913 - compiled, as above
     k: Floats,
     made: Floats,
 ) -> None:
-    """One step of Runge-Kutta from `y` to `made`; `k` (4, _OUT) begins with the rates at `t`."""
+    """One Runge-Kutta step from `y` to `made`; `k` (4, _OUT) begins with the rates at `t`."""
     for i in range(STATES):
         made[i] = y[i] + 0.5 * dt * k[0, i]
     _fill_state_rates(t + 0.5 * dt, made, grip, waits, plant, stage, wave, wave_step_s, k[1])
@@ -245,22 +245,22 @@ def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes wi
     wave_step_s: float,
     rows: Floats,
 ) -> tuple[float, int, bool]:
-    """Move through a stage, at most until `end_s`.
+    """Integrate a stage, at most until `end_s`.
 
     Args:
-        end_s: when the stage ends at the latest, since the log began.
-        steps: so many steps until then.
-        stops: whether it ends where the wheels first stand.
-        y: (8,) the state, which is changed.
+        end_s: latest end of the stage, since the log began.
+        steps: number of steps until then.
+        stops: whether it ends when the wheels first stand.
+        y: (8,) state, changed in place.
         plant: the machine.
         stage: the commands.
-        wave: (m,) the commanded drive force every `wave_step_s`, or the speed that a pedal follows;
-            of size 0: the stage's own.
-        wave_step_s: likewise.
-        rows: (2 steps + 4, 16) filled with what is kept of each instant.
+        wave: (m,) commanded drive force or target speed every `wave_step_s`; empty uses the stage's
+            own.
+        wave_step_s: step of `wave`.
+        rows: (2 steps + 4, 16) output rows.
 
     Returns:
-        When the stage ended, the number of rows, and whether the wheels ever moved.
+        End of the stage, number of rows, and whether the wheels moved.
     """
     k = np.zeros((4, _OUT))
     made = np.zeros(STATES)
@@ -325,5 +325,5 @@ def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes wi
 
 
 def state_at_rest() -> Floats:
-    """The state (8,) of a machine that stands."""
+    """State (8,) of a standing machine."""
     return np.zeros(STATES)

@@ -1,4 +1,4 @@
-"""What the compiled plant takes: the constants of machine and ground, and one stage of a drive."""
+"""Inputs of the compiled plant: constants of machine and ground, and a stage of a drive."""
 
 import math
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from estimators.arrays import Floats
 
 
 class Plant(NamedTuple):
-    """The machine and its ground, the same in a whole log."""
+    """Constants of machine and ground in a log."""
 
     friction_N_s_m: float
     air_N_s2_m2: float
@@ -50,7 +50,7 @@ class Plant(NamedTuple):
 
 
 class DriveStage(NamedTuple):
-    """One stage of a manoeuvre: its commands and resistances; times are since the log began."""
+    """A stage of a manoeuvre: commands and resistances; times since the log began."""
 
     begin_s: float
     mass_kg: float
@@ -90,7 +90,7 @@ class DriveStage(NamedTuple):
 
 
 def make_plant(scenario: Scenario) -> Plant:
-    """The constants of a log."""
+    """Plant of a scenario."""
     drivetrain, chassis, terrain = scenario.drivetrain, scenario.chassis, scenario.terrain
     rolling = scenario.rolling
     boom_rad_s = 2.0 * math.pi / chassis.boom_period_s

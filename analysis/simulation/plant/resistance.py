@@ -12,7 +12,7 @@ _AXLES_APART_M: Final = 1.2
 
 @inlined
 def cold_friction_share(t: float, warming: float, warming_s: float) -> float:
-    """The share of a cold machine's friction that is left at a time."""
+    """Remaining fraction of a cold machine's extra friction at a time."""
     if warming == 0.0:
         return 1.0
     return 1.0 + warming * math.expm1(-t / warming_s)
@@ -20,7 +20,7 @@ def cold_friction_share(t: float, warming: float, warming_s: float) -> float:
 
 @inlined
 def friction_capacity(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> float:
-    """What friction in newtons can hold, and slides with, at a time and a yaw rate."""
+    """Force that Coulomb friction holds, or slides with, at a time and yaw rate, in N."""
     coulomb_N = stage.coulomb_N * cold_friction_share(t, plant.coulomb_warming, plant.warming_s)
     capacity = coulomb_N + plant.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
     if stage.release_s > 0.0:
@@ -36,7 +36,7 @@ def friction_capacity(t: float, turn_rad_s: float, plant: Plant, stage: DriveSta
 def gentle_braking(
     t: float, grip: float, mass_kg: float, gravity_m_s2: float, plant: Plant, stage: DriveStage
 ) -> float:
-    """Force of brakes that no sensor sees: an operator gives what the slope asks for besides."""
+    """Force of unmeasured brakes in N, as an operator adapts it to the slope."""
     if stage.gentle_m_s2 == 0.0 or grip == 0.0:
         return 0.0
     applied = -math.expm1(-(t - stage.gentle_from_s) / plant.lag_s)
@@ -52,7 +52,7 @@ def rolling_resistance(
     slope_rad: float,
     plant: Plant,
 ) -> float:
-    """Rolling resistance, at most what holds a machine that stands."""
+    """Rolling resistance in N; at standstill at most what holds the machine."""
     if plant.rolling == 0.0 and plant.second_ground_more == 0.0:
         return 0.0
     coefficient = plant.rolling

@@ -1,4 +1,4 @@
-"""Memory for what an integrated log keeps: rows that grow at the end and are forgotten in front."""
+"""Growing memory for the rows of an integrated log; old rows can be dropped."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from estimators.arrays import Floats
 
 
 class RowBuffer:
-    """Rows of a log, and the kind of stage that each belongs to."""
+    """Rows of a log, with the kind of stage of each."""
 
     def __init__(self) -> None:
         self._rows = np.empty((1024, plant.COLUMNS))
@@ -18,7 +18,7 @@ class RowBuffer:
 
     @property
     def rows(self) -> Floats:
-        """(n, 16) all rows; they share the memory that grows."""
+        """(n, 16) all rows, sharing the growing memory."""
         return self._rows[: self._size]
 
     @property
@@ -27,23 +27,21 @@ class RowBuffer:
         return np.repeat(np.array(self._kinds, np.int8), self._counts)
 
     def free_rows(self, count: int) -> Floats:
-        """(at least count, 16) memory behind the rows, to be filled and then kept."""
+        """(at least count, 16) free memory after the rows, to be filled and committed."""
         if self._size + count > len(self._rows):
             self.reserve(self._size + 2 * count)
         return self._rows[self._size : self._size + count]
 
     def reserve(self, count: int) -> None:
-        """Make room for so many more rows; what is not touched takes no memory."""
+        """Reserve memory for more rows; untouched memory is free."""
         grown = np.empty((self._size + count, plant.COLUMNS))
         grown[: self._size] = self.rows
         self._rows = grown
 
     def forget(self, before_s: float) -> float:
-        """Forget rows before a time, but for the last of them; how far the machine turned in them.
+        """Drop rows before a time except the last, and return the heading change in them.
 
-        Two rows are left at least.
-
-        What was handed out before keeps its memory.
+        At least two rows are kept. Arrays handed out before keep their memory.
         """
         time_s = self.rows[:, plant.TIME]
         first = int(np.searchsorted(time_s, before_s, side="right")) - 1
@@ -61,7 +59,7 @@ class RowBuffer:
         return float(turned.sum())
 
     def commit_rows(self, count: int, kind: int) -> None:
-        """Keep so many rows of the room, all of one kind of stage."""
+        """Commit filled rows, all of one kind of stage."""
         self._size += count
         self._kinds.append(kind)
         self._counts.append(count)

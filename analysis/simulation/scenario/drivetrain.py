@@ -78,7 +78,7 @@ class SimulatedDrivetrain(BaseModel):
         if list(shifts) != sorted(set(shifts)) or any(speed <= 0.0 for speed in shifts):
             raise ValueError("gear_up_m_s: give ascending speeds above 0")
         if any(not 0.0 <= mass_kg <= 1e5 for mass_kg in rotating_kg):
-            raise ValueError("gear_rotating_kg: a mass is between 0 and 1e5 kg")
+            raise ValueError("gear_rotating_kg: each mass must be between 0 and 1e5 kg")
         return self
 
 

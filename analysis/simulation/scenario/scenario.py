@@ -246,7 +246,7 @@ class SimulatedCampaign(BaseModel):
     @classmethod
     def _check_loads_differ(cls, loads: tuple[float, ...]) -> tuple[float, ...]:
         if any(not 0 <= load <= 1e6 for load in loads):
-            raise ValueError("a load is between 0 and 1e6 kg")
+            raise ValueError("each load must be between 0 and 1e6 kg")
         if len(set(loads)) < len(loads):
             raise ValueError("a load appears twice; raise 'runs' to repeat it")
         return loads

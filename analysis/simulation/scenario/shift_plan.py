@@ -121,13 +121,15 @@ class SimulatedShift(BaseModel):
         if not self.load_least_kg <= self.load_kg <= self.load_most_kg:
             raise ValueError("'load_kg' is not between 'load_least_kg' and 'load_most_kg'")
         if self.carry_back_most_kg >= self.load_least_kg:
-            raise ValueError("'carry_back_most_kg' is not less than 'load_least_kg'")
+            raise ValueError("'carry_back_most_kg' must be less than 'load_least_kg'")
         if self.logs > 1 and self.restart_s > 0.3 * self.duration_h * 3600.0 / self.logs:
-            raise ValueError("'restart_s' leaves hardly anything of a log; give fewer 'logs'")
+            raise ValueError(
+                "'restart_s' is nearly as long as a log; give fewer 'logs' or a shorter 'restart_s'"
+            )
         if self.damaged_logs > self.logs:
-            raise ValueError("'damaged_logs' are more than 'logs'")
+            raise ValueError("'damaged_logs' is larger than 'logs'; give at most as many")
         if len(set(self.topics)) < len(self.topics):
             raise ValueError("a topic of 'topics' appears twice")
         if self.fuel_kg_h * self.duration_h > self.fuel_tank_kg and not self.refuel_share:
-            raise ValueError("'fuel_tank_kg' does not last; give 'refuel_share'")
+            raise ValueError("'fuel_tank_kg' runs empty before the shift ends; give 'refuel_share'")
         return self

@@ -1,4 +1,4 @@
-"""Waveforms that excite: periodic force and torque between a lowest and a highest value.
+"""Periodic excitation waveforms of force and torque, between two values.
 
 All are highest at `peak_s` and lowest half a period later. The paper's triangle
 (A/T) |t mod T - T/2| + f0 is the triangular one with lowest = f0, highest = f0 + A/2, peak_s = 0.

@@ -1,4 +1,4 @@
-"""Random numbers of a scenario: a stream a channel and trial, which leaves all others alone."""
+"""Independent random streams of a scenario, one for each channel and trial."""
 
 import math
 from dataclasses import dataclass
@@ -78,13 +78,13 @@ _STREAMS: Final = (
 
 
 def make_generator(seed: int, load_index: int, number: int, stream: str) -> np.random.Generator:
-    """The random numbers of a stream in one trial, or at one start, of one log.
+    """Random generator of a stream in one trial, or at one start, of a log.
 
     Args:
-        seed: of the scenario.
+        seed: seed of the scenario.
         load_index: index of the log in the campaign.
-        number: of the trial or start in the log.
-        stream: a name of the list above.
+        number: number of the trial or start.
+        stream: name from the list above.
     """
     key = (load_index, number, _STREAMS.index(stream))
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
@@ -92,12 +92,12 @@ def make_generator(seed: int, load_index: int, number: int, stream: str) -> np.r
 
 @dataclass(frozen=True)
 class Streams:
-    """The random numbers of the samples of one topic.
+    """Random numbers for the samples of one topic.
 
     Attributes:
-        seed: of the scenario.
+        seed: seed of the scenario.
         load_index: index of the log in the campaign.
-        trial: (n,) the trial that each sample belongs to, ascending; the rest after them is one.
+        trial: (n,) trial of each sample, ascending; the rest at the end counts as one.
     """
 
     seed: int
@@ -111,7 +111,7 @@ class Streams:
         )
 
     def draw_drift(self, stream: str, std: float, samples: float) -> Floats:
-        """A stationary first-order Gauss-Markov process (n,): e-folding after `samples`."""
+        """Stationary first-order Gauss-Markov process (n,), with e-folding after `samples`."""
         if not std:
             return np.zeros(self.trial.size)
         from scipy.signal import lfilter
@@ -122,7 +122,7 @@ class Streams:
         return lfilter([1.0], [1.0, -keeps], steps)
 
     def draw_uniform(self, stream: str) -> Floats:
-        """Numbers (n,) between 0 and 1."""
+        """Uniform numbers (n,) between 0 and 1."""
         return np.concatenate([g.random(n) for g, n in self._make_generators(stream)])
 
     def _make_generators(self, stream: str) -> list[tuple[np.random.Generator, int]]:

@@ -1,4 +1,4 @@
-"""When a topic is sampled, what its clock stamps, and what of it the recorder keeps."""
+"""Recorder of simulated topics: sample times, stamps and losses."""
 
 import math
 from typing import Final
@@ -17,19 +17,19 @@ TOPICS: Final[tuple[TopicName, ...]] = ("imu", "torque", "speed")
 
 
 def recorded_topics(scenario: Scenario) -> tuple[TopicName, ...]:
-    """The topics that are recorded."""
+    """Names of the recorded topics."""
     return TOPICS if scenario.shift is None else (*TOPICS, *scenario.shift.topics)
 
 
 def rate_hz(scenario: Scenario, topic: TopicName) -> float:
-    """The rate of a topic."""
+    """Rate of a topic in Hz."""
     if topic == "gnss" and scenario.shift is not None:
         return scenario.shift.gnss_rate_hz
     return scenario.sampling.rate_hz(topic, scenario.sensors.rate_hz)
 
 
 def phase_s(scenario: Scenario, topic: TopicName, load_index: int) -> float:
-    """A topic's first sample after the beginning of a log, in s."""
+    """Time of a topic's first sample after the begin of a log, in s."""
     asked_s = scenario.sampling.phase_s(topic)
     if asked_s >= 0.0:
         return asked_s
@@ -38,7 +38,7 @@ def phase_s(scenario: Scenario, topic: TopicName, load_index: int) -> float:
 
 
 def sample_times_ns(timeline: Timeline, rate_hz: float, phase_s: float) -> NDArray[np.int64]:
-    """The unix times (n,) at which a topic is sampled from `phase_s` on until the log ends."""
+    """Unix times (n,) of a topic's samples, from `phase_s` to the end of the log."""
     first_ns = timeline.start_ns + round(phase_s * 1e9)
     period_ns = 1e9 / rate_hz
     samples = max(math.ceil((timeline.end_ns - first_ns) / period_ns), 0)
@@ -53,15 +53,15 @@ def record_topics(
     timeline: Timeline,
     readings: dict[str, Floats],
 ) -> pl.DataFrame:
-    """A topic as the recorder keeps it: stamps, losses, and the order of its messages.
+    """A topic as recorded: with stamps, losses and order of the messages.
 
     Args:
-        scenario: clocks and losses.
-        topic: its name.
+        scenario: scenario with clocks and losses.
+        topic: name of the topic.
         at_ns: (n,) unix times of the measurements.
-        streams: the random numbers of those samples.
-        timeline: of the log.
-        readings: its columns, each (n,).
+        streams: random numbers of those samples.
+        timeline: time line of the log.
+        readings: columns of readings, (n,) each.
     """
     log = scenario.log
     latency_s = log.latency_s + log.latency_jitter_s * streams.draw_uniform(f"{topic}_latency")
@@ -91,7 +91,7 @@ def _stamp_samples_ns(
     streams: Streams,
     start_ns: int,
 ) -> NDArray[np.int64]:
-    """Stamp of each measurement by the topic's clock, in unix ns."""
+    """Stamp of each measurement by the topic's clock, in Unix ns."""
     sampling = scenario.sampling
     ahead_ns = (at_ns - start_ns) * (sampling.clock_ppm(topic) * 1e-6)
     if sampling.stamp_jitter_s:
@@ -101,7 +101,7 @@ def _stamp_samples_ns(
 
 
 def _swap_order(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """The times (n,) where chosen messages have changed places with the next."""
+    """Times (n,) with the selected messages swapped with their successors."""
     swapped = time_ns.copy()
     for index in np.flatnonzero(chosen[:-1]):
         # one that has gone back already goes no further
@@ -113,7 +113,7 @@ def _swap_order(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArra
 def find_dropouts(
     scenario: Scenario, at_ns: NDArray[np.int64], streams: Streams, timeline: Timeline
 ) -> NDArray[np.bool_]:
-    """Where nothing is recorded (n,): stretches that begin at any sample with one probability."""
+    """Mark lost samples (n,): dropouts begin at any sample with equal probability."""
     log, rate = scenario.log, scenario.sensors.rate_hz
     if not log.blackout_every_s:
         return np.zeros(at_ns.shape, np.bool_)

@@ -1,4 +1,4 @@
-"""Measure a motion as the instruments report it: noise, delay, bias, and their defects.
+"""Simulated instruments: readings of a motion with noise, delay, bias and defects.
 
 Every channel of every trial draws from its own stream of random numbers, so that one more trial,
 load or channel leaves all others as they were.
@@ -37,18 +37,17 @@ _EARTH_M: Final = 6_371_008.8
 def measure_topics(
     scenario: Scenario, timeline: Timeline, load_index: int
 ) -> dict[str, pl.DataFrame]:
-    """Report a motion as the instruments would.
+    """Measure a motion by the simulated instruments.
 
     Args:
-        scenario: noise, bias, wheels, slope and defects.
-        timeline: the log.
-        load_index: index of the log in the campaign, which random numbers are drawn from.
+        scenario: scenario with noise, bias, wheels, slope and defects.
+        timeline: time line of the log.
+        load_index: index of the log in the campaign, for its random numbers.
 
     Returns:
-        `imu`, `torque`, `speed`, and what a shift has besides: `header_stamp_ns`, `log_time_ns`,
-        and columns with the names, units and signs of a machine file's channels (pitch positive
-        nose-up). Each topic has its own instants. Lost messages have no row; rows are in the order
-        of recording.
+        Frames `imu`, `torque`, `speed`, and those of a shift, with `header_stamp_ns`,
+        `log_time_ns`, and columns named like channels (pitch positive nose-up). Each topic has its
+        own instants. Lost messages have no row; rows are in the order of recording.
     """
     frames: dict[str, pl.DataFrame] = {}
     for topic in recorded_topics(scenario):
@@ -81,9 +80,9 @@ def _delay_and_filter_signals(
     times_s: tuple[float, float],
     motion_signals: Callable[[Channels, Floats], Mapping[str, Floats]],
 ) -> Mapping[str, Floats]:
-    """Signals (n,) of a motion behind their delay and low-pass (`times_s`).
+    """Signals (n,) of a motion after a delay and a low-pass (`times_s`).
 
-    `of` takes the motion and where in the log it is, from 0 to 1.
+    `motion_signals` takes the motion and the position in the log, from 0 to 1.
     """
     delay_s, lag_s = times_s
     length_ns = timeline.end_ns - timeline.start_ns
@@ -160,7 +159,7 @@ def _true_imu_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]
 
 
 def _draw_vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Floats:
-    """Narrow-band noise (n,): a carrier whose two amplitudes are Gauss-Markov processes."""
+    """Narrow-band noise (n,): a carrier with two Gauss-Markov amplitudes."""
     defects = scenario.defects
     samples = rate_hz(scenario, "imu") / (math.pi * defects.vibration_bandwidth_hz)
     turn = 2.0 * math.pi * defects.vibration_hz * seconds
@@ -174,7 +173,7 @@ def _draw_vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Fl
 def _measure_torque(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
 ) -> dict[str, Floats]:
-    """The torques; the noise of the sides adds up to that of their sum."""
+    """Torques of both sides, whose noise adds up to that of their sum."""
     sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
     lever_m = machine.force_share * machine.wheel_radius_m
     times_s = (sensors.force_delay_s, defects.force_lag_s)
@@ -200,7 +199,7 @@ def _measure_torque(
 
 
 def _true_torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
-    """(17) and (18) backwards, from the share that these wheels carry and their true radius."""
+    """Torques by (17) and (18) inverted, from the wheels' force fraction and true radius."""
     sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
     lever_m = machine.force_share * machine.wheel_radius_m
     force = motion.measured_force_x_N * lever_m / 2
@@ -232,7 +231,7 @@ def _measure_speed(
 
 
 def _true_speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
-    """Each side's ground speed, and on it the slip that its force takes.
+    """Wheel speed of each side: ground speed plus the slip of its force.
 
     Slip κ = (v_wheel - v) / |v| = F / C with the longitudinal slip stiffness C: the linear range of
     a tyre (Pacejka, Tire and Vehicle Dynamics, chapter 1). With the relaxation length σ the slip
@@ -263,7 +262,7 @@ def _swap_sides_if_defective(
 
 
 def frozen_sample_indices(scenario: Scenario, since_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Index (n,) of the sample whose values each message repeats: its own, unless it is frozen."""
+    """Index (n,) of the sample that each message repeats: its own, unless frozen."""
     defects = scenario.defects
     every_ns = round(defects.frozen_every_s * 1e9)
     number = since_ns // every_ns
@@ -278,12 +277,12 @@ def low_pass(
     at_ns: NDArray[np.int64],
     lag_s: float,
 ) -> Mapping[str, Floats]:
-    """Signals behind a first-order low-pass, at rest before the first of the times.
+    """Signals after a first-order low-pass, at rest before the first time.
 
     Args:
-        signals: columns (m,) at m times in ns.
+        signals: computes columns (m,) at m times in ns.
         at_ns: (n,) times, ascending.
-        lag_s: time constant; 0: the signals themselves.
+        lag_s: time constant; 0 for no filter.
     """
     if not lag_s or not at_ns.size:
         return signals(at_ns)
@@ -318,7 +317,7 @@ def measure_boom(
 def measure_odometry(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
 ) -> dict[str, Floats]:
-    """Place along the way and heading as they are; speed and yaw rate with the sensors' noise."""
+    """True position and heading along the way; speed and yaw rate with sensor noise."""
     motion, sensors = timeline.sample(at_ns), scenario.sensors
     speed = motion.wheel_speed_x_m_s + streams.draw_white_noise(
         "odometry_speed", sensors.speed_noise_m_s

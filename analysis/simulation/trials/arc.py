@@ -1,4 +1,4 @@
-"""An arc at constant speed and yaw rate: prescribed motion, and the drive and brakes it takes.
+"""An arc at constant speed and yaw rate: prescribed motion, with its drive and brakes.
 
 The ramps from and to standing are the polynomial of the fifth degree between 0 and 1 whose rate and
 whose rate's rate begin and end at 0. Force along the motion comes from the drive, force against it
@@ -16,7 +16,7 @@ from estimators.arrays import Floats
 def arc_phases(
     body: RigidBody, manoeuvre: Arc, begin_s: float, heading_rad: float
 ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
-    """Prescribe the arc: up, held, down."""
+    """Phases of an arc: ramp up, constant, ramp down."""
     steady_s = begin_s + manoeuvre.ramp_s
     down_s = steady_s + manoeuvre.duration_s
     end_s = down_s + manoeuvre.ramp_s
@@ -74,6 +74,6 @@ def _smooth_step_rate(part: Floats) -> Floats:
 
 
 def smooth_step_integral(part: Floats) -> Floats:
-    """The integral of `_step`."""
+    """Integral of `_step`."""
     ramp = np.minimum(part, 1.0)
     return ramp**4 * (2.5 + ramp * (ramp - 3.0)) + (part - ramp)

@@ -1,4 +1,4 @@
-"""Solve a trial: its manoeuvres one after the other, each from standing to standing."""
+"""Solve a trial exactly: its manoeuvres in order, each from standing to standing."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -43,17 +43,17 @@ _STILL = AxisPair(0.0, 0.0)
 def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
     """Solve one trial with one load, without noise.
 
-    Sample the motion as often as needed: Monte Carlo trials solve once and add noise many times.
+    Solve once and sample often: Monte Carlo trials add noise to the same motion.
 
     Args:
-        scenario: the machine, the ground and the manoeuvres of a trial (`campaign.trial`).
-        load_kg: in the bucket.
+        scenario: scenario with machine, ground and the manoeuvres of a trial (`campaign.trial`).
+        load_kg: load in the bucket.
 
     Returns:
-        The motion: `sample(time_s)` gives its channels at any times.
+        The motion; `sample_channels(time_s)` gives its channels at any times.
 
     Raises:
-        ScenarioError: the machine cannot be driven as asked.
+        ScenarioError: the machine cannot be driven as requested.
     """
     check_limits(scenario, [load_kg])
     asked = key_that_needs_integration(scenario)
@@ -83,7 +83,7 @@ class _Trial:
     def solve(
         self, manoeuvre: Manoeuvre, begin_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
-        """One manoeuvre that begins standing at a heading: its phases without a gap."""
+        """Consecutive phases of one manoeuvre that begins at standstill with a heading."""
         match manoeuvre:
             case Rest():
                 end_s = begin_s + manoeuvre.duration_s
@@ -103,7 +103,7 @@ class _Trial:
                 raise AssertionError("needs a whole log, which `key_that_needs_integration` says")
 
     def stand_at_heading(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
-        """Stand at a heading; the brakes hold."""
+        """Phase of standing at a heading, held by the brakes."""
         hold = self.body.required_drive(_STILL, _STILL, heading_rad, _STILL)
 
         def state(time_s: Floats) -> MotionState:
@@ -117,7 +117,7 @@ class _Trial:
     def _straight_or_spin(
         self, manoeuvre: Start | Spin, axis: int, sign: float, begin_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
-        """Open the throttle until `steady_s`, keep the speed (yaw rate), brake."""
+        """Open the throttle until `steady_s`, keep the speed or yaw rate, brake."""
         campaign = self.scenario.campaign
         full = self.scenario.full_drive[axis] * campaign.drive_fraction_at_throttle(
             manoeuvre.throttle
@@ -144,7 +144,9 @@ class _Trial:
     def _solve_stalled_trial(
         self, axis: int, sign: float, full: float, begin_s: float, heading_rad: float
     ) -> tuple[MotionPhase, Floats]:
-        """The throttle opens until the drive overcomes slope and friction: that, and the state.
+        """Phase in which the throttle opens until the drive overcomes slope and friction.
+
+        The brakes release as the drive takes over the slope.
 
         The brakes let go as the drive takes over the slope.
         """
@@ -174,7 +176,7 @@ class _Trial:
     def _excited_trial(
         self, manoeuvre: Excite, begin_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
-        """Follow the waveforms through the valves of both sides, then brake."""
+        """Follow the waveforms through both sides' valves, then brake."""
         force, torque = manoeuvre.force, manoeuvre.torque
         end_s = begin_s + manoeuvre.duration_s
         waves: list[ForceWave | TorqueWave] = [wave for wave in (force, torque) if wave]
@@ -198,7 +200,7 @@ class _Trial:
         return phases, ManoeuvreTimes("excite", begin_s, begin_s, None, end_s, phases[-1].end_s)
 
     def _brake_commands(self, state: Floats) -> Commands:
-        """No drive, and brakes against the motion: the same deceleration of the wheels on both."""
+        """Commands without drive whose brakes slow all wheels equally on both axes."""
         braking = self.scenario.campaign.braking_m_s2
         spin = braking / (self.scenario.machine.track_width_m / 2.0)
         return Commands(
@@ -221,7 +223,7 @@ def _constant_drive(axis: int, value: float) -> Callable[[float], tuple[float, f
 
 @dataclass(frozen=True)
 class DrivenMotion:
-    """The machine under commands; an axis that is not free is kept still by the drive."""
+    """The machine under commands; the drive keeps an axis that is not free still."""
 
     body: RigidBody
     valve_lag_s: float
@@ -233,9 +235,9 @@ class DrivenMotion:
         """Follow the commands until `end_s`.
 
         Args:
-            name: of the phases.
-            start_s: since the trial began.
-            end_s: likewise.
+            name: name of the phases.
+            start_s: begin since the trial began.
+            end_s: end since the trial began.
             state: (7,) v, drive and brake force, ω, drive and brake torque, heading.
             asked: the commands.
 
@@ -243,7 +245,7 @@ class DrivenMotion:
             The phases and the last state.
 
         Raises:
-            DataError: Coulomb friction on both axes finds no grip that fits.
+            DataError: no state of Coulomb friction on both axes is consistent.
         """
         phases: list[MotionPhase] = []
         machine = self._apply_stiction(state, self.free)
@@ -262,7 +264,7 @@ class DrivenMotion:
     def follow_until_rest(
         self, name: str | None, start_s: float, state: Floats, asked: Commands
     ) -> list[MotionPhase]:
-        """Follow the commands from `state` (7,) until both axes have come to rest."""
+        """Follow the commands from `state` (7,) until both axes stand."""
         phases: list[MotionPhase] = []
         moving = [axis for axis in (0, 1) if self.free[axis] and state[RATES[axis]] != 0.0]
         while moving:
@@ -278,7 +280,7 @@ class DrivenMotion:
     def _apply_stiction(
         self, state: Floats, free: tuple[bool, bool], loose: Sequence[int] = ()
     ) -> Stiction:
-        """The grip of friction in `state`; it has just let go of the `loose` axes."""
+        """Grip of friction in `state`, just after it has released the `loose` axes."""
         choices: list[tuple[float | None, ...]] = []
         for axis in (0, 1):
             rate = float(state[RATES[axis]])

@@ -1,4 +1,4 @@
-"""The equations of motion integrated while friction keeps its grip: sliding one way, or holding."""
+"""Equations of motion with Coulomb friction that slides or sticks, integrated between changes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class Commands(NamedTuple):
     """Commands of the operator.
 
     `drive` takes a time in s since the trial began and gives force and torque; it has kinks at
-    `kinks_s`. `brake` is asked for throughout.
+    `kinks_s`. `brake` is constant.
     """
 
     drive: Callable[[float], tuple[float, float]]
@@ -32,13 +32,13 @@ class Commands(NamedTuple):
 
 @dataclass(frozen=True)
 class Stiction:
-    """The machine under commands, friction as it is.
+    """The machine under commands, with a fixed state of friction.
 
     Attributes:
-        body: the machine with its load.
+        body: machine with its load.
         valve_lag_s: time constant of drive and brakes.
-        free: whether x and z follow the commands; an axis that does not is kept still by the drive.
-        grip: the sign of Coulomb friction on x and z, or None where it holds the axis.
+        free: whether x and z follow the commands; the drive keeps other axes still.
+        grip: sign of Coulomb friction on x and z; None if it holds the axis.
     """
 
     body: RigidBody
@@ -47,7 +47,7 @@ class Stiction:
     grip: tuple[float | None, float | None]
 
     def net_force_and_torque(self, state: Floats | tuple[float, ...]) -> AxisPair:
-        """Force and torque on the state, 7 numbers or (7, n), Coulomb friction that slides in."""
+        """Net force and torque for the state, (7,) or (7, n), including sliding friction."""
         v, drive_x, brake_x, omega, drive_z, brake_z, heading = state
         applied = AxisPair(drive_x - brake_x, drive_z - brake_z)
         body, grip = self.body, self.grip
@@ -67,17 +67,17 @@ class Stiction:
         return x, z
 
     def force_to_hold(self, state: Floats) -> tuple[float, float]:
-        """Force and torque on the state (7,) that friction has to hold where it holds."""
+        """Force and torque in the state (7,) that sticking friction must hold."""
         net = self.net_force_and_torque(state)
         acceleration = self.accelerations(net)
         mc_y = self.body.first_moment_y_kg_m
         return float(net.x + mc_y * acceleration.z), float(net.z + mc_y * acceleration.x)
 
     def grip_inconsistency(self, state: Floats) -> float:
-        """How far the grip is from what it does to the axes that stand in the state (7,).
+        """Violation of the friction law by the grip, for axes at rest in the state (7,).
 
-        0 where friction that holds has no more to hold than it can, and friction that slides
-        opposes the motion that begins. The inertia is positive definite, so one grip fits.
+        It is 0 if sticking friction holds no more than it can, and sliding friction opposes the
+        motion that begins. The inertia is positive definite, so exactly one grip is consistent.
         """
         pull, acceleration = (
             self.force_to_hold(state),
@@ -103,11 +103,11 @@ class Stiction:
         *,
         stop: bool = False,
     ) -> tuple[MotionPhase, Floats, list[int]]:
-        """Move from `state` (7,) up to `end_s` or the first change of grip.
+        """Integrate from `state` (7,) to `end_s` or the first change of grip.
 
         Returns:
-            The phase, the last state, and the axes (0, 1) on which friction lets go or, with
-            Coulomb friction or when asked to `follow_until_rest`, the motion ends.
+            The phase, the last state, and the axes (0, 1) on which friction releases or the motion
+            ends (with Coulomb friction, or if `stop`).
         """
         from scipy.integrate import solve_ivp
 
@@ -192,7 +192,7 @@ class Stiction:
 
 
 class _GripChange:
-    """Ends an integration where friction lets go or an axis stands, as solve_ivp asks for it."""
+    """Event for solve_ivp: friction releases, or an axis stops."""
 
     terminal = True
 

@@ -1,4 +1,4 @@
-"""What the exact solution of a trial cannot give, so that a log is integrated as a whole."""
+"""Settings beyond exact trials, for which a log is integrated as a whole."""
 
 from typing import Final
 
@@ -17,7 +17,7 @@ _CHANGES_ALONG: Final = {
 
 
 def key_that_needs_integration(scenario: Scenario) -> str | None:
-    """The first key of the scenario that needs the integrated plant; None: a trial is exact."""
+    """First key of the scenario that needs the integrated plant; None if trials are exact."""
     if scenario.shift is not None:
         return "shift"
     sections: dict[str, BaseModel] = {
@@ -46,27 +46,30 @@ def key_that_needs_integration(scenario: Scenario) -> str | None:
 
 
 def check_switches(scenario: Scenario) -> None:
-    """Refuse what the integrated plant cannot do: it goes straight, but for a slight turn.
+    """Raise an error for settings that the integrated plant does not support.
 
     Raises:
-        ScenarioError: the key and its fault.
+        ScenarioError: the key and the fault.
     """
     if scenario.drivetrain.relaxation_length_m and not scenario.machine.slip_stiffness_N:
         raise ScenarioError(
-            "drivetrain.relaxation_length_m: tyres relax as far as they slip; "
-            "give machine.slip_stiffness_N"
+            "drivetrain.relaxation_length_m: needs slipping tyres; give machine.slip_stiffness_N "
+            "as well"
         )
     asked = key_that_needs_integration(scenario)
     if asked is None:
         return
     terrain = scenario.terrain
     if scenario.starts.turn_rad_s and (terrain.slope_deg or terrain.hills_deg):
-        raise ScenarioError("starts.turn_rad_s: starts turn on level ground alone")
+        raise ScenarioError(
+            "starts.turn_rad_s: turning starts need level ground; set terrain.slope_deg and "
+            "terrain.hills_deg to 0"
+        )
     for number, manoeuvre in enumerate(scenario.campaign.trial):
         if not _is_straight(manoeuvre):
             raise ScenarioError(
-                f"campaign.manoeuvres.{number}: is not a straight motion, which alone is simulated "
-                f"with {asked}; choose rests, starts and forces, or leave out {asked}"
+                f"campaign.manoeuvres.{number}: is not a straight motion, as required with "
+                f"{asked}; choose rests, starts and forces, or leave out {asked}"
             )
 
 

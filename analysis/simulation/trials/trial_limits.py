@@ -1,4 +1,4 @@
-"""Refuse trials and shifts that cannot be driven: no start, no stop, too fast."""
+"""Reject trials and shifts that cannot be driven: no start, no stop, too fast."""
 
 import math
 import re
@@ -26,14 +26,14 @@ _HABITS: Final = {"throttle_least", "throttle_most", "coulomb_std_N", "stick_sha
 
 
 def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
-    """Refuse a scenario that has no motion with one of the loads.
+    """Raise an error if the scenario cannot be driven with one of the loads.
 
     Args:
-        scenario: a file's, or built in Python.
+        scenario: scenario from a file or built in Python.
         loads_kg: the loads to simulate.
 
     Raises:
-        ScenarioError: the key and its fault.
+        ScenarioError: the key and the fault.
     """
     machine, full_N = scenario.machine, scenario.campaign.throttle_force_N
     check_switches(scenario)
@@ -72,7 +72,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
 
 
 def _change_scenario(scenario: Scenario, loads_kg: Sequence[float]) -> list[float]:
-    """The loads of starts that have another than their log began with."""
+    """Loads of starts that differ from the load at the log's begin."""
     loading = scenario.loading
     if not (loading.alternating or loading.change_before_start):
         return []
@@ -191,8 +191,8 @@ class _Limits:
         campaign = self.scenario.campaign
         if travel.in_motion and (len(campaign.trial) > 1 or campaign.runs > 1 or campaign.rest_s):
             raise ScenarioError(
-                f"{key}.in_motion: such a log is one travel; leave out other manoeuvres, and give "
-                "campaign.runs = 1 and campaign.rest_s = 0"
+                f"{key}.in_motion: a log in motion has a single manoeuvre; leave out the others, "
+                "and give campaign.runs = 1 and campaign.rest_s = 0"
             )
         self._check_brakes(-abs(self.lightest.uphill_m_s2))
 
@@ -206,7 +206,7 @@ class _Limits:
             self._check_full_throttle(2.0 * float(sides[worst]), float(torque[worst]), key)
 
     def _check_full_throttle(self, force_N: float, torque_N_m: float, key: str) -> None:
-        """Each side carries half the force and its share of the torque."""
+        """Raise an error if a side exceeds full throttle with its part of force and torque."""
         side_N = force_N / 2.0 + torque_N_m / self.scenario.machine.track_width_m
         full_N = self.scenario.campaign.throttle_force_N / 2.0
         if side_N > full_N * (1.0 + 1e-9):
@@ -240,10 +240,10 @@ class _Limits:
 
 
 def check_shift_limits(scenario: Scenario, shift: SimulatedShift) -> None:
-    """Refuse a shift that cannot be driven.
+    """Raise an error if a shift cannot be driven.
 
     Raises:
-        ScenarioError: the key and its fault.
+        ScenarioError: the key and the fault.
     """
     campaign, machine, rate = scenario.campaign, scenario.machine, shift.turn_rad_s
     changed = {f"loading.{key}" for key in scenario.loading.model_dump(exclude_defaults=True)}
@@ -252,7 +252,8 @@ def check_shift_limits(scenario: Scenario, shift: SimulatedShift) -> None:
     changed |= {"campaign.manoeuvres"} if campaign.manoeuvres else set()
     if changed:
         raise ScenarioError(
-            f"{min(changed)}: is for campaigns; leave it out, or the section 'shift'"
+            f"{min(changed)}: applies to campaigns only; leave out either this key or the section "
+            "'shift'"
         )
     if shift.fuel_tank_kg >= machine.mass_kg:
         raise ScenarioError("shift.fuel_tank_kg: is part of machine.mass_kg; give less")

@@ -1,1 +1,1 @@
-"""The estimators over the accepted windows, and the masses of a whole log."""
+"""Estimation over the accepted windows, and the masses of a whole log."""

@@ -1,4 +1,4 @@
-"""The numbers that a verdict looks at: how well the ungated samples of an axis fit its model."""
+"""Numbers for the verdict: how well the ungated samples of an axis fit its model."""
 
 import numpy as np
 
@@ -12,12 +12,12 @@ _LEAST_TOLD = 0.1
 
 
 def has_enough_samples(A: Floats, moving: Bools) -> bool:
-    """Whether so many samples move that they can decide something."""
+    """Whether enough samples move for a decision."""
     return bool(moving.sum() >= ENOUGH * A.shape[1])
 
 
 def ungated_fit(A: Floats, f: Floats, moving: Bools) -> tuple[float, float, float]:
-    """The first parameter, its standard deviation and R² of one fit over every moving sample."""
+    """First parameter, its standard deviation and R² of a fit over every moving sample."""
     if not has_enough_samples(A, moving):
         return float("nan"), float("nan"), float("nan")
     traced = pooled.trace(A, f, np.where(moving, 0, -1))
@@ -28,7 +28,7 @@ def ungated_fit(A: Floats, f: Floats, moving: Bools) -> tuple[float, float, floa
 
 
 def partial_correlation(A: Floats, f: Floats, moving: Bools) -> float:
-    """Correlation of a and F after both have been regressed on the other columns and a mean."""
+    """Correlation of a and F after regressing both on the other columns and a constant."""
     if not has_enough_samples(A, moving):
         return float("nan")
     others = np.column_stack([A[moving, 1:], np.ones(int(moving.sum()))])
@@ -39,18 +39,18 @@ def partial_correlation(A: Floats, f: Floats, moving: Bools) -> float:
 
 
 def share_along_motion(speed: Floats, f: Floats, samples: Bools) -> float:
-    """Share of the samples `of` whose force acts along the motion."""
+    """Fraction of the samples whose force acts along the motion."""
     return float((speed[samples] * f[samples] >= 0).mean()) if samples.any() else float("nan")
 
 
 def regression_slope(x: Floats, y: Floats, used: Bools, x_noise: float = 0.0) -> float:
-    """Slope of y on x, both about their means, over the samples that are known.
+    """Slope of y on x about their means, over the known samples.
 
     Args:
         x: (n,).
         y: (n,).
-        used: which samples.
-        x_noise: variance of x by noise alone, which would take a share off the slope.
+        used: (n,) samples to use.
+        x_noise: noise variance of x, whose attenuation is corrected.
     """
     used = used & np.isfinite(x) & np.isfinite(y)
     if used.sum() < ENOUGH:
@@ -64,10 +64,10 @@ def regression_slope(x: Floats, y: Floats, used: Bools, x_noise: float = 0.0) ->
 def centre_offset(
     force_x: Floats, force_y: Floats, yaw_rate: Floats, yaw_acceleration: Floats, used: Bools
 ) -> float:
-    """How far from the origin lies the point that spins turn about, in m; NaN when unknown.
+    """Distance from the origin to the centre of rotation in spins, in m; NaN if unknown.
 
-    The specific force of an origin at r from the centre is ω̇ × r - ω² r; what is constant in it
-    (a slope, a bias) is fitted beside it.
+    The specific force of an origin at r from the centre is ω̇ × r - ω² r; a constant part (a slope,
+    a bias) is fitted as well.
     """
     zero, one = np.zeros(yaw_rate.size), np.ones(yaw_rate.size)
     row_x = np.column_stack([-(yaw_rate**2), -yaw_acceleration, one, zero])

@@ -1,4 +1,4 @@
-"""The answer: mass and inertia over the whole log by each method, unless the verdict forbids it."""
+"""Mass and inertia over the whole log by each method, unless the verdict withholds them."""
 
 from collections.abc import Collection, Mapping
 
@@ -36,17 +36,17 @@ def summarise_masses(
     machine: Machine,
     noise: pl.DataFrame | None = None,
 ) -> pl.DataFrame:
-    """Summarise the log, a row a method; nothing is withheld yet.
+    """Summarise the log, a row per method, before anything is withheld.
 
     Windowed methods give the weighted mean of their accepted windows, recursive ones their last
     state, `pooled` one fit over every accepted sample.
 
     Args:
-        excitation: the regressors.
-        gated: which windows are accepted.
+        excitation: frame with the regressors.
+        gated: frame with the accepted windows.
         estimates: `estimates` frames by method.
-        machine: settings and empty mass.
-        noise: of the columns, where it is known.
+        machine: machine file with settings and empty mass.
+        noise: noise of the columns, if known.
     """
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
     for axis in available_axes(excitation):
@@ -68,11 +68,11 @@ def summarise_masses(
 def withhold_masses(
     totals: pl.DataFrame, verdict: Verdict, contradicted: Collection[str]
 ) -> pl.DataFrame:
-    """Take out what may not be shown.
+    """Remove the numbers that the verdict withholds.
 
     Args:
-        totals: `masses`.
-        verdict: what it forbids: every number of the x axis, or of the z axis.
+        totals: the frame `masses`.
+        verdict: the verdict, which withholds the x axis, the z axis or both.
         contradicted: methods whose mass the log contradicts.
     """
     about_x = {*(name for pair in X.parameters for name in pair), "payload_kg"}
@@ -99,7 +99,7 @@ def pooled_over_log(
     noise: AxisNoise,
     method: Method = METHODS["pooled"],
 ) -> tuple[Floats, Floats]:
-    """Fit every accepted sample of an axis: parameters (p,), standard deviations (p,)."""
+    """Fit every accepted sample of an axis; parameters and standard deviations, (p,) each."""
     A, f = regressor(axis, excitation, settings)
     used = accepted_samples(excitation, gated, settings, axis)
     if not used.any():
@@ -117,7 +117,7 @@ def total_estimates(
     settings: Settings,
     noise: AxisNoise,
 ) -> tuple[Floats, Floats]:
-    """Parameters (methods, p) and deviations (methods, p), NaN where there is no estimate."""
+    """Parameters and standard deviations, (methods, p) each; NaN without an estimate."""
     A, f = regressor(axis, excitation, settings)
     t_ns = excitation["t_ns"].to_numpy()
     theta = np.full((len(estimates), A.shape[1]), np.nan)
@@ -156,7 +156,7 @@ def reasons_for_no_answer(
 
 
 def why_spins_are_not_used(excitation: pl.DataFrame, settings: Settings) -> str | None:
-    """A sentence that names the channels that spins lack, where there are spins; else None."""
+    """Sentence that names the channels missing for spins, if there are spins; else None."""
     spins = (excitation["phase"] == "spinning").fill_null(False).sum()
     missing = [name for name in YAW_COLUMNS if name not in excitation.columns]
     if spins < settings.gate.window_samples or not missing:
@@ -172,7 +172,7 @@ def why_spins_are_not_used(excitation: pl.DataFrame, settings: Settings) -> str 
 def why_nothing_was_accepted(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
 ) -> str | None:
-    """A sentence that names the obstacle when the gate accepted no window, else None."""
+    """Sentence that names the obstacle if the gate accepted no window; else None."""
     if gated["accepted_x"].any():
         return None
     window_s = settings.gate.window_samples / settings.align.rate_hz

@@ -1,4 +1,4 @@
-"""Run the chosen estimators over the accepted windows."""
+"""Run the selected estimators over the accepted windows."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -30,14 +30,14 @@ def trace(
     """Estimate from every accepted window with every method of the settings.
 
     Args:
-        excitation: the regressor.
-        gated: which windows are accepted.
-        settings: window, methods and their options.
-        noise: of the columns, where it is known.
-        begins: rows from which on the machine carries another load: recursions begin anew there.
+        excitation: frame with the regressor.
+        gated: frame with the accepted windows.
+        settings: settings with window, methods and their options.
+        noise: noise of the columns, if known.
+        begins: rows at which the load changes, where recursions restart.
 
     Returns:
-        By method: its `estimates` frame, accepted rows only; `pooled` has a row a manoeuvre.
+        Frames `estimates` by method, accepted rows only; `pooled` has a row per manoeuvre.
     """
     axes_traced = {
         axis: _trace_methods(
@@ -62,7 +62,7 @@ def _trace_methods(
     noise: AxisNoise,
     begins: Sequence[int],
 ) -> dict[str, Trace]:
-    """Every method over one axis."""
+    """Traces of every method over one axis."""
     A, f = regressor(axis, excitation, settings)
     window = settings.gate.window_samples
 
@@ -102,7 +102,7 @@ def trace_by_load(
     fed: tuple[Any, ...],
     begins: Sequence[int],
 ) -> Trace:
-    """Run a recursion over each load by itself; no window reaches across a change."""
+    """Run a recursion over each load separately; no window reaches across a change."""
     window, accepted, options = fed
     bounds = [0, *begins, f.size]
     parts: list[Trace] = []
@@ -118,7 +118,7 @@ def trace_by_load(
 
 
 def _estimates_frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
-    """One method's `estimates`: rows of all axes in order of time, each of one axis alone."""
+    """Frame `estimates` of one method: rows of all axes in order of time."""
     parts = [
         pl.DataFrame({"t_ns": t_ns[rows.index], **trace_columns(axis, rows)}).with_columns(
             **({"axis": pl.lit(axis.letter, pl.String)} if len(traced) > 1 else {})

@@ -1,1 +1,1 @@
-"""Which windows and manoeuvres are informative enough to estimate from."""
+"""Gating: which windows and manoeuvres are informative enough to estimate from."""

@@ -1,4 +1,4 @@
-"""Starts against something that pushes back: a bucket driven into a pile.
+"""Digging starts: starts against a growing resistance, as of a bucket driven into a pile.
 
 Their force does not only accelerate what is weighed, and the bucket fills while they last, so they
 are no estimates of a mass; together they would bend what all starts share. A resistance that is
@@ -66,18 +66,18 @@ _LASTS: Final = 10.0
 
 
 def find_digging_starts(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
-    """Find the starts whose resistance grows: F = m·a + b·v + c + d·max(0, t - t₀) with d > 0.
+    """Find starts with growing resistance: F = m·a + b·v + c + d·max(0, t - t₀) with d > 0.
 
-    A start goes on while the force still drives, though the pile slows the machine down.
-    Mass, friction and constant have wide priors about what the machine can be, so that a short
-    start with an even acceleration, which could be a heavy machine as well, is not taken for one.
+    A start lasts as long as the force drives, even if the pile slows the machine down. Mass,
+    friction and constant have wide priors, so that a short start with an even acceleration, which
+    could be a heavy machine as well, is not taken for digging.
 
     Args:
-        excitation: force, regressor, speed, phases.
-        machine: empty mass, where it is known; settings.
+        excitation: frame with force, regressor, speed and phases.
+        machine: machine file with settings, and empty mass if known.
 
     Returns:
-        `digging`, a row a start that digs.
+        `digging`: a row per digging start.
     """
     met = _pile_contacts(excitation, machine) if machine.machine.digs else []
     found = [each.row for each in find_pile_contacts(met)]
@@ -88,13 +88,13 @@ def find_digging_starts(excitation: pl.DataFrame, machine: Machine) -> pl.DataFr
 
 @dataclass(frozen=True, slots=True)
 class _PileContact:
-    """A start whose resistance surely changes.
+    """A start whose resistance significantly changes.
 
     Attributes:
-        row: of `digging`: its first and last sample, in ns, the growth and its deviation, in N.
-        way: 1 ahead, -1 back.
-        stops: whether a stand, a reverse or the end of the log follows before it drives on, from a
-            speed at which one drives into a pile.
+        row: row of `digging`: first and last sample in ns, growth and its standard deviation in N.
+        way: 1 forwards, -1 in reverse.
+        stops: whether a stand, a reversal or the end of the log follows, from a speed at which
+            piles are entered.
     """
 
     row: tuple[int, int, float, float]
@@ -103,7 +103,7 @@ class _PileContact:
 
 
 def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileContact]:
-    """The starts whose resistance surely grows or falls by what may be a pile's size, in time."""
+    """Starts whose resistance significantly changes by the size of a pile's, in order of time."""
     A, force = regressor(X, excitation, machine.settings)
     acceleration, speed = A[:, 0], A[:, 1]
     driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
@@ -154,7 +154,7 @@ def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileCont
 
 
 def find_pile_contacts(met: list[_PileContact]) -> list[_PileContact]:
-    """Starts driven into a pile; none if resistance varies without piles in this log."""
+    """Starts driven into a pile; none if resistance also varies without piles in this log."""
     grows = [each for each in met if each.row[2] > 0.0]
     # the bucket is where most of them go: a log may have its signs turned round
     bucket = 1 if 2 * sum(each.way > 0 for each in grows) >= len(grows) else -1
@@ -166,7 +166,7 @@ def find_pile_contacts(met: list[_PileContact]) -> list[_PileContact]:
 
 
 def first_row_after_each(rows: Ints, after: int) -> float:
-    """The first of these rows after one; infinite where there is none."""
+    """First of the rows after `after`; infinite if there is none."""
     place = int(np.searchsorted(rows, after, "right"))
     return float(rows[place]) if place < rows.size else np.inf
 
@@ -174,13 +174,13 @@ def first_row_after_each(rows: Ints, after: int) -> float:
 def refuse_windows_that_dig(
     gated: pl.DataFrame, excitation: pl.DataFrame, digs: pl.DataFrame, machine: Machine
 ) -> pl.DataFrame:
-    """The gate with the windows refused that hold a sample of a start that digs.
+    """The gate, with windows that contain a digging sample rejected.
 
     Args:
-        gated: which windows are accepted.
-        excitation: the phases.
-        digs: `digging`.
-        machine: its settings.
+        gated: frame with the accepted windows.
+        excitation: frame with the phases.
+        digs: the frame `digging`.
+        machine: machine file with settings.
     """
     if digs.is_empty():
         return gated
@@ -190,12 +190,12 @@ def refuse_windows_that_dig(
 
 
 def add_digs_column(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:
-    """The grid with `digs`, whether each sample is of a start that digs."""
+    """The grid with a column `digs`: whether each sample is of a digging start."""
     return aligned.with_columns(digs=pl.Series(_is_digging(aligned["t_ns"].to_numpy(), digs)))
 
 
 def _is_digging(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
-    """Which samples are of a start that digs, or so many beside one, (n,)."""
+    """Samples within a digging start or `margin` samples of one, (n,)."""
     dug = np.zeros(t_ns.size, np.bool_)
     for start, end in digs.select("start_t_ns", "end_t_ns").iter_rows():
         first, last = np.searchsorted(t_ns, [start, end])
@@ -209,7 +209,7 @@ def robust_largest(values: Floats) -> float:
 
 
 def drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
-    """The rows of each stretch of driving one way, over holes of a moment, that is short enough."""
+    """Rows of each stretch of driving one way, across short holes, if it is short enough."""
     rows = np.flatnonzero(driving)
     hole = max(1, round(_MOMENT_S * settings.align.rate_hz))
     turns = np.diff(np.sign(speed[rows])) != 0
@@ -222,17 +222,17 @@ def drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> list[I
 def resistance_growth(
     motion: Floats, force: Floats, progress: Floats, mean_kg: float, widths: Floats, noise_N: float
 ) -> tuple[float, float]:
-    """The growth of the resistance over a start, and its deviation, in N.
+    """Growth of the resistance over a start, and its standard deviation, in N.
 
-    Of the moments from which it may grow, the likeliest.
+    The most likely begin of the growth is used.
 
     Args:
         motion: (samples, 2) acceleration and speed.
-        force: (samples,).
-        progress: (samples,) 0 where the start begins, 1 where it ends.
-        mean_kg: of the prior of the mass.
-        widths: (3,) of the priors of mass, viscous friction and constant.
-        noise_N: standard deviation of the force about the model.
+        force: (samples,) force.
+        progress: (samples,) from 0 at the begin of the start to 1 at its end.
+        mean_kg: prior mean of the mass.
+        widths: (3,) prior standard deviations of mass, viscous friction and constant.
+        noise_N: standard deviation of the force residual.
     """
     weight = 1.0 / (noise_N**2 * _LASTS)
     known = np.append(widths**-2.0, 0.0)

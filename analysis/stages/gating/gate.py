@@ -1,4 +1,4 @@
-"""The gate: which windows are informative enough to estimate from, with a reason for each."""
+"""The gate: accept or reject each window by its information, with a reason."""
 
 import numpy as np
 import polars as pl
@@ -27,18 +27,18 @@ def gate(
 ) -> pl.DataFrame:
     """Judge the window of exactly `window_samples` rows that ends at each row, axis by axis.
 
-    A window is refused when it contains a missing sample, another motion than its axis is about (a
-    turn for x, any travel for z) or, by setting, braking; standstill may be inside, and cruise,
-    since the step from standstill to start is the information. Then the gate of the settings
-    decides: the index (11), the nearest-neighbour mutual information or the predicted deviation.
+    A window is rejected if it contains a missing sample, another motion than its axis is about (a
+    turn for x, any travel for z) or, if so set, braking. Standstill and cruise may be inside, since
+    the step from standstill to start is the information. The gate of the settings then decides by
+    the index (11), the nearest-neighbour mutual information or the predicted deviation.
 
     Args:
-        excitation: the regressors and the phases.
-        settings: window, threshold, what is refused.
-        noise: of the columns; without it, nothing is refused for noise but by the settings'.
+        excitation: frame with the regressors and phases.
+        settings: settings with window, thresholds and rejections.
+        noise: noise of the columns; without it only that of the settings counts.
 
     Returns:
-        `gate`, a row a row of `excitation`; columns of the z axis where the channels allow it.
+        `gate`: a row per row of `excitation`; columns of the z axis if the channels allow it.
     """
     columns: dict[str, Floats | pl.Series] = {"t_ns": excitation["t_ns"]}
     for axis in available_axes(excitation):
@@ -49,7 +49,7 @@ def gate(
 def _judge_axis(
     axis: Axis, excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None
 ) -> dict[str, Floats | pl.Series]:
-    """The columns of one axis."""
+    """Columns of `gate` for one axis."""
     window, letter = settings.gate.window_samples, axis.letter
     A, f = regressor(axis, excitation, settings)
     n = f.size
@@ -101,7 +101,7 @@ def _judge_axis(
 
 
 def phase_codes(excitation: pl.DataFrame) -> Codes:
-    """The phases as their places in `PHASES`, (rows,)."""
+    """Indices of the phases in `PHASES`, (rows,)."""
     codes = excitation["phase"].cast(PHASE).to_physical().cast(pl.UInt8)
     return (codes.fill_null(UNKNOWN) if codes.null_count() else codes).to_numpy()
 
@@ -109,12 +109,11 @@ def phase_codes(excitation: pl.DataFrame) -> Codes:
 def accepted_samples(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Bools:
-    """The samples to pool, (rows,): inside an accepted window, not standing, not yet braking.
+    """Samples to pool, (rows,): inside an accepted window, not standing, not about to brake.
 
-    What holds a standing machine is its brakes, which the wheel torques do not show: on a slope
-    of 1° standstill alone would cost 150 kg of 3614. And the phase, which looks back, sees braking
-    late by up to its span and the moving mean; a window must live with that on board, pooling
-    need not.
+    A standing machine is held by its brakes, which wheel torques do not show: on a slope of 1°
+    standstill alone would cost 150 kg of 3614. The phase detects braking late by up to its span and
+    the moving mean; windows must accept that on board, pooling need not.
     """
     used = samples_in_windows(
         gated[f"accepted_{axis.letter}"].to_numpy(), settings.gate.window_samples
@@ -124,13 +123,13 @@ def accepted_samples(
 
 
 def refuse_windows(gated: pl.DataFrame, rows: Bools, why: str, settings: Settings) -> pl.DataFrame:
-    """The gate with the accepted windows of straight motion refused that hold one of these rows.
+    """The gate, with accepted straight windows that contain one of these rows rejected.
 
     Args:
-        gated: which windows are accepted.
-        rows: (rows,) flags.
+        gated: frame with the accepted windows.
+        rows: (rows,) flags of the rows.
         why: the reason.
-        settings: the window.
+        settings: settings with the window.
     """
     held = pl.Series(flagged_windows(rows, settings.gate.window_samples))
     accepted = pl.col("accepted_x")
@@ -143,24 +142,24 @@ def refuse_windows(gated: pl.DataFrame, rows: Bools, why: str, settings: Setting
 def settled_windows(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Bools:
-    """The accepted windows that no braking follows within sight, (rows,): what a recursion is fed.
+    """Accepted windows without braking soon after, (rows,), which recursions are fed.
 
-    Unlike a window, a recursion keeps what it was fed last: the 0.2 s of braking that the phase
-    sees late would cost it 17 kg of 3614. On board its estimate comes that much later.
+    A recursion keeps its last samples: the 0.2 s of braking that the phase detects late would cost
+    it 17 kg of 3614. On board its estimate is delayed by that much.
     """
     accepted = gated[f"accepted_{axis.letter}"].to_numpy()
     return accepted & ~braking_within_sight(excluded_braking(axis, excitation, settings), settings)
 
 
 def braking_within_sight(braking: Bools, settings: Settings) -> Bools:
-    """The samples that brake, and those before them that may brake unseen."""
+    """Braking samples, and those before them that may brake undetected, (rows,)."""
     return flagged_windows(braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples)[
         ::-1
     ]
 
 
 def excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
-    """The samples that brake, where braking is excluded."""
+    """Braking samples if braking is excluded, (rows,)."""
     if not settings.gate.exclude_braking:
         return np.zeros(excitation.height, np.bool_)
     return _brakes_on_axis(axis, excitation, settings)
@@ -178,9 +177,9 @@ def _machine_acceleration(excitation: pl.DataFrame) -> Floats:
 
 
 def subtract_gravity(specific_force: Floats, pitch: Floats | None) -> Floats:
-    """The accelerometer without gravity where the pitch is known, (rows,) in m/s².
+    """Accelerometer without gravity if the pitch is known, (rows,) in m/s².
 
-    On a slope without it, gravity's share counts as disagreement with the wheels.
+    On a slope without a pitch, gravity counts as disagreement with the wheels.
     """
     if pitch is None:
         return specific_force
@@ -189,14 +188,14 @@ def subtract_gravity(specific_force: Floats, pitch: Floats | None) -> Floats:
 
 
 def find_slipping_samples(speed_rate: Floats, acceleration: Floats, settings: Settings) -> Bools:
-    """Whether wheels gain or lose speed otherwise than the accelerometer says, (rows,).
+    """Whether the wheels' acceleration differs from the accelerometer's, (rows,).
 
-    Without an accelerometer nothing slips.
+    Without an accelerometer no sample slips.
 
     Args:
-        speed_rate: (rows,) of the wheels, in m/s².
-        acceleration: (rows,) of the machine, in m/s², with the rows of the span before.
-        settings: the disagreement that counts, and the span.
+        speed_rate: (rows,) acceleration of the wheels, in m/s².
+        acceleration: (rows,) acceleration of the machine in m/s², preceded by the rows of one span.
+        settings: settings with the limit of the difference, and the span.
     """
     limit = settings.gate.slip_acc_m_s2
     if limit is None:

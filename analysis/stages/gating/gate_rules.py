@@ -1,4 +1,4 @@
-"""The rules of the gate, one for the windows of a log and for the window that ends now.
+"""Rules of the gate, shared by the windows of a log and the current window on board.
 
 Everything is an array over windows or rows; on board, an array of one.
 """
@@ -25,7 +25,7 @@ _BRAKING, _STANDSTILL = PHASES.index("braking"), PHASES.index("standstill")
 
 
 def phase_code_mask(*phases: str) -> Bools:
-    """Which codes (256,) are of these phases."""
+    """Mask of the codes (256,) of the given phases."""
     found = np.zeros(256, np.bool_)
     found[[PHASES.index(name) for name in phases]] = True
     return found
@@ -37,16 +37,16 @@ _IN_PLACE: Final = phase_code_mask("spinning", "standstill")
 
 
 class Decision(NamedTuple):
-    """Decision of the gate on windows, (windows,) each, NaN where a number is missing.
+    """Decision of the gate on windows, (windows,) each; NaN for missing numbers.
 
     Attributes:
         corr: correlation of acceleration and force.
         mi_nat: the index (11).
-        predicted_std: of the mass, or of the inertia.
-        noise_share: share of noise in what the acceleration alone explains.
-        ksg_nat: mutual information by nearest neighbours; None unless it decides.
-        reasons: the reasons that there are, in the order of precedence.
-        chosen: the place in `reasons` of each window's.
+        predicted_std: predicted standard deviation of mass or inertia.
+        noise_share: fraction of noise in the part that only the acceleration explains.
+        ksg_nat: nearest-neighbour mutual information; None unless it decides.
+        reasons: possible reasons in order of precedence.
+        chosen: index in `reasons` for each window.
     """
 
     corr: Floats
@@ -61,13 +61,13 @@ class Decision(NamedTuple):
 def flag_rows(
     axis: Axis, phase: Codes, force: Floats, brakes: Bools, slips: Bools, settings: GateSettings
 ) -> dict[str, Bools]:
-    """Flags of rows that exclude a window, in the order of precedence.
+    """Flags of rows that exclude a window, by reason in order of precedence.
 
     Args:
         axis: straight motion or spins.
         phase: (rows,) codes of the phase.
-        force: (rows,) force, or yaw torque.
-        brakes: (rows,) whether travel, or the spin, slows down.
+        force: (rows,) force or yaw torque.
+        brakes: (rows,) whether travel or spin slows down.
         slips: (rows,) whether the wheels slip.
         settings: what is refused.
 

@@ -45,32 +45,31 @@ def speed_rate_span_rows(settings: Settings) -> int:
 
 
 def speeding_sign(speed: Floats, rate: Floats, steady: float, settings: Settings) -> Floats:
-    """1 where v² grows, -1 where it falls, 0 where it is steady, (rows,); v may be a yaw rate.
+    """Sign of the change of v², (rows,): 1 growing, -1 falling, 0 steady; v may be a yaw rate.
 
-    v·dv/dt over the span is the change of v²/2: at a stop the sign of v alone would be noise.
-    Rates up to `steady` count as none.
+    v·dv/dt over the span is the change of v²/2; the sign of v alone would be noise at a stop. Rates
+    up to `steady` count as steady.
     """
     changing = np.abs(rate) > steady
     return np.where(changing, np.sign(_mean_over_span(speed, rate, settings) * rate), 0.0)
 
 
 def yaw_speeding_sign(yaw_rate: Floats, settings: Settings) -> Floats:
-    """Whether the turn speeds up (1), slows down (-1) or keeps its rate (0), (rows,)."""
+    """Whether the turn speeds up (1), slows down (-1) or is steady (0), (rows,)."""
     rate = speed_rate(yaw_rate, settings)
     return speeding_sign(yaw_rate, rate, settings.phases.steady_yaw_acc_rad_s2, settings)
 
 
 def stopping_samples(speed: Floats, stands: Bools, noise_m_s: float, settings: Settings) -> Bools:
-    """The samples from which on the speed only falls until the machine stands, (n,).
+    """Samples from which the speed only falls until the machine stands, (n,).
 
-    Brakes that no sensor sees may stop a machine so gently that it counts as cruising: all along,
-    or for the last of a stop.
+    Unmeasured brakes may stop a machine so gently that it counts as cruising.
 
     Args:
         speed: (n,) in m/s.
         stands: (n,) whether the machine stands.
-        noise_m_s: what noise does not change the speed by.
-        settings: the grid, and from when on a change of speed is braking.
+        noise_m_s: change of speed within the noise.
+        settings: settings with grid rate and braking threshold.
     """
     phases = settings.phases
     fall_m_s = max(noise_m_s, phases.steady_acc_m_s2 * phases.speed_rate_span_s)
@@ -95,19 +94,19 @@ def _mean_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:
 def classify_motion_phases(
     smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settings
 ) -> pl.Series:
-    """Classify every row; null where speed or its rate is not known.
+    """Classify the phase of every row; null if the speed or its rate is unknown.
 
-    Without a yaw rate the machine is taken to drive straight. Standing still means slow and
-    steady, so that a reversal passes through braking and accelerating without a stop.
+    Without a yaw rate straight driving is assumed. Standstill means slow and steady, so a reversal
+    passes through braking and accelerating without a stop.
 
     Args:
         smoothed: `aligned` after the moving mean.
-        speed: (rows,) its longitudinal speed in m/s.
-        rate: (rows,) the speed rate in m/s².
-        settings: the thresholds.
+        speed: (rows,) longitudinal speed in m/s.
+        rate: (rows,) its rate in m/s².
+        settings: settings with the thresholds.
 
     Returns:
-        (rows,) of the enum of phases.
+        (rows,) enum of phases.
     """
     yaw_rate = np.nan_to_num(values(smoothed, "yaw_rate_rad_s"))
     # a derivative of the gyroscope is too noisy by itself to tell a steady arc
@@ -132,10 +131,10 @@ def classify_motion_phases(
 
 
 def number_first_condition(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
-    """Number the first condition (n,) that holds for each row, (n,); their count where none does.
+    """Index of the first true condition for each row, (n,); their number if none is true.
 
     Args:
-        conditions: in the order of precedence.
+        conditions: conditions (n,) in order of precedence.
     """
     count = len(conditions)
     chosen = np.full(conditions[0].size, count, np.uint8)
@@ -148,12 +147,12 @@ def number_first_condition(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[n
 def label_by_first_condition(
     conditions: Mapping[str | None, NDArray[np.bool_]], otherwise: str, labels: pl.Enum
 ) -> pl.Series:
-    """Label rows (n,), each by the first condition (n,) that holds for it.
+    """Label each row (n,) by the first true condition.
 
     Args:
-        conditions: by label, in the order of precedence; the label None is null.
-        otherwise: the label where none holds.
-        labels: of the series.
+        conditions: conditions by label, in order of precedence; the label None gives null.
+        otherwise: label if no condition is true.
+        labels: enum of the series.
     """
     # numbers, since rows of text are slow to make
     choices = _label_series((*conditions, otherwise), labels)

@@ -1,4 +1,4 @@
-"""The trailing moving mean of the paper (10 samples), alike on every column."""
+"""The paper's trailing moving mean (10 samples), applied equally to every column."""
 
 import numpy as np
 import polars as pl
@@ -11,16 +11,16 @@ from analysis.model.settings import SmoothSettings
 def smooth(aligned: pl.DataFrame, settings: SmoothSettings) -> pl.DataFrame:
     """Average each sample with the ones before it, `samples` in all.
 
-    The mean never reaches across a gap: a row is null until its whole mean lies in one gap-free
-    stretch. Every column is averaged alike, the Coulomb sign included, since a column filtered
-    otherwise than the force biases the mass.
+    The mean never reaches across a gap: a row is null until its whole mean is inside one gap-free
+    stretch. Every column is averaged equally, the Coulomb sign included, since a column filtered
+    differently from the force biases the mass.
 
     Args:
         aligned: the grid.
-        settings: `samples`.
+        settings: settings with `samples`.
 
     Returns:
-        The same columns, gap rows null.
+        The same columns, null in rows near a gap.
     """
     gap = aligned["gap"].to_numpy()
     columns: dict[str, NDArray[np.float64]] = {}
@@ -33,7 +33,7 @@ def smooth(aligned: pl.DataFrame, settings: SmoothSettings) -> pl.DataFrame:
 
 
 def trailing_mean(x: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-    """Mean of each sample and the `samples` - 1 before it; NaN where any of them is."""
+    """Mean of each sample and the `samples` - 1 before it; NaN if any of them is NaN."""
     # each output is its own sum: a running sum would carry a NaN, and rounding, to the end
     total = np.convolve(x, np.ones(samples))[: x.size] if x.size else x
     mean = total / samples

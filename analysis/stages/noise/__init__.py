@@ -1,1 +1,1 @@
-"""The noise of channels, of the grid's columns, and what it does to estimates."""
+"""Noise of channels and grid columns, and its effect on estimates."""

@@ -1,4 +1,4 @@
-"""The noise of every column of the equations, from the log: at standstill, and while it moves.
+"""Noise of every column of the equations, from standstill and motion of the log.
 
 At standstill nothing but noise happens, so its covariances are seen whole. While the machine moves,
 vibration adds to it, and only fast changes are noise for certain: where their power exceeds that at
@@ -72,16 +72,16 @@ _FEW_VALUES: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class NoiseSamples:
-    """The columns of one axis on the grid, and where to look.
+    """Columns of one axis on the grid, and the samples to analyse.
 
     Attributes:
-        x: (rows, columns), NaN where one is missing.
+        x: (rows, columns) values; NaN if missing.
         quiet: stretches of standstill, away from stops and starts.
-        moving: (rows,) the samples in motion.
-        still_blocks: ends of blocks in `quiet`.
-        moving_blocks: ends of blocks in motion.
-        every_block: ends of blocks of any samples.
-        rate_hz: of the grid.
+        moving: (rows,) whether the machine moves.
+        still_blocks: ends of the blocks in `quiet`.
+        moving_blocks: ends of the blocks in motion.
+        every_block: ends of the blocks of all samples.
+        rate_hz: rate of the grid.
     """
 
     x: Floats
@@ -94,12 +94,12 @@ class NoiseSamples:
 
     @property
     def lowest_noise_frequency(self) -> float:
-        """The lowest frequency at which all is noise, over the rate."""
+        """Lowest frequency at which everything is noise, over the rate."""
         return fast_band(self.rate_hz)[0]
 
     @property
     def noise_band_top(self) -> float:
-        """The top of the band above that which tells how much there is below it."""
+        """Top of the band above it, whose level extends to lower frequencies, over the rate."""
         return fast_band(self.rate_hz)[1]
 
 
@@ -109,21 +109,20 @@ def channel_noise(
     machine: Machine,
     read: Mapping[str, Series] | None = None,
 ) -> pl.DataFrame:
-    """Estimate the noise of the columns of each axis, on the grid before the moving mean.
+    """Estimate the noise of each axis' columns, on the grid before the moving mean.
 
     Args:
         aligned: the grid.
-        excitation: the phases.
-        machine: how the columns are made; settings of the noise override the log.
-        read: by channel, as it was measured: tells what the grid does not show; None: the grid
-            shows all there is to see.
+        excitation: frame with the phases.
+        machine: machine file with the columns' sources; its noise settings override the log.
+        read: raw readings by channel, for noise that the grid hides; None if the grid shows all.
 
     Returns:
-        `noise`: a row a pair of columns and lag.
+        `noise`: a row per pair of columns and lag.
     """
     rate_hz = machine.settings.align.rate_hz
     gap = aligned["gap"].to_numpy()
-    columns = _columns_of_all_axes(aligned, machine)
+    columns = _force_and_yaw_columns(aligned, machine)
     phase = excitation["phase"]
     stands = (phase == "standstill").fill_null(False).to_numpy()
     moves = phase.is_not_null().to_numpy() & ~stands
@@ -146,10 +145,10 @@ def channel_noise(
 
 
 def note_noise_sources(noise: pl.DataFrame) -> list[str]:
-    """Say which columns' noise the grid does not show, and what tells it instead.
+    """Notes on columns whose noise the grid hides, with the source used instead.
 
     Args:
-        noise: as `channel_noise` makes it.
+        noise: frame from `channel_noise`.
     """
     own = noise.filter((pl.col("first") == pl.col("second")) & (pl.col("lag") == 0))
     said: list[str] = []
@@ -167,7 +166,7 @@ def add_noise_of_samples(
     machine: Machine,
     read: Mapping[str, Series],
 ) -> None:
-    """Put what the channels' own samples tell where the grid does not show it."""
+    """Replace noise that the grid hides by that of the channels' own samples."""
     beyond = [source == "differences" for source in sources]
     unseen = (
         np.array(
@@ -179,7 +178,7 @@ def add_noise_of_samples(
         return
 
     def of_grid(aligned: pl.DataFrame) -> Floats:
-        columns = _columns_of_all_axes(aligned, machine)
+        columns = _force_and_yaw_columns(aligned, machine)
         x = np.column_stack([columns[name] for name in names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
@@ -193,7 +192,7 @@ def add_noise_of_samples(
 
 
 def columns_to_channels(name: str, machine: Machine) -> tuple[str, ...]:
-    """The channels that a column of the equations is made of."""
+    """Channels that a column of the equations is computed from."""
     if name == "regressor_acc_x_m_s2":
         kinematic = machine.settings.forces.acceleration == "kinematic"
         return ("acc_x_m_s2",) if kinematic else ("specific_force_x_m_s2",)
@@ -202,8 +201,8 @@ def columns_to_channels(name: str, machine: Machine) -> tuple[str, ...]:
     return ("torque_left_N_m", "torque_right_N_m")
 
 
-def _columns_of_all_axes(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
-    """The columns of all axes, (rows,) each."""
+def _force_and_yaw_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
+    """Columns of the force and yaw equations, (rows,) each, by name."""
     body = machine.machine
     columns = {
         "regressor_acc_x_m_s2": regressor_acceleration(aligned, machine),
@@ -243,7 +242,7 @@ def _standing_and_moving_samples(
 def estimate_covariances(
     samples: NoiseSamples, made: list[ColumnResponse]
 ) -> tuple[Floats, list[str]]:
-    """Covariances (columns, columns, LAGS) and the source of each column's."""
+    """Covariances (columns, columns, LAGS), and the source of each column's noise."""
     p = samples.x.shape[1]
     cut = cut_pieces(samples.x, samples.quiet)
     found = lag_covariances(cut) if cut else np.zeros((p, p, LAGS))
@@ -300,12 +299,12 @@ def estimate_covariances(
 
 
 def rounding_variance(samples: NoiseSamples, column: int) -> float:
-    """The variance below which a column's changes are rounding."""
+    """Variance below which a column's changes are rounding."""
     return (_ROUNDING * float(np.nanmax(np.abs(samples.x[:, column]), initial=0.0))) ** 2
 
 
 def shows_noise_at_standstill(samples: NoiseSamples, cut: list[Floats], column: int) -> bool:
-    """Whether a column shows its noise at standstill: most pieces hold more than few values."""
+    """Whether a column shows its noise at standstill, where most pieces have several values."""
     least = rounding_variance(samples, column)
     noisy = [float((part[:, column] ** 2).mean()) > least for part in cut]
     many = [
@@ -317,7 +316,10 @@ def shows_noise_at_standstill(samples: NoiseSamples, cut: list[Floats], column: 
 
 
 def spectrum_of_fast_changes(power: Floats, made: ColumnResponse, samples: NoiseSamples) -> Floats:
-    """Spectrum of a column from its fast changes (frequencies,), at `spectrum_frequencies`."""
+    """Spectrum of a column from its fast changes, (frequencies,).
+
+    The frequencies are `spectrum_frequencies`.
+    """
     at, wanted = block_frequencies(), spectrum_frequencies()
     response = made.response(at)
     fast = samples.lowest_noise_frequency
@@ -351,7 +353,7 @@ def noise_growth(samples: NoiseSamples, column: int, moving: tuple[Floats, int] 
 def override_by_settings(
     found: Floats, sources: list[str], axis: Mapping[str, str], settings: NoiseSettings
 ) -> None:
-    """Put white noise where the settings give one."""
+    """Replace the noise by white noise where the settings give one."""
     for column, name in enumerate(axis.values()):
         std = getattr(settings, name)
         if std is not None:

@@ -1,4 +1,4 @@
-"""What the noise of an axis' columns does to its estimates, and how much of that is uncertain."""
+"""Effect of the noise of an axis' columns on its estimates, and its uncertainty."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,10 +28,10 @@ _SIGN: Final = 0.001
 
 @dataclass(frozen=True, slots=True)
 class ColumnNoise:
-    """The noise of the columns of an axis and of its force or torque, before the moving mean.
+    """Noise of an axis' columns and its force or torque, before the moving mean.
 
     Attributes:
-        names: of the p columns.
+        names: names of the p columns.
         covariances: (p, p, lags) E[first(t) second(t + lag)], in the columns' units.
     """
 
@@ -42,7 +42,7 @@ class ColumnNoise:
     def of_axis(
         cls, axis: Axis, noise: pl.DataFrame | None, settings: NoiseSettings
     ) -> "ColumnNoise | None":
-        """The noise of an axis by the frame `noise`, or white by settings that name all of it."""
+        """Noise of an axis from the frame `noise`, or white noise from complete settings."""
         columns = NOISE_COLUMNS[axis.letter]
         names = tuple(columns)
         if noise is not None:
@@ -58,29 +58,29 @@ class ColumnNoise:
 
     @property
     def std(self) -> Floats:
-        """(p,) of one sample."""
+        """(p,) standard deviations of one sample."""
         return np.sqrt(np.maximum(np.diagonal(self.covariances[:, :, 0]), 0.0))
 
     def covariance(self, samples: int) -> Floats:
-        """(p, p) of the trailing means of `samples`."""
+        """(p, p) covariance of trailing means of `samples`."""
         lag = np.arange(self.covariances.shape[2])
         pairs = np.maximum(samples - lag, 0) / samples**2
         return nearest_covariance(self._sum_lags(pairs))
 
     def power_at_zero(self) -> Floats:
-        """(p, p) that sums of many samples vary by, a sample: the power at 0 Hz."""
+        """(p, p) power at 0 Hz: variance per sample of long sums."""
         lags = self.covariances.shape[2]
         return nearest_covariance(self._sum_lags(1.0 - np.arange(lags) / lags))
 
     def _sum_lags(self, weights: Floats) -> Floats:
-        """The covariances of all lags, earlier and later, weighed by `weights` (lags,)."""
+        """Sum of the covariances at positive and negative lags, weighted by `weights` (lags,)."""
         # summed without BLAS, whose last bits depend on its threads: on board they are the replay's
         later = np.einsum("ijk,k->ij", self.covariances[:, :, 1:], weights[1:])
         return self.covariances[:, :, 0] * weights[0] + later + later.T
 
 
 def nearest_covariance(covariance: Floats) -> Floats:
-    """The nearest covariance: what estimates of many lags add up to may be negative."""
+    """Nearest positive semidefinite matrix, since sums of estimated lags may be negative."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
     of_unit, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
@@ -90,12 +90,12 @@ def nearest_covariance(covariance: Floats) -> Floats:
 
 
 def axis_noise(axis: Axis, settings: Settings, noise: pl.DataFrame | None = None) -> AxisNoise:
-    """Collect what the log and the settings say of the noise of an axis.
+    """Collect the noise of an axis from the log and the settings.
 
     Args:
-        axis: x or z.
-        settings: samples of the mean, noise.
-        noise: `noise` of the log; without it that of the settings counts, where they name all.
+        axis: x or z axis.
+        settings: settings with samples of the mean, and noise.
+        noise: frame `noise` of the log; without it the settings must give all columns.
     """
     known = ColumnNoise.of_axis(axis, noise, settings.noise)
     usual = _noise_ratios_with_settings(axis, settings.noise)
@@ -116,7 +116,7 @@ def axis_noise(axis: Axis, settings: Settings, noise: pl.DataFrame | None = None
 
 
 def _noise_ratios_with_settings(axis: Axis, settings: NoiseSettings) -> TlsOptions:
-    """The usual ratios, with what the settings give."""
+    """Default noise ratios, overridden by the settings."""
     usual = _USUAL[axis.letter]
     given = [getattr(settings, name) for name in NOISE_COLUMNS[axis.letter].values()]
     both = zip(given, (*usual.noise_A[:2], usual.noise_f), strict=True)
@@ -125,7 +125,7 @@ def _noise_ratios_with_settings(axis: Axis, settings: NoiseSettings) -> TlsOptio
 
 
 def mean_stds(settings: Settings, noise: pl.DataFrame | None = None) -> dict[str, float]:
-    """Noise of each column after the moving mean, by its name; the usual where none is known."""
+    """Noise of each column after the moving mean, by name; the default if unknown."""
     stds: dict[str, float] = {}
     for axis in (X, Z):
         usual = _noise_ratios_with_settings(axis, settings.noise)
@@ -149,19 +149,19 @@ def systematic_errors(
     settings: Settings,
     noise: AxisNoise,
 ) -> Floats:
-    """Compute the errors of windows that their residuals do not show, (rows, p), signed.
+    """Signed errors of windows that their residuals do not show, (rows, p).
 
-    The noise of the columns draws estimates towards zero. Methods that take the regressor for exact
-    keep that, so it counts whole; the others take it off by a noise that is known to about half.
+    Column noise attenuates estimates. Methods that take the regressor as exact keep the full
+    attenuation as error; the others correct it with a noise known to about half.
 
     Args:
-        method: a windowed or recursive one.
+        method: a windowed or recursive method.
         A: (n, p) regressor.
         f: (n,) force or torque.
         index: (rows,) last samples of the windows.
-        theta: (rows, p) their estimates.
-        settings: window.
-        noise: of the axis.
+        theta: (rows, p) estimates of the windows.
+        settings: settings with the window.
+        noise: noise of the axis.
     """
     if noise.mean is None:
         return np.zeros_like(theta)
@@ -172,9 +172,9 @@ def systematic_errors(
 def least_std(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise: AxisNoise
 ) -> Floats:
-    """(rows, p) deviations of windows by the noise alone, 0 where it is not known.
+    """Standard deviations of windows by column noise alone, (rows, p); 0 if unknown.
 
-    The residuals of a window may be tiny where force is a function of speed, or by chance.
+    The residuals of a window may be tiny by chance, or if the force is a function of the speed.
     """
     if noise.mean is None or noise.lasting is None:
         return np.zeros_like(theta)

@@ -1,4 +1,4 @@
-"""The noise of the grid's columns from that of the channels, before any filter.
+"""Noise of the grid's columns, from that of the channels before any filter.
 
 A low-pass may leave no band in which the grid shows noise alone; the channels' own samples have
 one. Their noise is taken for white, and goes through what is done to the channels: white noise in
@@ -49,15 +49,15 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True)
 class ColumnResponse:
-    """How a column comes from what was measured.
+    """How a column is computed from a channel.
 
     Attributes:
-        derivatives: how often it was differentiated.
-        derivative_of: the column of the axis that it is the derivative of, -1 for none.
-        filtered: whether the low-pass was applied.
-        cutoff: of the low-pass, over the rate.
-        causal: whether filter and derivative look back only.
-        rate_hz: of the grid.
+        derivatives: number of differentiations.
+        derivative_of: index of the column that it is the derivative of; -1 for none.
+        filtered: whether the low-pass is applied.
+        cutoff: cutoff of the low-pass, over the rate.
+        causal: whether filter and derivative use past samples only.
+        rate_hz: rate of the grid.
     """
 
     derivatives: int
@@ -68,7 +68,7 @@ class ColumnResponse:
     rate_hz: float
 
     def response(self, at: Floats) -> Floats:
-        """Power at frequencies over the rate, of white noise of variance 1 as measured."""
+        """Power of unit white noise after processing, at frequencies over the rate."""
         slope = 2.0 * np.sin(np.pi * at) if self.causal else np.sin(2.0 * np.pi * at)
         power = (slope * self.rate_hz) ** (2 * self.derivatives)
         if self.filtered:
@@ -76,7 +76,7 @@ class ColumnResponse:
         return power
 
     def slope(self, at: Floats) -> Complexes:
-        """Transfer of one derivative at frequencies over the rate."""
+        """Transfer function of one derivative, at frequencies over the rate."""
         if self.causal:
             return np.asarray(self.rate_hz * (1.0 - np.exp(-2j * np.pi * at)), np.complex128)
         return self.rate_hz * 1j * np.sin(2.0 * np.pi * at)
@@ -85,12 +85,12 @@ class ColumnResponse:
 def is_hidden_by_grid(
     columns: list[tuple[str, ...]], machine: Machine, read: Mapping[str, mounting.Series]
 ) -> list[bool]:
-    """Whether the grid does not show the noise of columns as the stages left it.
+    """Whether the grid hides the noise of each column.
 
     Args:
-        columns: the channels that each is made of.
-        machine: what is made of what, filter and grid.
-        read: by channel, as it was measured.
+        columns: channels that each column is computed from.
+        machine: machine file with channels, filter and grid.
+        read: raw readings by channel.
     """
     rate_hz, cutoff_hz = machine.settings.align.rate_hz, machine.settings.filter.cutoff_hz
     causal = machine.settings.filter.causal
@@ -130,15 +130,15 @@ def propagate_channel_noise(
     machine: Machine,
     columns: Callable[[pl.DataFrame], Floats],
 ) -> Floats | None:
-    """Covariances (columns, columns, LAGS) that the channels' own noise has on the grid.
+    """Covariances (columns, columns, LAGS) of the channels' noise on the grid.
 
     Args:
-        read: by channel, as it was measured.
-        machine: what is done to the channels.
-        columns: takes a grid to its (rows, columns).
+        read: raw readings by channel.
+        machine: machine file with the processing of channels.
+        columns: computes the (rows, columns) from a grid.
 
     Returns:
-        None where the log is too short to put anything on a grid.
+        None if the log is too short for a grid.
     """
     settings = machine.settings.align
     std = {
@@ -161,7 +161,7 @@ def propagate_channel_noise(
 
 
 def first_common_stamps(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
-    """The stamps of as many rows as are looked at, from where all channels have begun."""
+    """Stamps of the rows to analyse, from where all channels have begun, by channel."""
     begin = max(int(t[0]) for t, _ in read.values())
     end = begin + math.ceil(_ROWS / rate_hz * 1e9)
     return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in read.items()}
@@ -170,7 +170,7 @@ def first_common_stamps(read: Mapping[str, mounting.Series], rate_hz: float) -> 
 def _repeat_stamps(
     stamps: Mapping[str, Ints], rate_hz: float, longest_ns: float
 ) -> dict[str, Ints]:
-    """Stamps of a short log, again and again behind a gap each, up to as many rows."""
+    """Repeat the stamps of a short log, separated by gaps, to the full number of rows."""
     last = max(int(t[-1]) for t in stamps.values())
     lasts_ns = last - min(int(t[0]) for t in stamps.values())
     every_ns = lasts_ns + math.ceil(2.0 * longest_ns)
@@ -181,7 +181,7 @@ def _repeat_stamps(
 
 
 def sum_trailing_rows(x: Floats) -> tuple[Floats, Floats]:
-    """Sums of products (columns, columns, LAGS) by lag, and of how many pairs (LAGS,) they are."""
+    """Sums of products by lag (columns, columns, LAGS), and their numbers of pairs (LAGS,)."""
     known = np.asarray(np.isfinite(x).all(axis=1), np.bool_)
     x = np.where(known[:, None], x, 0.0)
     # an offset of a derived channel is no noise
@@ -195,12 +195,12 @@ def sum_trailing_rows(x: Floats) -> tuple[Floats, Floats]:
 
 
 def white_noise_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
-    """Standard deviation of the white noise of a channel, from the fast changes of its samples.
+    """Standard deviation of a channel's white noise, from its fast changes.
 
     Args:
         t_ns: (n,) stamps.
         x: (n,) samples.
-        longest_ns: a longer step is a gap.
+        longest_ns: steps longer than this are gaps.
     """
     whole = np.ones(t_ns.size, np.bool_)
     whole[1:] = np.diff(t_ns) <= longest_ns
@@ -217,11 +217,11 @@ def white_noise_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
 
 
 def response_of_each_column(axis: tuple[str, ...], machine: Machine) -> list[ColumnResponse]:
-    """How each column of an axis is made.
+    """Processing of each column of an axis.
 
     Args:
-        axis: the columns' names.
-        machine: channels, filter and grid.
+        axis: names of the columns.
+        machine: machine file with channels, filter and grid.
     """
     chosen = machine.settings.forces.acceleration
     channels = machine.channels

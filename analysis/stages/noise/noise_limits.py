@@ -16,15 +16,15 @@ SPREAD: Final = "spread"
 
 
 def noise_std_limits(x: Floats, moves: Bools) -> tuple[Floats, Floats]:
-    """Largest standard deviation of each column's noise, (columns,) each.
+    """Upper limits of each column's noise standard deviation, (columns,) each.
 
     Args:
-        x: (rows, columns) acceleration, speed and force, or of a turn; some may be missing.
-        moves: (rows,) the samples in motion.
+        x: (rows, columns) acceleration, speed and force, or those of a turn; may have gaps.
+        moves: (rows,) whether the machine moves.
 
     Returns:
-        The spread of each column; and the residuals of force = m a + b v + c v|v| + d sign(v) + e
-        over the column's coefficient, infinite where there is none.
+        The spread of each column; and the residual of force = m a + b v + c v|v| + d sign(v) + e
+        over the column's coefficient, infinite for a coefficient of 0.
     """
     x = x[moves]
     spread = x.std(axis=0) if len(x) else np.full(x.shape[1], np.inf)
@@ -42,13 +42,13 @@ def noise_std_limits(x: Floats, moves: Bools) -> tuple[Floats, Floats]:
 def clip_to_limits(
     found: Floats, sources: list[str], x: Floats, moves: Bools, derivative_of: list[int]
 ) -> None:
-    """Take down what exceeds its limit, in place; a derivative goes with what it is taken of.
+    """Reduce covariances that exceed their limit, in place, with those of derivatives.
 
     Args:
         found: (columns, columns, LAGS) covariances.
-        sources: of each column; what standstill shows is seen whole, and stays.
-        x: (rows, columns).
-        moves: (rows,) the samples in motion.
+        sources: source of each column's noise; noise seen at standstill is not changed.
+        x: (rows, columns) values.
+        moves: (rows,) whether the machine moves.
         derivative_of: the column that each is the derivative of, -1 for none.
     """
     spread, left = noise_std_limits(x, moves)

@@ -1,4 +1,4 @@
-"""Covariances and spectra of noise from stretches of samples, robust against what is no noise."""
+"""Robust covariances and spectra of noise, from stretches of samples."""
 
 from typing import Final
 
@@ -54,27 +54,27 @@ _CORRELATED: Final = 24
 
 
 def fast_band(rate_hz: float) -> tuple[float, float]:
-    """Lowest frequency at which all is noise, and the top of the band above it, over the rate."""
+    """Lowest frequency that is all noise, and top of the band above it, over the rate."""
     # faster noise leaks into the lowest frequencies of a block
     fast = min(max(_FAST_HZ / rate_hz, _LEAKS / _BLOCK), _FAST_SHARE)
     return fast, min(_BAND * fast, 0.5)
 
 
 def find_true_runs(of: Bools) -> list[tuple[int, int]]:
-    """First row and the row after the last of every run of True."""
+    """First and end row of every run of True."""
     first, last = runs_of_flagged_samples(of)
     return list(zip(first.tolist(), (last + 1).tolist(), strict=True))
 
 
 def trim_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
-    """Trim a stretch at both ends to where the short mean of every column is at its level.
+    """Trim a stretch at both ends to where the short means of all columns are level.
 
-    A slow start stands by its speed for up to a second.
+    In a slow start the speed still counts as standstill for up to a second.
 
     Args:
         x: (rows, columns), finite from `begin` to `end`.
         begin: first row.
-        end: the row after the last.
+        end: end row.
     """
     for _ in range(_TRIMS):
         if end - begin < _SHORTEST_PIECE:
@@ -96,11 +96,11 @@ def trim_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
 
 
 def cut_pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
-    """Cut stretches into pieces (n, columns), each less its own straight line; of many, some.
+    """Cut stretches into pieces (n, columns) without their linear trends; many are sampled.
 
     Args:
         x: (rows, columns), finite in the stretches.
-        quiet: stretches in which nothing but noise happens.
+        quiet: stretches that contain only noise.
     """
     cut: list[Floats] = []
     long = [stretch for stretch in quiet if stretch[1] - stretch[0] >= _SHORTEST_PIECE]
@@ -118,7 +118,7 @@ def _subtract_piece_line(part: Floats) -> Floats:
 
 
 def lag_covariances(cut: list[Floats]) -> Floats:
-    """E[x_i(t) x_j(t + lag)] over pieces without lines, (columns, columns, LAGS).
+    """E[x_i(t) x_j(t + lag)] over detrended pieces, (columns, columns, LAGS).
 
     Pieces in which any column varies far more than usual are left out. What the straight lines took
     with them, 2/n of the power at zero frequency, is put back.
@@ -152,7 +152,7 @@ def _power_at_zero(found: Floats) -> Floats:
 
 
 def block_ends(of: Bools) -> Ints:
-    """The last rows of half-overlapping blocks that lie in runs of True; of many, some."""
+    """Last rows of half-overlapping blocks inside runs of True; many are sampled."""
     rows = np.arange(of.size)
     # the last row before the run
     begun = np.maximum.accumulate(np.where(of, -1, rows))
@@ -163,16 +163,16 @@ def block_ends(of: Bools) -> Ints:
 
 
 def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None:
-    """Power of noise at `block_frequencies`, and the number of blocks; None where they are too few.
+    """Power of noise at `block_frequencies`, and number of blocks; None if there are too few.
 
-    Of second differences, so that what is smooth does not leak; divided by their response, so that
-    white noise of variance 1 has 1 everywhere (0 Hz is not told). Blocks with far more fast power
-    than most hold a throttle step or a stop, and are left out.
+    It is of second differences, so that smooth signals do not leak, divided by their response, so
+    that unit white noise has 1 everywhere (0 Hz is undefined). Blocks with much more fast power
+    than most contain a throttle step or a stop, and are left out.
 
     Args:
         x: (rows,), finite in the blocks.
         ends: `block_ends`.
-        fast: the lowest frequency, over the rate, at which a block is judged.
+        fast: lowest frequency over the rate at which blocks are judged.
     """
     if ends.size < _FEWEST_BLOCKS:
         return None
@@ -195,12 +195,12 @@ def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None
 
 
 def block_frequencies() -> Floats:
-    """The frequencies of `block_power`, over the rate."""
+    """Frequencies of `block_power`, over the rate."""
     return np.arange(_BLOCK // 2 + 1) / _BLOCK
 
 
 def average_over_neighbours(power: Floats, reach: int) -> Floats:
-    """Mean of each frequency and `reach` on either side, as far as there are any."""
+    """Mean of each frequency and up to `reach` neighbours on either side."""
     kernel = np.ones(2 * reach + 1)
     known = np.isfinite(power)
     total = np.convolve(np.where(known, power, 0.0), kernel, "same")
@@ -217,20 +217,20 @@ def cross_spectra(found: Floats) -> NDArray[np.complex128]:
 
 
 def covariances_from_spectra(spectra: NDArray[np.complex128]) -> Floats:
-    """The covariances (columns, columns, LAGS) of cross spectra."""
+    """Covariances (columns, columns, LAGS) from cross spectra."""
     return np.fft.irfft(spectra, 2 * LAGS)[:, :, :LAGS]
 
 
 def spectrum_frequencies() -> Floats:
-    """The frequencies of `cross_spectra`, over the rate."""
+    """Frequencies of `cross_spectra`, over the rate."""
     return np.arange(LAGS + 1) / (2 * LAGS)
 
 
 def reading_step(x: Floats, of: Bools) -> float | None:
-    """The step that a column's readings are multiples of, None where there is none to see.
+    """Step that a column's readings are multiples of; None if it is not visible.
 
-    Readings between two stamps are not; of those only multiples of the step occur again and again.
-    Where two rates keep step with each other some others do as well, but not twice in a row.
+    Interpolated readings are not multiples, and of all values only multiples of the step recur
+    often. If two rates are in step some others recur as well, but not twice in a row.
     """
     held = of.copy()
     held[1:] &= x[1:] == x[:-1]
@@ -253,10 +253,10 @@ def quantisation_step(taken: Floats, of: int) -> float | None:
 
 
 def quantisation_covariances(x: Floats, of: Bools, step: float) -> Floats:
-    """Covariances (LAGS,) of the error of rounding to `step` while x changes as it does.
+    """Covariances (LAGS,) of the rounding error for a step while x changes.
 
-    On a ramp the error is a sawtooth: of a variance step²/12, and a lag in which x changes by φ
-    steps has 1 - 6φ(1 - φ) of it.
+    On a ramp the error is a sawtooth of variance step²/12, and at a lag in which x changes by φ
+    steps its covariance is 1 - 6φ(1 - φ) of that.
     """
     span = _SPAN
     rows = np.flatnonzero(of[span:] & of[:-span])

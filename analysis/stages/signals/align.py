@@ -1,4 +1,4 @@
-"""Channels of different rates on one uniform grid: interpolated alike, never over a gap."""
+"""Align channels of different rates on one uniform grid, by equal interpolation without gaps."""
 
 import math
 from collections.abc import Mapping
@@ -37,14 +37,14 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
 
     Args:
         channels: by name: unix_ns, strictly ascending, the channel's column, and with
-            `filter.causal` known_ns, where that is another time.
-        machine: channels of the regressor, IMU mounting, rate.
+            `filter.causal` known_ns if it differs.
+        machine: machine file with channels, IMU mounting and rate.
 
     Returns:
-        `aligned`, and the unix time of its first row in ns.
+        `aligned`, and the Unix time of its first row in ns.
 
     Raises:
-        DataError: the channels share no time, or their grid would not fit into memory.
+        DataError: the channels do not overlap in time, or the grid would not fit into memory.
     """
     raw, series = _channel_and_regressor_series(channels, machine)
     start, end = common_span_ns(required_series(series))
@@ -56,11 +56,11 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
 
 
 class Origin(NamedTuple):
-    """Where the grid begins, and by how much a row is later than what it holds.
+    """Begin of the grid, and delay of its rows.
 
     Attributes:
-        start_ns: unix time of what the first row holds.
-        late_ns: of every row, 0 unless the replay is causal.
+        start_ns: Unix time of the instant in the first row.
+        late_ns: delay of every row behind its instant; 0 unless the replay is causal.
     """
 
     start_ns: int
@@ -68,10 +68,10 @@ class Origin(NamedTuple):
 
 
 def find_origin(channels: Mapping[str, pl.DataFrame], machine: Machine) -> Origin:
-    """Find the origin of a grid from the first seconds of the channels of a causal replay.
+    """Origin of a grid, from the first seconds of the channels in a causal replay.
 
     Raises:
-        DataError: the channels share no time yet.
+        DataError: the channels do not overlap in time yet.
     """
     _, series = _channel_and_regressor_series(channels, machine)
     return Origin(common_span_ns(required_series(series))[0], latency_ns(series, machine))
@@ -85,15 +85,15 @@ def align_on_grid(
     *,
     is_whole: bool,
 ) -> pl.DataFrame:
-    """The rows of a causal grid that can be known by now, as `align` has them of the whole log.
+    """Rows of a causal grid that are known by now, equal to those of `align` for the whole log.
 
     Args:
-        channels: the newest part of each, as `align` takes them.
-        machine: channels of the regressor, IMU mounting, rate.
-        origin: of the grid.
-        after_ns: rows from this `t_ns` on.
-        is_whole: whether nothing will come any more; else a row waits until every channel has a
-            sample that is known no earlier.
+        channels: newest part of each channel, as in `align`.
+        machine: machine file with channels, IMU mounting and rate.
+        origin: origin of the grid.
+        after_ns: first `t_ns` to return.
+        is_whole: whether no further samples will come; otherwise a row waits until every channel
+            has a sample known no earlier.
 
     Returns:
         `aligned`, rows from `after_ns` on.
@@ -116,14 +116,14 @@ def align_on_grid(
 def _channel_and_regressor_series(
     channels: Mapping[str, pl.DataFrame], machine: Machine
 ) -> tuple[dict[str, ChannelSeries], dict[str, ChannelSeries]]:
-    """The channels as they come, and with the regressors' at the stamps of their slowest."""
+    """All channels, and the same with the regressors' at the stamps of their slowest."""
     align = machine.settings.align
     raw = {name: rates.make_channel_series(name, frame, align) for name, frame in channels.items()}
     return raw, _reduce_channels(raw, machine)
 
 
 def required_series(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSeries]:
-    """Channel series that the grid must have."""
+    """Channels that the grid must contain."""
     return {name: each for name, each in series.items() if name not in HINTS}
 
 
@@ -134,7 +134,7 @@ def aligned_rows(
     origin: Origin,
     machine: Machine,
 ) -> pl.DataFrame:
-    """`aligned` on some instants (rows,) of the grid."""
+    """`aligned` at the given instants (rows,) of the grid."""
     is_causal = machine.settings.filter.causal
     chosen = KnownInstants(series, grid, origin.late_ns, machine) if is_causal else None
     gap = np.zeros(grid.size, np.bool_)
@@ -153,7 +153,7 @@ def aligned_rows(
 
 
 def alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
-    """Say what `align` does to these channels that a reader of the answer should know."""
+    """Notes on what `align` does to these channels."""
     raw = {
         n: rates.make_channel_series(n, frame, machine.settings.align)
         for n, frame in channels.items()
@@ -175,17 +175,20 @@ def _reduce_channels(
 
 
 def common_span_ns(needed: Mapping[str, ChannelSeries]) -> tuple[int, int]:
-    """The latest first stamp and the earliest last one."""
+    """Latest first stamp and earliest last stamp."""
     spans = {name: (int(s.t_ns[0]), int(s.t_ns[-1])) for name, s in sorted(needed.items())}
     start, end = max(first for first, _ in spans.values()), min(last for _, last in spans.values())
     if end <= start:
         shown = (f"{n} {first / 1e9:.3f}…{last / 1e9:.3f} s" for n, (first, last) in spans.items())
-        raise DataError(f"the channels share no stretch of time: {', '.join(shown)}")
+        raise DataError(
+            "the channels do not overlap in time; check their topics and clocks: "
+            f"{', '.join(shown)}"
+        )
     return start, end
 
 
 def latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
-    """The setting's, or as long as the next sample of the regressor's slowest channel takes."""
+    """Latency of the settings, or the period of the regressor's slowest channel."""
     given = machine.settings.align.latency_s
     if given is not None:
         return round(given * 1e9)
@@ -194,10 +197,10 @@ def latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
 
 
 class KnownInstants:
-    """The instants that rows hold where nothing may be known before it has come.
+    """Instants that rows represent if only earlier arrivals may be used.
 
-    A row at the time t stands for t - latency; where a channel of the regressor is not known of
-    that yet, all of them are taken at the newest instant that is known of all.
+    A row at the time t represents t - latency. If a channel of the regressor is not known by then,
+    all are taken at the newest instant known of all.
     """
 
     def __init__(
@@ -213,7 +216,7 @@ class KnownInstants:
             self.shared = np.minimum(self.shared, self.newest[name])
 
     def sample_instants(self, name: str) -> tuple[Ints, NDArray[np.bool_]]:
-        """The instants (rows,) of a channel, and where its newest sample is too old."""
+        """Instants (rows,) of a channel, and whether its newest sample is too old."""
         each = self.series[name]
         newest = self.newest[name]
         usual = self.grid - max(0, round(each.lag_ns) - self.late_ns)
@@ -224,9 +227,9 @@ class KnownInstants:
 def _make_grid_without_holes(
     needed: Mapping[str, ChannelSeries], start: int, end: int, step_ns: float, first: int = 0
 ) -> Ints:
-    """Lattice points from start to end, without the inside of holes longer than the limit.
+    """Grid points from start to end, without the inside of long holes.
 
-    `first` is the number of the first of them.
+    `first` is the number of the first point.
     """
     holes = [
         # in integers: a float holds unix time to a quarter of a microsecond only

@@ -1,4 +1,4 @@
-"""How fast each topic's clock runs against the recorder's: header stamps against log time.
+"""Drift of each topic's clock against the recorder's: header stamps against log times.
 
 Nothing is corrected by it. A header stamp is its log time less a latency, plus the drift of the two
 clocks. Queues and pauses of the recorder only ever add to the latency, so the line is laid through
@@ -33,7 +33,7 @@ _SCHEMA: Final = {
 
 
 class RelativeDrift(NamedTuple):
-    """Two topics' clocks: how much faster the first runs than the second, in ppm."""
+    """Two topics, and how much faster the first one's clock runs than the second's, in ppm."""
 
     faster: str
     slower: str
@@ -42,17 +42,17 @@ class RelativeDrift(NamedTuple):
 
 
 def clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
-    """Measure how fast each topic's header stamps run against log time.
+    """Measure the drift of each topic's header stamps against log time.
 
     The log is cut into 24 parts; the slope of the line through the parts' low latencies is the
-    drift, the points' scatter about it gives the standard deviation.
+    drift, and the scatter about it gives the standard deviation.
 
     Args:
-        raw: by topic: log_time_ns, and header_stamp_ns (null or 0 where there is none).
+        raw: frames by topic with log_time_ns, and header_stamp_ns (null or 0 if missing).
 
     Returns:
-        A row a topic that has enough header stamps: topic, drift_ppm (positive: its clock runs
-        faster than the recorder's), drift_std_ppm, span_s.
+        A row per topic with enough header stamps: topic, drift_ppm (positive: its clock is faster
+        than the recorder's), drift_std_ppm, span_s.
     """
     rows: list[tuple[str, float, float, float]] = []
     for topic, frame in raw.items():
@@ -72,13 +72,13 @@ def clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
 
 
 def relative_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
-    """Find the two topics whose clocks run apart most clearly: by most standard deviations.
+    """The two topics whose clocks differ most, in standard deviations.
 
     Args:
-        drifts: as `clock_drifts` gives them.
+        drifts: frame from `clock_drifts`.
 
     Returns:
-        None where fewer than two topics have a drift.
+        None if fewer than two topics have a drift.
     """
     rows = drifts.sort("drift_ppm", descending=True).to_dicts()
     pairs = [
@@ -95,7 +95,7 @@ def relative_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
 
 
 def _fit_line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None:
-    """Slope and its standard deviation of a line along the least latencies; None with too few."""
+    """Slope of a line along the lowest latencies, and its standard deviation; None if too few."""
     span_s = float(time_s.max())
     if not span_s > 0:
         return None
@@ -120,13 +120,13 @@ def _fit_line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | 
 def quantile_points(
     time_s: Floats, latency_s: Floats, members: list[NDArray[np.int64]], q: float, slope: float
 ) -> tuple[Floats, Floats]:
-    """A point a part: its middle, and the quantile of what lies off a line through 0."""
+    """Middle of each part, and quantile of its distances from a line through 0."""
     t = np.array([(time_s[each].min() + time_s[each].max()) / 2 for each in members])
     off = latency_s - slope * time_s
     return t, np.array([np.quantile(off[each], q) for each in members]) + slope * t
 
 
 def median_slope(t: Floats, y: Floats) -> float:
-    """The median of the slopes between all pairs of points (Theil and Sen)."""
+    """Median of the slopes between all pairs of points (Theil-Sen)."""
     i, j = np.triu_indices(t.size, 1)
     return float(np.median((y[j] - y[i]) / (t[j] - t[i])))

@@ -1,4 +1,4 @@
-"""Channels in SI units at their own rates: picked, scaled, filtered alike, derived."""
+"""Channels in SI units at their own rates: read, scaled, equally filtered, derived."""
 
 from collections.abc import Mapping
 
@@ -40,20 +40,20 @@ _SMALLEST_SI = 1e-30
 def derive(
     read: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[dict[str, pl.DataFrame], list[str]]:
-    """Make every channel of the machine file from those that were measured.
+    """Compute every channel of the machine file from the measured ones.
 
-    Where any channel is differentiated, one zero-phase low-pass (causal by setting) is applied to
-    every force and motion channel alike, at its own rate, before any derivative is taken: a filter
-    on one regressor alone biases the mass. A rotated IMU's axes are turned into the machine's after
-    the filter and before any derivative.
+    If any channel is differentiated, the same zero-phase low-pass (causal if so set) is applied to
+    every force and motion channel at its own rate, before derivatives: a filter on one regressor
+    alone biases the mass. A rotated IMU's axes are turned to the machine's after the filter and
+    before derivatives.
 
     Args:
-        read: by channel, as `measured` gives them.
-        machine: channels and settings.
+        read: channels from `read_measured_channels`.
+        machine: machine file with channels and settings.
 
     Returns:
-        By channel, and `direction_x_1`: unix_ns and the channel's column; with `filter.causal`
-        known_ns as well, when that is known on board. And notes.
+        Frames by channel, and `direction_x_1`, with unix_ns and the channel's column, plus known_ns
+        with `filter.causal`; and notes.
     """
     settings = machine.settings
     notes: list[str] = []
@@ -91,10 +91,10 @@ def derive(
 
 
 def arithmetic_in_si(name: str, machine: Machine) -> Expression:
-    """The arithmetic that derives a channel, in SI units.
+    """Expression that derives a channel, in SI units.
 
     Raises:
-        MachineError: units that do not fit, with both sides.
+        MachineError: the units do not match; the message names both sides.
     """
     tree = machine.channels[name].expression
     assert tree is not None
@@ -114,10 +114,10 @@ def arithmetic_in_si(name: str, machine: Machine) -> Expression:
 
 
 def unit_of_name(name: str) -> str:
-    """The unit of a channel or of a key of `[machine]`, which its name ends in.
+    """Unit at the end of a channel's or machine key's name.
 
     Raises:
-        MachineError: it ends in none.
+        MachineError: the name does not end in a unit.
     """
     if name in _SI:
         return "" if _SI[name] == "1" else _SI[name]
@@ -132,9 +132,9 @@ def unit_of_name(name: str) -> str:
 def _evaluate_arithmetic(
     name: str, series: Mapping[str, mounting.Series], machine: Machine, notes: list[str]
 ) -> mounting.Series:
-    """A channel from others, at the stamps of the slowest, the others on the line between theirs.
+    """Compute a channel from others at the stamps of the slowest, with interpolation.
 
-    Samples that have no value are left out, as where a divisor is near zero.
+    Samples without a value are left out, as where a divisor is near zero.
     """
     tree, settings = arithmetic_in_si(name, machine), machine.settings
     own = {each: series[each] for each in iter_channel_names(tree) if each not in BODY_NUMBERS}
@@ -167,14 +167,14 @@ def _evaluate_arithmetic(
 def read_measured_channels(
     placed: Mapping[str, pl.DataFrame], machine: Machine
 ) -> tuple[dict[str, mounting.Series], list[Loss]]:
-    """Read every channel that comes from a topic: SI units, finite, one sample a stamp.
+    """Read every channel of a topic: SI units, finite values, one sample per stamp.
 
     Args:
-        placed: by topic: unix_ns and fields; the topic of a hint may be missing.
-        machine: channels.
+        placed: frames by topic with unix_ns and fields; optional topics may be missing.
+        machine: machine file with channels.
 
     Returns:
-        By channel: stamps and samples, before any filter. What was not finite, or no reading.
+        Stamps and samples by channel, before any filter; and losses of invalid readings.
     """
     losses: list[Loss] = []
     read: dict[str, mounting.Series] = {}
@@ -192,9 +192,9 @@ def read_measured_channels(
 def _low_pass_channel(
     read: Mapping[str, mounting.Series], settings: Settings, notes: list[str]
 ) -> dict[str, mounting.Series]:
-    """The low-pass of the settings on every channel of which the rate allows it.
+    """Apply the low-pass to every channel whose rate allows it.
 
-    A causal one delays, so where one channel's rate does not allow it, none is filtered.
+    A causal filter delays, so if one channel's rate is too low, none is filtered.
     """
     cutoff_hz, causal = settings.filter.cutoff_hz, settings.filter.causal
     rates_hz = {n: 1e9 / filters.period_ns(t) for n, (t, _) in read.items() if n not in UNFILTERED}
@@ -221,7 +221,7 @@ def _angle_from_orientation(
     machine: Machine,
     losses: list[Loss],
 ) -> tuple[filters.Ints, filters.Floats]:
-    """An angle of the machine from the orientation of its IMU."""
+    """Angle of the machine from the orientation of its IMU."""
     assert channel.angle_of is not None
     angle, quaternion = channel.angle_of
     parts = np.stack([_numbers_of_field(name, channel, field, frame) for field in channel.fields])
@@ -232,7 +232,7 @@ def _angle_from_orientation(
 def pick_field_of_channel(
     name: str, channel: Channel, frame: pl.DataFrame, losses: list[Loss]
 ) -> tuple[filters.Ints, filters.Floats]:
-    """A field in SI units."""
+    """Stamps and values of a channel's field in SI units."""
     field = str(channel.field)
     gain, offset = (
         gain_and_offset_to_si(channel.unit, unit_of_name(name)) if channel.unit else (1.0, 0.0)
@@ -261,7 +261,7 @@ def usable_readings(
     x: filters.Floats,
     losses: list[Loss],
 ) -> tuple[filters.Ints, filters.Floats]:
-    """Readings alone, one a stamp (the last), when they were measured."""
+    """Valid readings at their times of measurement, the last of each stamp."""
     where = f"{field} of {channel.topic or 'the table'}"
     t = frame["unix_ns"].to_numpy()
     delay_ns = round(channel.delay_s * 1e9)
@@ -274,7 +274,7 @@ def usable_readings(
     told = finite & (np.abs(x) <= _LARGEST_SI)
     limit = f"beyond {_LARGEST_SI:g} {unit_of_name(name)}, which is no reading"
     if not told.any():
-        raise DataError(f"{name}: {where} holds nothing but numbers {limit}: check its unit, scale")
+        raise DataError(f"{name}: {where} holds only numbers {limit}: check its unit, scale")
     for left_out, why in ((~finite, "missing or not finite"), (finite & ~told, limit)):
         if left_out.any():
             losses.append(
@@ -303,21 +303,23 @@ def usable_readings(
 
 def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
     if t.size == 0:
-        raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
+        raise DataError(
+            f"{name}: no stretch of the log without gaps is long enough to derive this channel"
+        )
     return t, flush_unresolved(x)
 
 
 def flush_unresolved(x: filters.Floats) -> filters.Floats:
-    """Set to 0 what no sensor resolves: a filter rings on down to the smallest number."""
+    """Set values below any sensor's resolution to 0; filters ring down to the smallest number."""
     return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
 
 
 def mean_of_channels(
     a: mounting.Series, b: mounting.Series, settings: AlignSettings
 ) -> mounting.Series:
-    """The mean of two channels at the stamps of one, the other on the line between its samples.
+    """Mean of two channels at the stamps of one, with the other interpolated.
 
-    At those of the slower, since that line is a low-pass; of the first where none is.
+    The slower one's stamps are used if interpolation would low-pass it, else the first one's.
     """
     if filters.period_ns(b[0]) > filters.OTHER_RATE * filters.period_ns(a[0]):
         a, b = b, a
@@ -331,13 +333,13 @@ def sample_known_times(
     series: Mapping[str, mounting.Series],
     machine: Machine,
 ) -> dict[str, filters.Ints]:
-    """When each sample of each channel is known on board.
+    """Time at which each sample of each channel is known on board.
 
     Args:
-        read: the channels that were read.
+        read: channels as read.
         picked: the same channels after the filter.
         series: all channels.
-        machine: their delays, and what is made of what.
+        machine: machine file with delays and derived channels.
     """
     filtered = {
         name: filters.interpolation_ready_ns(

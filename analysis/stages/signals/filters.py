@@ -1,4 +1,4 @@
-"""Low-pass and derivative at a topic's own rate, inside gap-free stretches."""
+"""Low-pass and derivative at a topic's own rate, within gap-free stretches."""
 
 from typing import Final, cast
 
@@ -20,7 +20,7 @@ _FEW_STEPS: Final = 101
 
 
 def period_ns(t_ns: Ints) -> float:
-    """The median period of ascending stamps; NaN below two samples."""
+    """Median period of ascending stamps in ns; NaN below two samples."""
     if t_ns.size < 2:
         return float("nan")
     steps = np.diff(t_ns)
@@ -33,15 +33,15 @@ def period_ns(t_ns: Ints) -> float:
 
 
 def longest_step_ns(t_ns: Ints, settings: AlignSettings) -> float:
-    """The longest step that is no gap: `gap_periods` of the topic's period, or of the grid's.
+    """Longest step in ns that is not a gap: `gap_periods` of the topic's or grid's period.
 
-    Log times come in bursts, so the topic's period alone would see gaps in every pause between.
+    Log times come in bursts, so the topic's own period would make every pause a gap.
     """
     return settings.gap_periods * float(np.fmax(period_ns(t_ns), 1e9 / settings.rate_hz))
 
 
 def slices_between_gaps(t_ns: Ints, longest_ns: float) -> list[slice]:
-    """Slices between steps longer than `longest_ns`."""
+    """Slices without steps longer than `longest_ns`."""
     edges = np.flatnonzero(np.diff(t_ns) > longest_ns) + 1
     return [slice(a, b) for a, b in zip([0, *edges], [*edges, t_ns.size], strict=True)]
 
@@ -51,15 +51,15 @@ def low_pass(
 ) -> tuple[Ints, Floats]:
     """Butterworth low-pass of fourth order, forwards and backwards unless `causal`.
 
-    Irregular stamps are put on the uniform grid of their own median period first. A stretch too
-    short for the filter to settle is left out.
+    Irregular stamps are first resampled at their median period. A stretch too short for the filter
+    to settle is left out.
 
     Args:
         t_ns: (n,) ascending stamps.
         x: (n,) samples.
         cutoff_hz: half-power frequency of one pass, below half the rate.
-        longest_ns: a longer step separates stretches.
-        causal: filter forwards only.
+        longest_ns: longest step within a stretch.
+        causal: whether to filter forwards only.
 
     Returns:
         Stamps and filtered samples.
@@ -89,20 +89,20 @@ def low_pass(
 
 
 def low_pass_power_gain(at: Floats, *, causal: bool) -> Floats:
-    """Share of the power that the low-pass leaves at frequencies over its cut-off.
+    """Fraction of power that the low-pass passes, at frequencies over its cutoff.
 
-    As far as they are well below half the rate.
+    It holds well below half the rate.
     """
     one_pass = 1.0 / (1.0 + at ** (2 * _ORDER))
     return one_pass if causal else one_pass**2
 
 
 def differentiate(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> tuple[Ints, Floats]:
-    """Differentiate between steps longer than `longest_ns`, centrally: nothing is delayed.
+    """Central differences within stretches, without delay.
 
-    When `causal`, the ends of a stretch have no derivative: they would be one-sided, and on board
-    nobody knows yet that a stretch ends. The others are known with the next sample, and made of
-    three samples alone, so that they do not depend on where the log begins.
+    If `causal`, the ends of a stretch have no derivative: it would be one-sided, and the end is not
+    known yet on board. All others use three samples only, so they do not depend on where the log
+    begins.
     """
     times: list[Ints] = []
     rates: list[Floats] = []
@@ -118,17 +118,17 @@ def differentiate(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> 
 
 
 def _slope_of_three(t_ns: Ints, x: Floats) -> Floats:
-    """The slope (n - 2,) of the parabola through each sample and its neighbours."""
+    """Slope (n - 2,) of the parabola through each sample and its neighbours."""
     before, after = np.diff(t_ns)[:-1] / 1e9, np.diff(t_ns)[1:] / 1e9
     rise, fall = np.diff(x)[1:] / after, np.diff(x)[:-1] / before
     return (before * rise + after * fall) / (before + after)
 
 
 def interpolate_line(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> tuple[Ints, Floats]:
-    """Read the line between samples no further apart than `longest_ns` at ascending instants.
+    """Interpolate linearly at ascending instants, except across steps longer than `longest_ns`.
 
     Returns:
-        The instants that have a value, and the values.
+        Instants that have a value, and the values.
     """
     if np.array_equal(t_ns, at_ns):
         return at_ns, x
@@ -138,11 +138,11 @@ def interpolate_line(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> t
 
 
 def interpolation_ready_ns(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
-    """When the line between samples is known at ascending instants: when its later end has come.
+    """Time at which the interpolation at each instant is known: arrival of its later sample.
 
     Args:
         t_ns: (n,) stamps, ascending.
-        known_ns: (n,) when each sample has come.
+        known_ns: (n,) arrival time of each sample.
         at_ns: (rows,) instants.
     """
     return known_ns[np.minimum(np.searchsorted(t_ns, at_ns), t_ns.size - 1)]

@@ -1,4 +1,4 @@
-"""Grid, window and moving mean at the rate of the log's slowest channel, where none is set.
+"""Default grid rate, window and moving mean, from the log's slowest channel.
 
 The paper's log comes at 100 Hz, and so are its settings in samples. They stand for times: 10
 samples for 0.1 s, 320 for 3.2 s. Rows between the samples of a slower log say nothing new, and the
@@ -26,14 +26,14 @@ FEWEST_READINGS: Final = 20
 def machine_at_rate_of_log(
     read: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[Machine, list[str]]:
-    """Fill in what the machine file does not set: the grid's rate, the window and the moving mean.
+    """Set the grid rate, window and moving mean that the machine file leaves open.
 
     Args:
-        read: by channel, as `derive.measured` gives them.
-        machine: channels; settings that are given are kept as they are.
+        read: channels from `read_measured_channels`.
+        machine: machine file; given settings are kept.
 
     Returns:
-        The machine with all of them set, and what was chosen, where that is not the paper's.
+        The completed machine, and notes on values other than the paper's.
     """
     settings = machine.settings
     slowest, own_hz = slowest_channel(read, machine)
@@ -62,12 +62,12 @@ def machine_at_rate_of_log(
 
 
 def rows_in_duration(seconds: float, rate_hz: float, least: int = 1) -> int:
-    """How many rows of the grid stand for so long."""
+    """Number of grid rows in a duration, at least `least`."""
     return max(round(seconds * rate_hz), least)
 
 
 def slowest_channel(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[str, float]:
-    """The channel that comes least often of those that the regressor is made of, and its rate."""
+    """Name and rate in Hz of the slowest channel of the regressor."""
     names = {
         source
         for regressor in rates.channels_of_each_equation(machine)

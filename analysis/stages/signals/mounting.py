@@ -1,4 +1,4 @@
-"""The IMU's axes and place turned into the machine's."""
+"""Transform the IMU's axes and position to the machine's."""
 
 from collections.abc import Iterable, Mapping
 
@@ -17,7 +17,7 @@ _RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
 
 
 def rotation_to_machine_axes(imu: ImuMounting) -> Floats:
-    """(3, 3) from IMU axes to machine axes: R = Rz(yaw) Ry(pitch) Rx(roll), right-handed."""
+    """Rotation (3, 3) from IMU to machine axes, R = Rz(yaw) Ry(pitch) Rx(roll), right-handed."""
     r, p, y = np.deg2rad([imu.roll_deg, imu.pitch_deg, imu.yaw_deg])
     Rx = np.array([[1, 0, 0], [0, np.cos(r), -np.sin(r)], [0, np.sin(r), np.cos(r)]])
     Ry = np.array([[np.cos(p), 0, np.sin(p)], [0, 1, 0], [-np.sin(p), 0, np.cos(p)]])
@@ -26,17 +26,17 @@ def rotation_to_machine_axes(imu: ImuMounting) -> Floats:
 
 
 def is_rotated(imu: ImuMounting) -> bool:
-    """Whether the IMU's axes are not the machine's; less than 1e-12 rad counts as none."""
+    """Whether the IMU's axes differ from the machine's by at least 1e-12 rad."""
     if not (imu.roll_deg or imu.pitch_deg or imu.yaw_deg):
         return False
     return not np.allclose(rotation_to_machine_axes(imu), np.eye(3), rtol=0.0, atol=1e-12)
 
 
 def pitch_and_roll(quaternion: Floats, imu: ImuMounting) -> dict[str, Floats]:
-    """`pitch` and `roll` of the machine, each (n,) in rad, from its IMU's orientation (4, n).
+    """`pitch` and `roll` of the machine, (n,) in rad, from its IMU's orientation (4, n).
 
-    The quaternion (x, y, z, w) turns IMU axes into the world's: x forward, y left, z up (REP-103).
-    Pitch is positive nose-up here. NaN where the quaternion is zero: an IMU that has none.
+    The quaternion (x, y, z, w) rotates IMU axes to world axes: x forward, y left, z up (REP-103).
+    Pitch is positive nose-up. A zero quaternion, of an IMU without orientation, gives NaN.
     """
     with np.errstate(invalid="ignore"):
         x, y, z, w = quaternion / np.linalg.norm(quaternion, axis=0)
@@ -52,12 +52,12 @@ def rotate_to_machine_axes(
     """Rotate the accelerometer and the gyroscope, each at its own rate, before any derivative.
 
     Args:
-        series: by channel: stamps (n,) and samples (n,), in IMU axes.
-        imu: how it sits.
-        settings: the gap rule of an axis that has other stamps than the first; it is interpolated.
+        series: stamps (n,) and samples (n,) by channel, in IMU axes.
+        imu: mounting of the IMU.
+        settings: gap rule for interpolating an axis with other stamps than the first.
 
     Raises:
-        DataError: a rotated sensor of which only some axes are given.
+        DataError: some axes of a rotated sensor are missing.
     """
     out = dict(series)
     if not is_rotated(imu):
@@ -69,7 +69,7 @@ def rotate_to_machine_axes(
             continue
         if len(given) < len(triple):
             missing = ", ".join(f"channels.{n}" for n in triple if n not in series)
-            raise DataError(f"machine.imu is rotated, so all three axes are needed: add {missing}")
+            raise DataError(f"machine.imu is rotated, which needs all three axes; add {missing}")
         t = series[triple[0]][0]
         for name in triple:
             t = _interpolate_at(series[name], t, settings)[0]
@@ -79,7 +79,7 @@ def rotate_to_machine_axes(
 
 
 def axes_turned_with(name: str, given: Iterable[str], imu: ImuMounting) -> tuple[str, ...]:
-    """The axes that an axis is turned with, itself among them; none where nothing is turned."""
+    """Axes that are rotated together with an axis, including itself; none without rotation."""
     for triple in (_SPECIFIC_FORCE, _RATES):
         if name in triple and is_rotated(imu):
             return tuple(each for each in triple if each in set(given))
@@ -91,10 +91,10 @@ def _interpolate_at(series: Series, t: Ints, settings: AlignSettings) -> Series:
 
 
 def move_to_origin(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:
-    """Move the accelerometer from where it sits to the origin, in machine axes.
+    """Transfer the accelerometer from its position to the origin, in machine axes.
 
-    The lever arm's share in the plane is taken off: a_x + ω_z² x + ω̇_z y and a_y + ω_z² y - ω̇_z x,
-    as far as the yaw rate and acceleration are known.
+    The planar effect of the lever arm is subtracted: a_x + ω_z² x + ω̇_z y and a_y + ω_z² y - ω̇_z
+    x, as far as yaw rate and acceleration are known.
     """
     out = dict(columns)
     x, y, _ = imu.position_m

@@ -1,4 +1,4 @@
-"""How the IMU seems to sit, from the log: gravity tells roll and pitch, driving tells yaw.
+"""Guess of the IMU's orientation: roll and pitch from gravity, yaw from driving.
 
 Gravity cannot tell a tilted sensor from sloping ground, so angles are rounded to what the ground
 leaves of them, and a tilt that a slope may be is not sure.
@@ -38,15 +38,15 @@ _CORRELATION: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class MountingGuess:
-    """Angles for `[machine.imu]`.
+    """Estimated angles for `[machine.imu]`.
 
     Attributes:
-        roll_deg: rounded.
-        pitch_deg: rounded.
-        yaw_deg: rounded; None where the log does not tell it.
-        tilt_deg: how far gravity lies from the sensor's z axis, not rounded.
-        yaw_std_deg: standard deviation of the yaw before it was rounded, NaN without one.
-        stood: whether gravity is that of standstills; otherwise the mean of the whole drive.
+        roll_deg: rounded roll.
+        pitch_deg: rounded pitch.
+        yaw_deg: rounded yaw; None if the log does not determine it.
+        tilt_deg: angle between gravity and the sensor's z axis, not rounded.
+        yaw_std_deg: standard deviation of the unrounded yaw; NaN without one.
+        stood: whether gravity was measured at standstill; otherwise it is the mean of the drive.
     """
 
     roll_deg: float
@@ -58,27 +58,27 @@ class MountingGuess:
 
     @property
     def tilt_is_sure(self) -> bool:
-        """Whether the sensor is tilted by more than ground may be."""
+        """Whether the tilt is larger than sloping ground could explain."""
         return self.tilt_deg > _SLOPE_DEG
 
     @property
     def is_level(self) -> bool:
-        """Whether nothing says that the sensor's axes are not the machine's."""
+        """Whether the sensor's axes may be the machine's."""
         return not (self.roll_deg or self.pitch_deg or self.yaw_deg)
 
 
 def guess_mounting(
     t_ns: Ints, specific_force: Floats, speed: tuple[Ints, Floats] | None
 ) -> MountingGuess | None:
-    """Guess how an IMU is turned from what it and the wheels said.
+    """Estimate the IMU's orientation from its specific force and the wheel speed.
 
     Args:
         t_ns: (n,) stamps, strictly ascending.
         specific_force: (n, 3) in m/s², along the sensor's axes.
-        speed: stamps and speeds (m,), positive forward, in any unit; None where there are none.
+        speed: stamps and speeds (m,), positive forward, in any unit; None if there are none.
 
     Returns:
-        None where the mean specific force is no gravity.
+        None if the mean specific force is not gravity.
     """
     still = standstill_samples(t_ns, speed) if speed is not None else np.zeros(t_ns.size, np.bool_)
     stood = bool(still.any())
@@ -112,13 +112,13 @@ def guess_mounting(
 
 
 def gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
-    """Measure how far gravity at standstill lies from the machine's +z, in degrees.
+    """Angle in degrees between gravity at standstill and the machine's +z axis.
 
-    With x alone of the accelerometer, how far it does at least.
+    If the accelerometer has an x axis only, a lower bound of that angle.
 
     Args:
         frame: `aligned` or `excitation`, in machine axes.
-        machine: its gravity, and the speed that counts as standing.
+        machine: machine file with gravity and the standstill speed.
 
     Returns:
         NaN without an accelerometer or a standstill.
@@ -147,13 +147,13 @@ def gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
 
 
 def round_angle(angle_deg: float, step_deg: float) -> float:
-    """To a multiple of a step, in (-180°, 180°], and no -0."""
+    """Round an angle to a multiple of a step, in (-180°, 180°], without -0."""
     angle = round(angle_deg / step_deg) * step_deg
     return angle + 360.0 if angle <= -180.0 else angle + 0.0
 
 
 def standstill_samples(t_ns: Ints, speed: tuple[Ints, Floats]) -> Bools:
-    """Where the wheels stand (n,), without the moments before and after they move."""
+    """Mask (n,) of samples at standstill, without those just before and after motion."""
     stamps, v = speed
     slow = np.abs(v) <= _STANDING_SHARE * np.quantile(np.abs(v), 0.99)
     still = long_standstills(stamps, slow)
@@ -165,7 +165,7 @@ def standstill_samples(t_ns: Ints, speed: tuple[Ints, Floats]) -> Bools:
 
 
 def long_standstills(t_ns: Ints, still: Bools) -> Bools:
-    """Stretches of standing samples of half a second and more, without a hole."""
+    """Mask (n,) of standstills of at least half a second without gaps."""
     kept = np.zeros(still.size, np.bool_)
     index = np.flatnonzero(still)
     if not index.size:
@@ -181,10 +181,10 @@ def long_standstills(t_ns: Ints, still: Bools) -> Bools:
 
 
 def _guess_yaw_deg(t_ns: Ints, levelled: Floats, speed: tuple[Ints, Floats]) -> tuple[float, float]:
-    """Yaw and its standard deviation in degrees; NaN where driving does not tell it.
+    """Yaw and its standard deviation in degrees; NaN if driving does not determine it.
 
-    The horizontal specific force is regressed on the change of the wheels' speed, both over the
-    same spans: its direction is the machine's x axis.
+    The horizontal specific force is regressed on the change of wheel speed over the same spans; its
+    direction is the machine's x axis.
     """
     stamps, v = speed
     first = max(int(t_ns[0]), int(stamps[0]))

@@ -1,4 +1,4 @@
-"""How often each channel comes, and what is done so that the regressor's are treated alike."""
+"""Sampling rates of channels, and equal treatment of the channels of one regressor."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -21,15 +21,15 @@ _WHOLE_TURN: Final = {"longitude_deg": 360.0, "roll_rad": 2 * np.pi}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChannelSeries:
-    """One channel at its own stamps.
+    """Channel at its own stamps.
 
     Attributes:
         t_ns: (n,) stamps, strictly ascending.
         x: (n,) samples.
-        known_ns: (n,) when each has come; the stamps themselves, unless the replay is causal.
-        longest_ns: the longest step that is no gap.
-        period_ns: the mean step that is no gap.
-        width_ns: a value is the mean over so long a time; 0: it is interpolated.
+        known_ns: (n,) arrival times in a causal replay, otherwise the stamps.
+        longest_ns: longest step that is not a gap.
+        period_ns: mean of the steps that are not gaps.
+        width_ns: averaging time of a value; 0 if values are interpolated.
     """
 
     t_ns: Ints
@@ -40,7 +40,7 @@ class ChannelSeries:
     width_ns: int
 
     def values_at(self, instants_ns: Ints) -> Floats:
-        """The values (rows,) at ascending instants, NaN in gaps."""
+        """Values (rows,) at ascending instants, NaN in gaps."""
         if self.width_ns:
             return average_about_instants(
                 self.t_ns, self.x, instants_ns, self.width_ns, self.longest_ns
@@ -48,24 +48,24 @@ class ChannelSeries:
         return interpolate_in_stretches(self.t_ns, self.x, instants_ns, self.longest_ns)
 
     def when_known_ns(self, instants_ns: Ints) -> Ints:
-        """When the values at ascending instants are known, (rows,)."""
+        """Times (rows,) at which the values at ascending instants are known."""
         return filters.interpolation_ready_ns(
             self.t_ns, self.known_ns, instants_ns + self.width_ns // 2
         )
 
     def newest_known_instant(self, now_ns: Ints) -> Ints:
-        """The latest instant whose value is known at each time, (rows,); far past before any."""
+        """Latest instant (rows,) whose value is known at each time; far past before any."""
         last = np.searchsorted(self.known_ns, now_ns, side="right") - 1
         return np.where(last >= 0, self.t_ns[last] - self.width_ns // 2, np.int64(-(2**62)))
 
     @property
     def lag_ns(self) -> float:
-        """How long after its instant a value is known, as a rule."""
+        """Typical delay from an instant until its value is known."""
         return float(np.median(self.known_ns - self.t_ns)) + self.width_ns / 2
 
 
 def make_channel_series(name: str, frame: pl.DataFrame, settings: AlignSettings) -> ChannelSeries:
-    """Take a channel as `derive` gives it; a topic faster than the grid is averaged."""
+    """Series of a channel from `derive`, averaged if its topic is faster than the grid."""
     t_ns = frame["unix_ns"].to_numpy()
     x = frame[name].to_numpy()
     if name in _WHOLE_TURN:
@@ -80,21 +80,21 @@ def make_channel_series(name: str, frame: pl.DataFrame, settings: AlignSettings)
 
 
 def mean_period_ns(t_ns: Ints, step_ns: float) -> float:
-    """The mean step of a channel that is no gap on a grid of `step_ns`."""
+    """Mean of a channel's steps that are not gaps on a grid of `step_ns`."""
     gap_periods: float = AlignSettings.model_fields["gap_periods"].default
     longest_ns = gap_periods * float(np.fmax(filters.period_ns(t_ns), step_ns))
     return mean_step_ns(t_ns, longest_ns, step_ns)
 
 
 def mean_step_ns(t_ns: Ints, longest_ns: float, step_ns: float) -> float:
-    """The mean of the steps up to the longest; the grid's where there are none."""
+    """Mean of the steps up to `longest_ns`; `step_ns` if there are none."""
     steps = np.diff(t_ns)
     steps = steps[steps <= longest_ns]
     return float(steps.mean()) if steps.size else step_ns
 
 
 def wrap_angle(name: str, x: Floats) -> Floats:
-    """Undo the unwrapping of an angle that `make_channel_series` took."""
+    """Wrap an angle again that `make_channel_series` has unwrapped."""
     if name not in _WHOLE_TURN:
         return x
     turn = _WHOLE_TURN[name]
@@ -102,7 +102,7 @@ def wrap_angle(name: str, x: Floats) -> Floats:
 
 
 def channels_of_each_equation(machine: Machine) -> list[frozenset[str]]:
-    """The channels that share an equation: of straight motion (7), of spins (8), or of both."""
+    """Sets of channels that share an equation: straight motion (7), spins (8), or both."""
     channels = set(machine.channels)
     kinematic = machine.settings.forces.acceleration == "kinematic"
     acceleration = "acc_x_m_s2" if kinematic else "specific_force_x_m_s2"
@@ -116,7 +116,7 @@ def channels_of_each_equation(machine: Machine) -> list[frozenset[str]]:
 
 
 def source_channels(name: str, machine: Machine) -> frozenset[str]:
-    """The measured channels that a channel is made of; itself where it is measured."""
+    """Measured channels that a channel is derived from, or the channel itself."""
     channel = machine.channels.get(name)
     if channel is None or not channel.sources:
         return frozenset({name})
@@ -125,15 +125,15 @@ def source_channels(name: str, machine: Machine) -> frozenset[str]:
 
 @dataclass(frozen=True, slots=True)
 class ReducedRegressor:
-    """A regressor that is taken at the stamps of its slowest channel.
+    """Regressor whose channels are taken at the stamps of the slowest.
 
     Attributes:
-        names: its channels.
-        slowest: the channel.
-        rate_hz: how often that comes.
-        derived: those that are differences over two steps of a slow channel.
-        span_ns: what the others are averaged over about each stamp: two steps of the slow channel
-            where one is derived, else one of the slowest channel.
+        names: channels of the regressor.
+        slowest: slowest channel.
+        rate_hz: rate of the slowest channel.
+        derived: channels that are differences over two steps of a slow channel.
+        span_ns: averaging span of the other channels about each stamp: two steps of the slow
+            channel if one is derived, otherwise one step of the slowest channel.
     """
 
     names: frozenset[str]
@@ -154,10 +154,10 @@ class ReducedRegressor:
 def find_rate_limited_regressors(
     series: Mapping[str, ChannelSeries], machine: Machine
 ) -> list[ReducedRegressor]:
-    """The regressors of which one channel is slower than another one, or a slow derivative.
+    """Regressors in which one channel is slower than another, or a derivative is slow.
 
-    The line between its samples is a low-pass that the others do not have. On a grid coarser than
-    all of them there is none.
+    Interpolation low-passes that channel but not the others. A grid coarser than all channels
+    avoids that.
     """
     step_ns = 1e9 / machine.settings.align.rate_hz
     found: list[ReducedRegressor] = []
@@ -189,10 +189,10 @@ def find_rate_limited_regressors(
 def reduce_to_slowest_channel(
     series: Mapping[str, ChannelSeries], each: ReducedRegressor
 ) -> dict[str, ChannelSeries]:
-    """Take a regressor's channels at the stamps of the slowest, where all of them are known.
+    """Take all channels of a regressor at the stamps of its slowest channel.
 
-    There they are means over one span, alike: single samples of a fast channel would let its
-    vibration in. A difference over two steps is such a mean already.
+    All are means over the same span, since single samples of a fast channel would contain its
+    vibration. A difference over two steps is such a mean already.
     """
     slowest = series[each.slowest]
     at_ns = slowest.t_ns
@@ -218,7 +218,7 @@ def reduce_to_slowest_channel(
 
 
 def _average_curved_signal(series: ChannelSeries, at_ns: Ints, span_ns: int) -> Floats:
-    """The mean over a span about each instant, (rows,), of a signal that curves between samples.
+    """Mean (rows,) over a span about each instant of a signal that curves between samples.
 
     With the curvature x'', the line through samples lies T²/12 x'' too high on average, and the
     middle lies span²/24 x'' below the mean: this mixture of both is right (of three samples over a

@@ -1,4 +1,4 @@
-"""The value of a signal between its samples: on the line between two neighbours, never over a gap.
+"""Linear interpolation and averages of signals between samples, never across a gap.
 
 Stamps are integer nanoseconds throughout: a float holds unix time to a quarter of a microsecond.
 """
@@ -10,16 +10,16 @@ from estimators.interpreted import compiled_ahead
 
 
 def interpolate_in_stretches(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> Floats:
-    """Read the line through the samples (rows,); the sample itself at its stamp.
+    """Interpolate linearly between samples, except across gaps.
 
     Args:
         t_ns: (n,) stamps, strictly ascending.
         x: (n,) samples.
         at_ns: (rows,) instants, ascending.
-        longest_ns: neighbours further apart have nothing between them.
+        longest_ns: longest step that is not a gap.
 
     Returns:
-        (rows,), NaN between such neighbours, before the first sample and after the last.
+        (rows,) values, NaN in gaps, before the first sample and after the last.
     """
     out = np.full(at_ns.size, np.nan)
     _fill_interpolated(t_ns, np.ascontiguousarray(x), at_ns, int(longest_ns), out)
@@ -29,17 +29,17 @@ def interpolate_in_stretches(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: flo
 def average_about_instants(
     t_ns: Ints, x: Floats, at_ns: Ints, width_ns: int, longest_ns: float
 ) -> Floats:
-    """Average the line through the samples over a width about each instant, by its exact integral.
+    """Average the linear interpolation over a width about each instant, exactly integrated.
 
-    Beside a gap, the first sample and the last, the width shrinks on both sides alike, so that
-    nothing is delayed. A value is known where `interpolate_in_stretches` knows it.
+    Near a gap, the first and the last sample the width shrinks on both sides equally, so that
+    nothing is delayed. Values are known where `interpolate_in_stretches` knows them.
 
     Args:
         t_ns: (n,) stamps, strictly ascending.
         x: (n,) samples.
         at_ns: (rows,) instants, ascending.
-        width_ns: averaged over, half of it on either side.
-        longest_ns: neighbours further apart have nothing between them.
+        width_ns: averaging width, half of it on either side.
+        longest_ns: longest step that is not a gap.
     """
     out = np.full(at_ns.size, np.nan)
     _fill_averages(t_ns, np.ascontiguousarray(x), at_ns, width_ns // 2, int(longest_ns), out)

@@ -1,7 +1,7 @@
-"""Which stamp places a sample in time: the header's where there is any, else the log's.
+"""Choice of the stamps that place samples in time: header stamps if usable, otherwise log time.
 
-Header stamps that scatter where log time is even were given late: log time places such samples,
-less its median delay, so that they stay in the header's clock.
+Header stamps that scatter while log time is regular were assigned late. Such samples are placed by
+log time less its median delay, which keeps them in the header's clock.
 """
 
 from collections.abc import Mapping
@@ -28,14 +28,14 @@ _FEWEST = 100
 def assign_timestamps(
     raw: Mapping[str, pl.DataFrame],
 ) -> tuple[dict[str, pl.DataFrame], dict[str, str], list[Loss]]:
-    """Give every sample its `unix_ns` and sort by it.
+    """Assign `unix_ns` to every sample and sort by it.
 
     Args:
-        raw: by topic: log_time_ns, header_stamp_ns and fields.
+        raw: frames by topic with log_time_ns, header_stamp_ns and fields.
 
     Returns:
-        By topic: unix_ns and the fields, ascending. By topic: "header", "log" or "table".
-        And what was dropped or doubtful.
+        Frames by topic with unix_ns (ascending) and the fields; clock by topic ("header", "log" or
+        "table"); and losses of dropped or doubtful samples.
     """
     losses: list[Loss] = []
     headers = {topic: is_header_usable(topic, frame, losses) for topic, frame in raw.items()}
@@ -106,13 +106,13 @@ def assign_timestamps(
 
 
 def stamp_scatter(frame: pl.DataFrame) -> tuple[float, float] | None:
-    """Scatter of the steps of header stamps and of log time, over their period.
+    """Scatter of the steps of header stamps and of log time, relative to their period.
 
     Args:
-        frame: log_time_ns and header_stamp_ns of a topic, in its order.
+        frame: log_time_ns and header_stamp_ns of a topic, in recorded order.
 
     Returns:
-        None where header stamps are even enough, or log time is hardly more so.
+        None if header stamps are regular enough, or log time is hardly more regular.
     """
     both = frame.select("log_time_ns", "header_stamp_ns").drop_nulls()
     if both.height < _FEWEST:
@@ -133,7 +133,7 @@ def stamp_scatter(frame: pl.DataFrame) -> tuple[float, float] | None:
 
 
 def is_header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:
-    """Whether nearly every header stamp is set and they do not jump back by a second."""
+    """Whether nearly all header stamps are set and none jumps back by a second."""
     stamps = frame["header_stamp_ns"].drop_nulls()
     stamps = stamps.filter(stamps != 0)
     if frame.height == 0 or stamps.len() < _MOSTLY * frame.height:
@@ -162,6 +162,6 @@ def is_header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> boo
 
 
 def median_log_delay_ns(frame: pl.DataFrame) -> float:
-    """The median of log time less header stamp."""
+    """Median of log time less header stamp."""
     behind = (frame["log_time_ns"] - frame["header_stamp_ns"]).median()
     return float(behind) if isinstance(behind, int | float) else 0.0

@@ -1,4 +1,4 @@
-"""The container of a ROS 1 bag (version 2.0): by its index where it is whole, else from start."""
+"""Container of a ROS 1 bag (version 2.0), read by its index or, if damaged, from the start."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ _KNOWN: Final = {
 
 
 class BagFile(BlockFile):
-    """A ROS 1 bag. One without an index (the recorder crashed) is surveyed at opening."""
+    """A ROS 1 bag. A bag without an index (the recorder crashed) is scanned when opened."""
 
     def _open(self) -> tuple[Connection, ...]:
         path = self._file.path
@@ -53,8 +53,8 @@ class BagFile(BlockFile):
         if not head.endswith(VERSION):
             version = head.removeprefix(MAGIC).split(b"\n")[0].decode(errors="replace")
             raise LogError(
-                f"{path}: a bag of version {version}, only 2.0 can be read; "
-                f"'rosbag fix {path.name}' brings it to 2.0"
+                f"{path}: is a bag of version {version}, but only 2.0 can be read; convert it with "
+                f"'rosbag fix {path.name}'"
             )
         self._connections: dict[int, Connection] = {}
         self._connections_at: dict[int, int] = {}
@@ -73,7 +73,7 @@ class BagFile(BlockFile):
         return GRAMMAR
 
     def check(self) -> int:
-        """Go through the file from start to end; a bag has no CRCs."""
+        """Read the file from start to end; a bag has no CRCs."""
         walk = BagWalk(self._second_store(), len(MAGIC + VERSION), self._describe)
         self._compare(walk.chunks(), walk.store)
         return self._store.crcs
@@ -110,7 +110,7 @@ class BagFile(BlockFile):
             self._store.survey(unknown)
 
     def _walk(self, begin: int, header: BagRecord | None) -> None:
-        """Go through the file, from start to end."""
+        """Read the file from start to end."""
         damage = self._store.damage
         walk = BagWalk(self._store, begin, self._describe)
         self._store.survey(walk.chunks())
@@ -124,7 +124,7 @@ class BagFile(BlockFile):
         )
 
     def _describe(self, op: int, content: bytes, at: int) -> None:
-        """A record of a connection, header and data."""
+        """Process a connection record from its header and data."""
         del op
         size = int.from_bytes(content[:4], "little")
         self._note_connection(parse_fields(content[4 : 4 + size]) or {}, content[8 + size :], at)
@@ -139,7 +139,7 @@ class BagFile(BlockFile):
 
 
 def make_connection(fields: dict[bytes, bytes], data: bytes) -> Connection | None:
-    """The connection of a record: the fields of its header, and its data; None if damaged."""
+    """Connection from a record's header fields and data; None if damaged."""
     inner = parse_fields(data) or {}
     key, topic = fields.get(b"conn", b""), fields.get(b"topic", inner.get(b"topic", b""))
     if len(key) != 4 or b"type" not in inner:
@@ -156,7 +156,7 @@ def make_connection(fields: dict[bytes, bytes], data: bytes) -> Connection | Non
 
 @dataclass(slots=True)
 class BagWalk:
-    """Tells of connections that stand outside chunks, and yields the chunks."""
+    """Reports connections outside chunks, and yields the chunks."""
 
     store: BlockStore
     #: where the last whole record ends
@@ -164,7 +164,7 @@ class BagWalk:
     describe: Describe
 
     def chunks(self) -> Iterator[Block]:
-        """Every chunk, the one that the end of the file tears among them."""
+        """Every chunk, including one cut off by the end of the file."""
         file = self.store.file
         stretches = LooseRecords(self.store)
         at = self.whole

@@ -1,4 +1,4 @@
-"""Find the records of a ROS 1 bag in bytes, compiled: a record costs a few nanoseconds."""
+"""Compiled search for the records of a ROS 1 bag in bytes."""
 
 from typing import Final
 
@@ -24,9 +24,9 @@ _3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
 def _parse_record(
     data: NDArray[np.uint8], at: int, end: int, longest: int
 ) -> tuple[int, int, int, int, int]:
-    """Op, connection and time of the record at `at`, where its data begins, and where it ends.
+    """Op, connection, time, begin of the data and end of the record at `at`.
 
-    The op is -1 where there is none; of the rest what a record does not have.
+    The op is -1 if there is no record.
     """
     none = (-1, -1, -1, 0, 0)
     size = load32(data, at)
@@ -57,9 +57,9 @@ def _parse_record(
 def _scan_records(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
-    """Rows of messages and connections; see `records.Scan`.
+    """Find the rows of messages and connections; see `slabs.Grammar`.
 
-    It stops at a record that is not whole, and at one that only stands outside chunks.
+    It stops at an incomplete record, and at a record that only occurs outside chunks.
     """
     found = 0
     at = begin

@@ -28,7 +28,7 @@ _COUNT: Final = np.dtype([("connection", "<u4"), ("messages", "<u4")])
 
 @dataclass(frozen=True, slots=True)
 class BagIndex:
-    """Index behind a bag's chunks."""
+    """Index at the end of a bag."""
 
     #: the records of connections: header and data
     connections: tuple[tuple[BagRecord, bytes], ...]
@@ -37,7 +37,7 @@ class BagIndex:
 
 
 def read_index(file: FileBytes, offset: int, connections: int, chunks: int) -> BagIndex | None:
-    """The index at `offset`; None where it is not whole."""
+    """Index at `offset`; None if it is incomplete."""
     described: list[tuple[BagRecord, bytes]] = []
     counts: dict[int, dict[int, int]] = {}
     at = offset
@@ -61,10 +61,10 @@ def read_index(file: FileBytes, offset: int, connections: int, chunks: int) -> B
 
 
 def chunk_block(file: FileBytes, offset: int, record: BagRecord | None) -> Block | None:
-    """The chunk whose record begins at `offset`, None where there is none.
+    """Chunk whose record begins at `offset`; None if there is none.
 
-    One that reaches beyond the end of the file is torn. So is one that says it is empty at the end
-    of a file that goes on: the recorder writes the size when the chunk is full.
+    A chunk that extends beyond the end of the file is torn. So is a chunk of size 0 in a longer
+    file, since the recorder writes the size when the chunk is full.
     """
     if record is None or record.op != CHUNK:
         return None
@@ -88,7 +88,7 @@ def chunk_block(file: FileBytes, offset: int, record: BagRecord | None) -> Block
 def read_indexed_times(
     file: FileBytes, block: Block, counts: dict[int, int]
 ) -> dict[int, NDArray[np.int64]] | None:
-    """Log times in ns by connection, from the records behind a chunk; None unless all are there."""
+    """Log times in ns by connection, from the index records after a chunk; None if incomplete."""
     times: dict[int, NDArray[np.int64]] = {}
     at = block.offset + block.stored_bytes
     expected = _ENTRY.itemsize * sum(counts.values()) + _HEADER_BYTES * (len(counts) + 1)

@@ -27,7 +27,7 @@ LONGEST_HEADER: Final = 65_536
 
 
 class BagRecord(NamedTuple):
-    """A record's header, and where its data is."""
+    """Header of a record, and position of its data."""
 
     fields: dict[bytes, bytes]
     data_offset: int
@@ -35,26 +35,26 @@ class BagRecord(NamedTuple):
 
     @property
     def op(self) -> int:
-        """The operation code; -1 where the header has none."""
+        """Operation code; -1 if the header has none."""
         value = self.fields.get(b"op", b"")
         return value[0] if len(value) == 1 else -1
 
     def unsigned_field(self, name: bytes) -> int:
-        """A field that is an unsigned integer, of 8 bytes at most.
+        """Value of an unsigned integer field of at most 8 bytes.
 
         Raises:
-            KeyError: there is none.
+            KeyError: the header lacks the field.
         """
         return int.from_bytes(self.fields[name][:8], "little")
 
     @property
     def end(self) -> int:
-        """Where the next record begins."""
+        """Offset of the next record."""
         return self.data_offset + self.data_bytes
 
 
 def parse_fields(header: bytes) -> dict[bytes, bytes] | None:
-    """The fields of a header; None where it is none."""
+    """Fields of a header; None if it is invalid."""
     fields: dict[bytes, bytes] = {}
     at = 0
     while at < len(header):
@@ -70,7 +70,7 @@ def parse_fields(header: bytes) -> dict[bytes, bytes] | None:
 
 
 def read_record(file: FileBytes | ReadBuffer, offset: int) -> BagRecord | None:
-    """The record at `offset`; None where there is none. Its data may reach beyond the file."""
+    """Record at `offset`; None if there is none. Its data may extend beyond the file."""
     head = file.read(offset, 256)
     if len(head) < 4:
         return None

@@ -20,9 +20,9 @@ _HEAD = MAGIC + VERSION
 
 
 class BagTail(BlockTail):
-    """A bag that grows; the place of its index, written at the end, finishes it.
+    """A growing bag; it is finished when its index position is written.
 
-    A chunk whose size is not written yet is open: rosbag fills it in when the chunk is full.
+    A chunk without a size is open: rosbag writes the size when the chunk is full.
     """
 
     @staticmethod
@@ -68,7 +68,7 @@ class BagTail(BlockTail):
         return None
 
     def _index_position(self) -> int:
-        """Where the index begins; 0 while the recorder has not written it."""
+        """Offset of the index; 0 until the recorder has written it."""
         header = read_record(self._file, len(_HEAD))
         if header is None or header.op != BAG_HEADER or b"index_pos" not in header.fields:
             return 0

@@ -1,4 +1,4 @@
-"""Files that keep records in blocks, mostly compressed chunks: what ROS 1 bags and MCAP share."""
+"""Code shared by bags and MCAP: files that store records in blocks, mostly compressed chunks."""
 
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.block_file import BlockFile

@@ -1,4 +1,4 @@
-"""A block: a stretch of a file that holds whole records, mostly a compressed chunk."""
+"""A block: part of a file with complete records, mostly a compressed chunk."""
 
 import zlib
 from collections.abc import Mapping
@@ -24,12 +24,12 @@ _NO_COUNTS: Final[dict[int, int]] = {}
 
 
 class DamagedBlockError(Exception):
-    """Why a block cannot be used, in a few words."""
+    """A block cannot be used; the text gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Where records are stored, and what an index or a survey says of them."""
+    """Position of stored records, and what an index or a scan says about them."""
 
     #: what a person finds it by: where its record begins
     record_offset: int
@@ -51,7 +51,7 @@ class Block:
 
     @property
     def room(self) -> int:
-        """Bytes that it may take unpacked."""
+        """Upper bound of its unpacked size in bytes."""
         if not self.compression:
             return self.stored_bytes
         if not self.is_torn:
@@ -61,15 +61,15 @@ class Block:
 
 
 def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
-    """Unpack a block into `target` (block.room,), and say how many bytes came out.
+    """Unpack a block into `target` (block.room,), and return the number of bytes.
 
     Raises:
-        DamagedBlockError: it is too large to be believed, cannot be unpacked, has another size
-            than it declares, or its CRC is wrong.
+        DamagedBlockError: it is implausibly large, cannot be unpacked, has another size than it
+            declares, or its CRC is wrong.
     """
     if block.room > LARGEST_BYTES:
         raise DamagedBlockError(
-            f"it declares {block.room:,} bytes, more than the {LARGEST_BYTES:,} believed"
+            f"it declares {block.room:,} bytes, more than the limit of {LARGEST_BYTES:,}"
         )
     if block.room > max(_ANY_BYTES, _MOST_GROWTH * block.stored_bytes):
         raise DamagedBlockError(
@@ -78,7 +78,7 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
     if not block.compression:
         done = file.read_into(block.offset, target)
     elif block.compression not in ("zstd", "lz4", "bz2"):
-        raise DamagedBlockError(f"its compression '{block.compression}' is none of zstd, lz4, bz2")
+        raise DamagedBlockError(f"its compression '{block.compression}' is not zstd, lz4 or bz2")
     else:
         done = _decompress(block, file, target)
     if block.is_torn:
@@ -91,7 +91,7 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
 
 
 def _zstd_frames(block: Block, file: FileBytes) -> memoryview:
-    """What is stored of a block; behind it, unless it is torn, a frame that shows its end."""
+    """Stored bytes of a block, followed by an end frame unless the block is torn."""
     room = max(0, min(block.stored_bytes, file.size - block.offset))
     stored = np.empty(room + len(_NOTHING), np.uint8)
     done = file.read_into(block.offset, stored[:room])

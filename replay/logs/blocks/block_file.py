@@ -1,4 +1,4 @@
-"""What containers share that are one file of blocks: ROS 1 bags and MCAP files."""
+"""Common code of containers in one file of blocks: ROS 1 bags and MCAP files."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -11,11 +11,11 @@ from analysis.model.loss import Loss
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.block_messages import BlockStore
 from replay.logs.blocks.slabs import Grammar
-from replay.logs.storage import Connection, FileBytes, Group
+from replay.logs.storage import BatchGroup, Connection, FileBytes
 
 
 class BlockFile(ABC):
-    """A container over a store of blocks, which its format finds."""
+    """A container over a store of blocks, which the format's subclass fills."""
 
     def __init__(self, path: Path) -> None:
         self.files: tuple[Path, ...] = (path,)
@@ -31,32 +31,32 @@ class BlockFile(ABC):
 
     @abstractmethod
     def _open(self) -> tuple[Connection, ...]:
-        """Fill the store, by an index or by going through the file.
+        """Fill the store from an index, or by scanning the file.
 
         Raises:
-            LogError: the file is not what its suffix says.
+            LogError: the file's content does not match its suffix.
         """
 
     @staticmethod
     @abstractmethod
     def _grammar() -> Grammar:
-        """How its records are found in bytes."""
+        """Grammar that finds its records in bytes."""
 
     @abstractmethod
     def _describe(self, op: int, content: bytes, at: int) -> None:
-        """Take a record that is no message; see `block_store.Describe`."""
+        """Process a record other than a message; see `block_messages.Describe`."""
 
     def _new_store(self) -> BlockStore:
         return BlockStore(self._file, self._grammar, self._describe)
 
     def _second_store(self) -> BlockStore:
-        """For another way through the file, whose damage is noted where the first one's is."""
+        """Store for a second pass over the file, with shared damage notes."""
         store = self._new_store()
         store.damage = self._store.damage
         return store
 
     def _compare(self, chunks: Iterable[Block], outside: BlockStore) -> None:
-        """Say which chunks, and which messages outside them, the first way did not come upon."""
+        """Note the chunks and unchunked messages that the first pass missed."""
         found = [chunk.record_offset for chunk in chunks]
         self._store.compare([*found, *outside.offsets])
 
@@ -66,21 +66,21 @@ class BlockFile(ABC):
         return self._store.damage.losses(self._topics)
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
-        """The log times of a connection, from the index or from the survey at opening."""
+        """Log times of a connection, from the index or from the scan at opening."""
         return self._store.log_times(connection_id)
 
     def message_count(self, connection_id: int) -> int:
-        """How many log times a connection has."""
+        """Number of log times of a connection."""
         return self._store.message_count_of(connection_id)
 
-    def groups(
+    def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[Group]:
-        """Messages in file order; a damaged chunk costs that chunk."""
-        return self._store.groups(connection_ids, start_ns, end_ns)
+    ) -> Iterator[BatchGroup]:
+        """Messages in file order; a damaged chunk is skipped."""
+        return self._store.read_message_groups(connection_ids, start_ns, end_ns)
 
     def earliest_ns(self) -> int:
-        """The earliest log time by the index."""
+        """Earliest log time by the index."""
         return self._store.earliest_ns
 
     @abstractmethod

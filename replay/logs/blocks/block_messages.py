@@ -1,4 +1,4 @@
-"""The messages of a file that keeps them in blocks: whose they are, when, and their bytes."""
+"""Messages of a file of blocks: connection, log time and bytes of each."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.lost_blocks import BlockDamage
 from replay.logs.blocks.slabs import Grammar, Slab, read_slabs
-from replay.logs.storage import END_NS, KEY, TIME, FileBytes, Group, group_by_key, make_empty_times
+from replay.logs.storage import (
+    END_NS,
+    KEY,
+    TIME,
+    BatchGroup,
+    FileBytes,
+    group_by_key,
+    make_empty_times,
+)
 
 if TYPE_CHECKING:
     from replay.logs.blocks.select_messages import ChunkStats
@@ -38,12 +46,12 @@ class BlockStore:
         load_grammar: Callable[[], Grammar],
         describe: Describe,
     ) -> None:
-        """Begin without blocks.
+        """Create an empty store.
 
         Args:
-            file: that holds them.
-            load_grammar: of its records; compiled code, which an index makes unnecessary.
-            describe: is told of each record that is no message.
+            file: file that contains the blocks.
+            load_grammar: loads the grammar of its records; compiled code, not needed with an index.
+            describe: called with each record that is not a message.
         """
         self.file = file
         self.damage = BlockDamage(file.path.name)
@@ -62,48 +70,48 @@ class BlockStore:
 
     @cached_property
     def grammar(self) -> Grammar:
-        """How records are found in bytes."""
+        """Grammar that finds records in bytes."""
         return self._load_grammar()
 
     @property
     def message_count(self) -> int:
-        """Messages in all blocks."""
+        """Number of messages in all blocks."""
         return self._counts.total()
 
     @property
     def torn_messages(self) -> int:
-        """Messages in the block that the end of the file tears."""
+        """Number of messages in the block cut off by the end of the file."""
         return sum(sum(block.counts.values()) for block in self._blocks if block.is_torn)
 
     @property
     def crcs(self) -> int:
-        """CRCs that were compared so far and agree."""
+        """Number of CRCs that were compared and agree."""
         return len(self._sealed)
 
     @property
     def last_ns(self) -> int | None:
-        """The latest log time, None without messages."""
+        """Latest log time; None without messages."""
         return max((b.last_ns for b in self._blocks if b.counts), default=None)
 
     @property
     def earliest_ns(self) -> int:
-        """A log time that no message precedes."""
+        """Lower bound of all log times."""
         return min((b.first_ns for b in self._blocks if b.counts), default=END_NS)
 
     @property
     def offsets(self) -> Iterator[int]:
-        """Where the blocks begin that hold messages."""
+        """Offsets of the blocks that contain messages."""
         return (block.record_offset for block in self._blocks if block.counts)
 
     def compare(self, offsets: Iterable[int]) -> None:
-        """Say which blocks, by where they begin, are in the file and not here."""
+        """Note the blocks at these offsets that the store lacks."""
         known = {block.record_offset for block in self._blocks}
         for offset in offsets:
             if offset not in known and not self.damage.is_lost(offset):
                 self.damage.note(f"the index omits the records at byte {offset}: not read")
 
     def add(self, block: Block, times: Mapping[int, NDArray[np.int64]]) -> None:
-        """Add a block whose messages are known: their log times (as 64 bits) by connection."""
+        """Add a block with the log times (64 bits) of its messages, by connection."""
         described, usable = describe_block(block, times)
         self._blocks.append(described)
         self._counts.update(described.counts)
@@ -112,7 +120,7 @@ class BlockStore:
             self._times.setdefault(key, []).append(values)
 
     def add_indexed(self, block: Block, read_times: ReadTimes) -> None:
-        """Add a block whose counts and span of log times are known, but not each time."""
+        """Add a block with known counts and time span, but unknown single times."""
         self._blocks.append(block)
         self._counts.update(block.counts)
         self._unread.append((block, read_times))
@@ -120,12 +128,12 @@ class BlockStore:
     def note_lost_block(
         self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str
     ) -> None:
-        """Note that a block, whose messages are known, cannot be read."""
+        """Note that a block with known messages cannot be read."""
         described, _ = describe_block(block, times)
         self.damage.note_lost_block(described, why)
 
     def survey(self, blocks: Iterable[Block]) -> None:
-        """Add blocks that no index describes: they are unpacked to see what they hold."""
+        """Add blocks without an index, which are unpacked to find their messages."""
         for slab in read_slabs(self.file, blocks, self.grammar):
             for block, why in slab.damaged:
                 self.damage.note_lost_block(block, why)
@@ -135,17 +143,17 @@ class BlockStore:
                 self._seal_block(block)
 
     def add_rows(self, block: Block, data: NDArray[np.uint8], rows: NDArray[np.int64]) -> None:
-        """Add a block with the rows that scanning it gave."""
+        """Add a block with the rows found by scanning it."""
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
             content = data[offset : offset + length].tobytes()
             self._describe(-1 - key, content, block.record_offset)
         self.add(block, {key: rows[TIME, at] for key, at in group_by_key(rows[KEY])})
 
     def finish(self, topics: Mapping[int, str]) -> None:
-        """Once all blocks are there: put them in file order, say which messages are unusable.
+        """Sort the blocks by file order after all were added, and note unusable messages.
 
         Args:
-            topics: of each connection that is described.
+            topics: topic of each described connection.
         """
         self._topics = topics
         self._blocks.sort(key=lambda block: block.record_offset)
@@ -165,11 +173,11 @@ class BlockStore:
         return np.concatenate([make_empty_times(), *self._times.get(connection_id, [])])
 
     def message_count_of(self, connection_id: int) -> int:
-        """How many log times a connection has."""
+        """Number of log times of a connection."""
         return self._counts[connection_id] - self._late.get(connection_id, 0)
 
     def _read_indexed_times(self) -> None:
-        """Read the log times of indexed blocks; unpack those whose index does not give them."""
+        """Read the log times of indexed blocks; unpack those with an incomplete index."""
         with self._reading:
             found: dict[int, list[NDArray[np.int64]]] = {}
             unknown: list[Block] = []
@@ -190,10 +198,10 @@ class BlockStore:
                 self._times.setdefault(key, []).extend(parts)
             self._unread = []
 
-    def groups(
+    def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[Group]:
-        """See `Container.groups`."""
+    ) -> Iterator[BatchGroup]:
+        """See `Container.read_message_groups`."""
         # compiled code, which describing a log does not wait for
         from replay.logs.blocks.select_messages import select_messages_of_connections
 
@@ -215,7 +223,7 @@ class BlockStore:
             self._judge_slab(slab)
             done += len(slab.parts) + len(slab.damaged)
             found = list(select_messages_of_connections(slab.data, slab.rows, chosen, first, last))
-            yield Group(found, int(floors[done]))
+            yield BatchGroup(found, int(floors[done]))
 
     def _judge_slab(self, slab: Slab) -> None:
         for block, why in slab.damaged:
@@ -247,7 +255,7 @@ class BlockStore:
                 )
 
     def _judge_times(self, block: Block, held: "ChunkStats") -> None:
-        """Between two times, a block is read only if what is said of it lies between them too."""
+        """Note a block with messages outside its indexed times, which time ranges would miss."""
         # some may be known to be beyond the year 2262
         unknown = held.late > 0 and not any(self._late.values())
         in_time = held.first_ns <= held.last_ns
@@ -274,9 +282,9 @@ class BlockStore:
 def describe_block(
     block: Block, times: Mapping[int, NDArray[np.int64]]
 ) -> tuple[Block, Mapping[int, NDArray[np.int64]]]:
-    """A block with what it holds, and the log times of its messages that can be used.
+    """The block with its counts and time span, and the usable log times.
 
-    Those beyond the year 2262 cannot; their 64 bits are a negative number here.
+    Times beyond the year 2262 are unusable; their 64 bits are negative here.
     """
     everything = np.concatenate([make_empty_times(), *times.values()])
     counts = _count_times_by_connection(times)
@@ -289,7 +297,7 @@ def describe_block(
 
 
 def _are_times_of(block: Block, times: Mapping[int, NDArray[np.int64]]) -> bool:
-    """Whether an index counts as many messages as its block, all of them in its span."""
+    """Whether an index has as many messages as its block, all within its time span."""
     whole = np.concatenate([make_empty_times(), *times.values()])
     in_span = block.first_ns <= whole.min() and whole.max() <= block.last_ns if whole.size else True
     return bool(in_span) and _count_times_by_connection(times) == block.counts

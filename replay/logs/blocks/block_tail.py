@@ -1,4 +1,4 @@
-"""What the tails of bags and MCAP files share: blocks and loose records that become whole."""
+"""Common code of growing bags and MCAP files: blocks and loose records that are complete."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ _POLL_BYTES: Final = 16 * 2**20
 
 
 class BlockTail(ABC):
-    """A growing file of blocks, read up to where its last whole record ends."""
+    """A growing file of blocks, read up to its last complete record."""
 
     def __init__(self, path: Path) -> None:
         self.connections: dict[int, Connection] = {}
@@ -46,15 +46,15 @@ class BlockTail(ABC):
     @staticmethod
     @abstractmethod
     def _grammar() -> Grammar:
-        """How its records are found in bytes."""
+        """Grammar that finds its records in bytes."""
 
     @abstractmethod
     def _describe(self, op: int, content: bytes) -> None:
-        """Take a record that is no message."""
+        """Process a record other than a message."""
 
     @abstractmethod
     def _take_next_record(self) -> list[RawBatch] | None:
-        """Take what begins at `_at` and move on; None where it is not whole."""
+        """Process the record at `_at` and advance; None if it is incomplete."""
 
     @property
     def losses(self) -> Sequence[Loss]:
@@ -86,7 +86,7 @@ class BlockTail(ABC):
         self._file.close()
 
     def _take_block(self, block: Block) -> list[RawBatch]:
-        """The messages of a chunk that is whole; a damaged one is a loss."""
+        """Messages of a complete chunk; a damaged one is a loss."""
         try:
             if block.room > LARGEST_BYTES:
                 raise DamagedBlockError(f"it declares {block.room:,} bytes")
@@ -100,14 +100,14 @@ class BlockTail(ABC):
         return batches
 
     def _take_unchunked_messages(self, record_bytes: int) -> list[RawBatch]:
-        """Messages that stand outside chunks, from `_at` on; the first of them is whole."""
+        """Messages outside chunks, from `_at` on, where the first one is complete."""
         data = self._file.read_array(self._at, max(record_bytes, _LOOSE_BYTES))
         batches, whole = self._take_records(data)
         self._at += max(whole, record_bytes)
         return batches
 
     def _take_records(self, data: NDArray[np.uint8]) -> tuple[list[RawBatch], int]:
-        """The messages in some bytes (n,), and where the first record begins that is not whole."""
+        """Messages in some bytes (n,), and offset of the first incomplete record."""
         grammar = self._grammar()
         _, whole = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         index = SlabIndex(grammar, data, 0)

@@ -1,4 +1,4 @@
-"""Records outside chunks, or in a chunk whose beginning is damaged; and where records resume."""
+"""Records outside chunks or in chunks with a damaged begin, and resynchronisation."""
 
 from typing import Final
 
@@ -22,11 +22,11 @@ class LooseRecords:
         self._window = _SMALLEST_WINDOW
 
     def add(self, at: int, record_bytes: int) -> int:
-        """Add records from `at` on, and say where they end: at a chunk, or what is none.
+        """Add records from `at` on; returns their end, at a chunk or at invalid bytes.
 
         Args:
-            at: where the first record begins.
-            record_bytes: what that record says it has.
+            at: offset of the first record.
+            record_bytes: declared size of that record.
         """
         size = max(self._window, min(record_bytes, LARGEST_BYTES))
         data = np.frombuffer(self._store.file.read(at, size), np.uint8)
@@ -47,7 +47,7 @@ _LONGEST: Final = 8 * 2**20
 
 
 def resync(file: FileBytes, damaged: int, find: Find) -> int | None:
-    """Resynchronise: find the offset behind damage at which records go on, None where none do."""
+    """Offset after damage at which records continue; None if there is none."""
     at, size = damaged + 1, _SHORTEST
     while at < file.size:
         data = np.frombuffer(file.read(at, size), np.uint8)

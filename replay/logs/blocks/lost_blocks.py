@@ -1,4 +1,4 @@
-"""Lost blocks of a file, and gaps between them."""
+"""Damaged blocks of a file, and the gaps between blocks."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
@@ -11,7 +11,7 @@ _MOST_SINGLE: Final = 20
 
 
 class BlockDamage(Damage):
-    """The blocks that cannot be used and the gaps without records, beside all else."""
+    """Damaged blocks, gaps without records, and other damage."""
 
     def __init__(self, source: str) -> None:
         super().__init__(source)
@@ -25,16 +25,16 @@ class BlockDamage(Damage):
         self._blocks[block.record_offset] = (block, why)
 
     def note_unreadable_bytes(self, start: int, end: int) -> None:
-        """Note that between two offsets nothing can be read."""
+        """Note that nothing can be read between two offsets."""
         self._gaps[start] = end
 
     def is_lost(self, offset: int) -> bool:
-        """Whether the block that begins there is not used."""
+        """Whether the block at this offset is damaged and left out."""
         return offset in self._blocks
 
     @property
     def lost_messages(self) -> int | None:
-        """How many messages the blocks held that are not used, None where one does not tell."""
+        """Number of messages in the unused blocks; None if one is unknown."""
         counts = [sum(block.counts.values()) for block, _ in self._blocks.values()]
         return sum(counts) if all(counts) else None
 
@@ -72,21 +72,21 @@ class BlockDamage(Damage):
 
 
 def format_log_time(log_time_ns: int) -> str:
-    """A log time as `info` writes the start of a log; to the ns, since it may be looked for."""
+    """Log time in the format of `info`, to the ns so that it can be searched for."""
     return f"{log_time_ns // 10**9}.{log_time_ns % 10**9:09} s"
 
 
 def describe_end_of_reading(last_ns: int | None) -> str:
-    """Up to where everything is read, as a part of a sentence."""
+    """Clause that says up to which time everything was read."""
     return "" if last_ns is None else f", the last at log time {format_log_time(last_ns)}"
 
 
 def torn_end(size: int, messages: int) -> str:
-    """Describe the bytes behind the last whole record, as part of a sentence.
+    """Clause that describes the bytes after the last complete record.
 
     Args:
-        size: its bytes.
-        messages: that were read of a torn chunk there.
+        size: number of bytes.
+        messages: number of messages read from a torn chunk there.
     """
     if messages:
         return (
@@ -96,7 +96,7 @@ def torn_end(size: int, messages: int) -> str:
 
 
 def content_text(blocks: list[Block], topics: Mapping[int, str]) -> str:
-    """Contents of damaged blocks, as far as an index tells."""
+    """Contents of damaged blocks, as far as an index gives them."""
     counts: dict[str, int] = {}
     for block in blocks:
         for key, count in block.counts.items():

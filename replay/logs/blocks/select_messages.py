@@ -1,4 +1,4 @@
-"""Select messages of a slab by connection and log time, and count what its chunks hold."""
+"""Select messages of a slab by connection and log time, and count the contents of chunks."""
 
 from collections.abc import Iterator
 from typing import Final, NamedTuple
@@ -19,14 +19,14 @@ _INT64_MAX: Final = 2**63 - 1
 def select_messages_of_connections(
     data: NDArray[np.uint8], rows: Ints, wanted: Ints, first: int, last: int
 ) -> Iterator[RawBatch]:
-    """Select messages of a slab: a batch for each connection that has some, in their order.
+    """Select messages of a slab, as one batch per connection with messages.
 
     Args:
-        data: (bytes,) of the slab.
-        rows: (4, n) its records.
-        wanted: (connections,) ascending.
-        first: the first log time, in ns.
-        last: the last.
+        data: (bytes,) bytes of the slab.
+        rows: (4, n) records of the slab.
+        wanted: (connections,) requested connections, ascending.
+        first: first log time in ns.
+        last: last log time in ns.
     """
     ends = np.zeros(wanted.size, np.int64)
     found = np.empty((3, rows.shape[1]), np.int64)
@@ -43,16 +43,16 @@ def select_messages_of_connections(
 def _append_wanted_messages(
     rows: Ints, owners: Ints, first: int, last: int, ends: Ints, found: Ints
 ) -> None:
-    """Put offset, length and time of each wanted message behind those of its connection.
+    """Store offset, length and time of each requested message, grouped by connection.
 
     Args:
         rows: (4, n) records.
         owners: (n,) index of the requested connection of each message, or -1 if not requested;
             out: -1 also for messages outside the interval.
-        first: the first log time.
-        last: the last.
-        ends: (connections,) in: zeros; out: where the messages of each end in `found`.
-        found: (3, n) out.
+        first: first log time.
+        last: last log time.
+        ends: (connections,) in: zeros; out: end of each connection's messages in `found`.
+        found: (3, n) output.
     """
     for row in range(rows.shape[1]):
         if not first <= rows[TIME, row] <= last:
@@ -75,7 +75,7 @@ def _append_wanted_messages(
 
 
 def key_index(found: Ints, keys: Ints) -> Ints:
-    """Index each of `found` (n,) in `keys`, which ascend; -1 for one that is not among them."""
+    """Index of each of `found` (n,) in the ascending `keys`; -1 if absent."""
     places = np.empty(found.size, np.int64)
     _search(found, keys, places)
     return places
@@ -114,7 +114,7 @@ class ChunkStats(NamedTuple):
 
 
 def chunk_stats(slab: Slab, keys: Ints) -> list[ChunkStats]:
-    """Count what each of `slab.parts` holds; `keys` (connections,) ascend."""
+    """Count the contents of each of `slab.parts`; `keys` (connections,) are ascending."""
     bounds = np.array([part[1:3] for part in slab.parts], np.int64).reshape(-1, 2)
     counts = np.zeros((len(bounds), keys.size + 1), np.int64)
     spans = np.tile(np.array([_INT64_MAX, -1, 0]), (len(bounds), 1))

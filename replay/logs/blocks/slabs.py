@@ -1,4 +1,4 @@
-"""Slabs: blocks unpacked side by side, ahead of the consumer, and the records found in them."""
+"""Slabs: several blocks unpacked in parallel ahead of the consumer, with their records."""
 
 import os
 from collections import deque
@@ -25,7 +25,7 @@ Find = Callable[[NDArray[np.uint8], int, int, int], int]
 
 
 class Grammar(NamedTuple):
-    """How records of a format are found in bytes."""
+    """Functions that find the records of a format in bytes."""
 
     scan: Scan
     find: Find
@@ -33,7 +33,7 @@ class Grammar(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Slab:
-    """Blocks unpacked side by side, and their records."""
+    """Several unpacked blocks and their records."""
 
     data: NDArray[np.uint8]
     #: (4, n): connection, log time (its 64 bits), offset and length of the message in `data`
@@ -44,16 +44,16 @@ class Slab:
 
 
 class SlabIndex:
-    """The rows of a slab, which are found block by block: each is still in the caches then."""
+    """Rows of a slab, found block by block while each is in the processor's cache."""
 
     def __init__(self, grammar: Grammar, data: NDArray[np.uint8], expected: int) -> None:
-        """Begin without rows.
+        """Create an empty index.
 
         Args:
-            grammar: of the records.
-            data: (bytes,) of the slab.
-            expected: how many records there are, if that is known; where there are more, a block
-                is scanned twice.
+            grammar: grammar of the records.
+            data: (bytes,) bytes of the slab.
+            expected: expected number of records, if known; if there are more, a block is scanned
+                twice.
         """
         self._grammar, self._data = grammar, data
         self._rows = np.empty((4, expected), np.int64)
@@ -61,11 +61,11 @@ class SlabIndex:
 
     @property
     def found(self) -> NDArray[np.int64]:
-        """All so far; see `Slab.rows`."""
+        """All rows so far; see `Slab.rows`."""
         return np.ascontiguousarray(self._rows[:, : self._count])
 
     def scan(self, begin: int, end: int) -> tuple[int, int, int]:
-        """Add those of a span: its first row, the one behind its last, its bytes that are none."""
+        """Add the rows of a span; returns first row, end row and bytes outside records."""
         first = self._count
         count, unread = self._scan(begin, end)
         if first + count > self._rows.shape[1]:
@@ -101,9 +101,9 @@ _MOST_WAITING_BYTES: Final = (_WORKERS + 1) * SLAB_BYTES
 
 
 def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: Grammar) -> Iterator[Slab]:
-    """Unpack and scan blocks in their order.
+    """Unpack and scan blocks in order.
 
-    A slab's memory is used again as soon as the next slab is asked for.
+    A slab's memory is reused once the next slab is requested.
     """
     free: list[NDArray[np.uint8]] = []
     waiting: deque[tuple[Future[Slab], int]] = deque()
@@ -156,7 +156,7 @@ def _block_groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
 def load_blocks(
     file: FileBytes, blocks: list[Block], grammar: Grammar, recycled: NDArray[np.uint8] | None
 ) -> Slab:
-    """Unpack and scan the blocks of one slab, in a worker."""
+    """Unpack and scan the blocks of one slab in a worker thread."""
     damaged: list[tuple[Block, str]] = []
     parts: list[tuple[Block, int, int, int]] = []
     try:

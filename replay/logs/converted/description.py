@@ -1,4 +1,4 @@
-"""What a converted log says of itself, beside the Parquet files of its topics."""
+"""Description of a converted log, stored beside its Parquet files."""
 
 from typing import Any, Final
 
@@ -16,7 +16,7 @@ class _Record(BaseModel):
 
 
 class SourceFile(_Record):
-    """A file of the log that was converted."""
+    """A file of the original log."""
 
     name: str
     size_bytes: int
@@ -35,7 +35,7 @@ class ConvertedField(_Record):
 
 
 class ConvertedPart(_Record):
-    """A Parquet file: rows of one topic, in log-time order, behind those of the part before."""
+    """A Parquet file of one topic, in log-time order after the part before."""
 
     file: str
     rows: int

@@ -1,4 +1,4 @@
-"""Arrow arrays around gathered memory, which is not copied again."""
+"""Arrow arrays over gathered memory, without copies."""
 
 from typing import Any, Final, TypeAlias
 
@@ -32,7 +32,7 @@ ELEMENT_TYPES: Final[dict[str, Any]] = {
 
 
 def array_of_values(bits: Ints, kind: str, absent: Flags | None = None) -> Array:
-    """Single values (n,) as they are gathered; null where they are absent."""
+    """Single values (n,) from their 64-bit representation; null where absent."""
     if kind == "bool":
         return pa.array(bits != 0, mask=absent)
     validity = _make_validity_bitmap(absent)
@@ -42,7 +42,7 @@ def array_of_values(bits: Ints, kind: str, absent: Flags | None = None) -> Array
 
 
 def array_of_elements(numbers: NDArray[Any], kind: str) -> Array:
-    """Elements of lists (n,), of their own size."""
+    """List elements (n,), in their original size."""
     if kind == "bool":
         return pa.array(numbers != 0)
     return pa.Array.from_buffers(ELEMENT_TYPES[kind], numbers.size, [None, pa.py_buffer(numbers)])
@@ -66,7 +66,7 @@ def array_of_strings(
 
 
 def array_of_lists(counts: Ints, elements: Array) -> Array:
-    """Lists of so many elements each (n,), null where there are -1."""
+    """Lists with the given numbers of elements (n,); null where the number is -1."""
     ends = np.zeros(counts.size + 1, np.int64)
     absent = counts < 0
     np.cumsum(np.maximum(counts, 0), out=ends[1:])

@@ -1,4 +1,4 @@
-"""Batches on their way through a decoder: small ones are put together, large ones split.
+"""Streams of batches through decoders: small batches are joined, large ones split.
 
 Recorders write messages a little out of order. Sorting a whole log for that would copy every
 column; here only the rows that meet others are moved, and all else stays where it was decoded.
@@ -23,7 +23,7 @@ _WORKERS: Final = max(1, min(4, (os.cpu_count() or 1) // 2))
 
 
 class Stream:
-    """The batches of one topic on their way through its decoder, into the order of log times."""
+    """Batches of one topic, decoded and sorted by log time."""
 
     def __init__(self, decoder: Decoder, schema: pl.Schema) -> None:
         self.tally = Tally()
@@ -38,7 +38,7 @@ class Stream:
         self._last: dict[int, int] = {}
 
     def take(self, batch: RawBatch, submit: Submit) -> None:
-        """Take the next messages; their memory may be used again once they are settled."""
+        """Take the next messages; their memory may be reused after `settle`."""
         self._look_back(batch)
         for part in batch.split_to_batches():
             if part.rows < _FEW_ROWS:
@@ -52,7 +52,7 @@ class Stream:
                 self._begin_batch(part, submit)
 
     def settle(self) -> None:
-        """End the decoding of what was taken."""
+        """Finish decoding the messages taken so far."""
         for finish in self._begun:
             decoded = finish()
             self.tally.rows += decoded.frame.height
@@ -63,10 +63,10 @@ class Stream:
         self._begun.clear()
 
     def drain(self, floor_ns: int) -> pl.DataFrame:
-        """Take out the decoded rows that none can precede any more; call `settle` before.
+        """Remove and return the decoded rows whose order is final; call `settle` before.
 
         Args:
-            floor_ns: no message that is still to be taken has an earlier log time.
+            floor_ns: lower bound of the log times of later messages.
         """
         if not self.tally.rows:  # whoever wants the first rows does not wait for a batch of them
             self._begin_few(submit_at_once)
@@ -84,7 +84,7 @@ class Stream:
         return frame.slice(0, ready)
 
     def finish(self) -> pl.DataFrame:
-        """Everything that was taken."""
+        """Return all remaining rows."""
         self._begin_few(submit_at_once)
         self.settle()
         frame = joined_frames(self._frames)
@@ -92,7 +92,7 @@ class Stream:
         return frame
 
     def _look_back(self, batch: RawBatch) -> None:
-        """See whether times fall: sorted rows would not tell any more."""
+        """Check whether log times decrease, which sorted rows would no longer show."""
         if batch.rows:
             times = batch.log_times
             before = self._last.get(batch.connection_id, int(times[0]))
@@ -110,11 +110,11 @@ class Stream:
 
 
 def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, Stream]) -> None:
-    """Let streams take messages; compiled work goes to other threads.
+    """Feed messages to streams; compiled work runs in other threads.
 
     Args:
-        groups: batches that lie in the same memory, which is used again for the next ones.
-        streams: by connection; some may be the same.
+        groups: groups of batches in shared memory, which is reused for the next group.
+        streams: streams by connection; connections may share one.
     """
     with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
         for group in groups:
@@ -127,11 +127,11 @@ def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, Stream]) ->
 def drain_all(
     groups: Iterable[tuple[list[RawBatch], int]], streams: Mapping[int, Stream]
 ) -> Iterator[tuple[Stream, pl.DataFrame]]:
-    """Decode as `take_all` does, and give the rows of each stream as soon as their order is known.
+    """Decode like `take_all`, and yield rows of each stream once their order is final.
 
     Args:
-        groups: batches, each list with the log time before which no later message lies.
-        streams: by connection; some may be the same.
+        groups: lists of batches, each with the lower bound of later log times.
+        streams: streams by connection; connections may share one.
     """
     distinct = list(dict.fromkeys(streams.values()))
     with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
@@ -151,7 +151,7 @@ def drain_all(
 
 
 def _copy_batch(batch: RawBatch) -> RawBatch:
-    """Its messages alone, since a container may use the memory again."""
+    """Copy the messages, since the container may reuse the memory."""
     data = concatenate(batch.data, batch.offsets, batch.lengths)
     offsets = np.cumsum(batch.lengths) - batch.lengths
     return RawBatch(
@@ -174,7 +174,7 @@ TIME = "log_time_ns"
 
 
 def sorted_batch(batch: RawBatch) -> RawBatch:
-    """Sort messages by their log times, without moving their bytes."""
+    """Sort messages by log time without moving their bytes."""
     times = batch.log_times
     if (times[1:] >= times[:-1]).all():
         return batch
@@ -182,10 +182,10 @@ def sorted_batch(batch: RawBatch) -> RawBatch:
 
 
 def joined_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
-    """One frame of several that are each in order; of rows at one time the earlier frame's first.
+    """Merge sorted frames; among rows of equal time those of earlier frames come first.
 
     Args:
-        frames: of one schema, at least one.
+        frames: at least one frame, all of one schema.
     """
     found = list(frames)
     placed: list[pl.DataFrame] = []
@@ -198,13 +198,13 @@ def joined_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
 
 
 def _count_rows_until(frame: pl.DataFrame, last_ns: int) -> int:
-    """How many rows of a frame, which is in order, are no later."""
+    """Number of rows of a sorted frame up to `last_ns`."""
     # the same method of a series goes through polars' engine, which takes longer than all the rest
     return int(np.searchsorted(frame[TIME].to_numpy(), last_ns, side="right"))
 
 
 def _merge_overlap(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:
-    """Two frames in parts that follow each other: where their times overlap the rows are merged."""
+    """Two frames as consecutive parts, with rows merged where their times overlap."""
     begin, end = second[TIME][0], first[TIME][-1]
     if begin >= end:
         return [first, second]

@@ -1,4 +1,4 @@
-"""A decode plan: the fields asked for of one type, in every encoding its messages may have."""
+"""A decode plan: the requested fields of one type, in every encoding of its messages."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ _ELEMENTS: Final = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WalkedBatch:
-    """The columns of the messages that are whole, and which those are."""
+    """Columns of the complete messages, and the indices of these messages."""
 
     columns: Columns
     #: (n,)
@@ -52,10 +52,10 @@ class WalkedBatch:
 
 
 class BatchPass:
-    """A pass over messages of one encapsulation, with the memory that it needs.
+    """A pass over messages of one encapsulation, with its memory.
 
-    The memory is there before it is done, since it may be done in another thread: what threads
-    allocate themselves is kept apart from all else, and used again by none of the others.
+    The memory is allocated beforehand, because threads keep their own allocations apart and cannot
+    reuse those of others.
     """
 
     def __init__(
@@ -68,15 +68,15 @@ class BatchPass:
         *,
         swap: bool,
     ) -> None:
-        """Prepare it.
+        """Allocate the memory of the pass.
 
         Args:
-            program: of the messages' type and encoding.
-            direct: the fields that are gathered on the way.
-            data: (bytes,) what they lie in.
-            begins: (n,) where each begins, behind its encapsulation.
-            sizes: (n,) bytes of each from there on.
-            swap: whether their numbers are big-endian.
+            program: program for the messages' type and encoding.
+            direct: fields gathered during the pass.
+            data: (bytes,) bytes that contain the messages.
+            begins: (n,) begin of each message after its encapsulation.
+            sizes: (n,) bytes of each message from there on.
+            swap: whether numbers are big-endian.
         """
         # a definition may say that messages are large, where the data has small ones only
         rows = int(np.count_nonzero(sizes >= program.least_bytes))
@@ -89,7 +89,7 @@ class BatchPass:
         self._noted = _room_for_marks(program, room)
 
     def execute(self) -> None:
-        """Walk and gather; once more where there was too little memory for the marks."""
+        """Walk and gather; repeat if there was too little memory for the marks."""
         program, wire = self._program, self._program.wire
         while True:
             walk_and_gather(
@@ -121,7 +121,7 @@ class BatchPass:
 
 
 def _room_for_marks(program: Program, room: Ints) -> WalkNotes:
-    """Memory for the marks of so many elements of each node."""
+    """Allocate marks for the given numbers of elements of each node."""
     nodes = program.mark_nodes
     ends = np.cumsum(room[nodes])
     return WalkNotes(
@@ -135,7 +135,7 @@ def _room_for_marks(program: Program, room: Ints) -> WalkNotes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """Decoded messages of one encapsulation, with their places in the batch."""
+    """Decoded messages of one encapsulation, with their indices in the batch."""
 
     frame: pl.DataFrame
     whole: NDArray[np.int64]
@@ -144,10 +144,10 @@ class _Part:
 
 
 class Plan:
-    """How to read fields of one type. It keeps nothing of what it decodes: threads may share it.
+    """How to read fields of one type. Plans hold no decoded data, so threads may share them.
 
     Raises:
-        NoPlanError: the type has something that no plan can express.
+        NoPlanError: the type contains something that no plan can express.
     """
 
     def __init__(self, record: RecordType, *, ros1: bool, fields: Sequence[Field]) -> None:
@@ -167,7 +167,7 @@ class Plan:
         self._program_for_encoding(next(iter(self._wires.values())))
 
     def _program_for_encoding(self, wire: Wire) -> "_CompiledProgram":
-        """The program of an encoding, which is compiled when a message has it."""
+        """Program for an encoding, compiled when a message first uses it."""
         if wire not in self._programs:
             program = compile_program(self._record, self._wanted, wire)
             direct = direct_fields(program.root, self._asked)
@@ -177,7 +177,7 @@ class Plan:
         return self._programs[wire]
 
     def decode(self, batch: RawBatch) -> DecodedBatch:
-        """Decode messages at once; one that is not whole costs its row."""
+        """Decode messages; incomplete ones are left out."""
         return self.begin(batch, submit_at_once)()
 
     def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
@@ -197,7 +197,7 @@ class Plan:
         return decoded
 
     def _decode_mixed(self, batch: RawBatch, kinds: NDArray[np.int64]) -> DecodedBatch:
-        """Decode messages of several encapsulations, or of none that is known."""
+        """Decode messages of several encapsulations, or of unknown ones."""
         chosen = [np.flatnonzero(kinds == kind) for kind in self._wires]
         parts = [
             (at, self._begin_part(batch.select(at), kind, submit_at_once)())
@@ -219,7 +219,7 @@ class Plan:
         return DecodedBatch(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
 
     def _begin_part(self, batch: RawBatch, kind: int, submit: Submit) -> Callable[[], _Part]:
-        """Begin to decode messages of one encapsulation."""
+        """Start decoding messages of one encapsulation."""
         wire = self._wires[kind]
         try:
             program, direct, places = self._program_for_encoding(wire)

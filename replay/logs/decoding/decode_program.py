@@ -1,4 +1,4 @@
-"""A message definition as a program for `walk_messages`: the order of fields, and which to note.
+"""A message definition as a program for `walk_messages`: order of fields, and what to note.
 
 Only what is asked for is noted. Everything is walked, since whether a message is whole must not
 depend on the fields that somebody wants from it; numbers that follow one another are one step.
@@ -50,7 +50,7 @@ class Op(IntEnum):
 
 
 class Operand(IntEnum):
-    """What stands in a column of `Program.steps`. Nothing noted, or no node, is -1."""
+    """Meaning of the columns of `Program.steps`; -1 for no mark or node."""
 
     OP = 0
     ALIGNMENT = 1
@@ -87,7 +87,7 @@ def compile_program(record: RecordType, wanted: Wanted, wire: Wire) -> Program:
     """Compile a definition.
 
     Raises:
-        NoPlanError: it has a field that no column can hold, or is too large.
+        NoPlanError: a field fits no column, or the type is too large.
     """
     least_bytes = smallest_size(record, wire)
     compiler = _Compiler(wire)
@@ -138,7 +138,7 @@ class _Compiler:
         return self._compile_list(kind, wanted)
 
     def _place_in_span(self, kind: FieldType, wanted: Wanted | None) -> InSpan | None:
-        """A number or an array of a fixed size: in the open span, or else in a new one."""
+        """Place a number or fixed-size array in the open span, or else in a new one."""
         value = None if self.span is None else place_in_span(self.span, kind, self.wire)
         if value is None:
             # the first byte of a message is aligned to everything
@@ -200,13 +200,13 @@ class _Compiler:
         length: int = -1,
         jump: int = -1,
     ) -> int:
-        """Append a step; it ends the open span."""
+        """Append a step, which closes the open span."""
         self.span = None
         self.steps.append([op, alignment, size, stride, length, -1, self.node, jump])
         return len(self.steps) - 1
 
     def _reserve_marks(self, count: int) -> int:
-        """The first mark of the last step, which notes so many."""
+        """Reserve marks for the last step; returns the first one."""
         step = self.steps[-1]
         if step[Operand.MARK] < 0:
             step[Operand.MARK] = len(self.mark_nodes)

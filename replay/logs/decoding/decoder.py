@@ -1,4 +1,4 @@
-"""What every decoder offers: batches of raw messages in, frames out."""
+"""Interface of decoders: batches of raw messages in, frames out."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ Submit: TypeAlias = Callable[[Callable[[], None]], Callable[[], object]]
 
 
 def submit_at_once(work: Callable[[], None]) -> Callable[[], object]:
-    """Do the work, and wait for nothing: a `Submit`."""
+    """A `Submit` that does the work immediately."""
     work()
     return lambda: None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DecodedBatch:
-    """The rows of a batch, in its order, without the messages that cannot be decoded."""
+    """Rows of a batch in order, without messages that cannot be decoded."""
 
     frame: pl.DataFrame
     undecodable: int
@@ -31,7 +31,7 @@ class DecodedBatch:
 
 @dataclass(slots=True)
 class Tally:
-    """How many messages became rows, how many could not be decoded, and why the first not."""
+    """Numbers of decoded and undecodable messages, and the first reason."""
 
     rows: int = 0
     undecodable: int = 0
@@ -41,18 +41,19 @@ class Tally:
 
 
 class Decoder(Protocol):
-    """Knows one type and the fields asked for."""
+    """Decoder for the requested fields of one type."""
 
     def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
-        """Begin to decode messages; what it gives ends that. One that cannot be costs its row.
+        """Start decoding messages; the returned function finishes and gives the rows.
 
-        Work that needs no lock of the interpreter is submitted, to be done in the meantime.
+        Messages that cannot be decoded have no row. Work without the interpreter's lock is
+        submitted to run meanwhile.
         """
         ...
 
 
 def frame_schema_of_fields(fields: Sequence[Field]) -> pl.Schema:
-    """The columns that reading `fields` gives."""
+    """Schema of the frame with these fields."""
     return pl.Schema(
         {**dict.fromkeys(OWN_COLUMNS, pl.Int64()), **{field.name: field.dtype for field in fields}}
     )

@@ -18,7 +18,7 @@ from replay.logs.messages.raw_batch import RawBatch
 
 
 class PerMessageDecoder:
-    """How to read fields of one type without a plan."""
+    """Decoder of one type without a plan, by a library."""
 
     def __init__(self, kind: MessageType, fields: Sequence[Field]) -> None:
         self._kind = kind
@@ -29,7 +29,7 @@ class PerMessageDecoder:
         return lambda: self.decode(batch)
 
     def decode(self, batch: RawBatch) -> DecodedBatch:
-        """Decode messages one by one; one that the library refuses costs its row."""
+        """Decode messages one by one; those that the library rejects have no row."""
         rows: list[tuple[Any, ...]] = []
         faults: list[str] = []
         times = batch.log_times.tolist()
@@ -92,7 +92,7 @@ def decoder_name(kind: MessageType) -> str:
 
 
 def make_decoder(kind: MessageType, fields: Sequence[Field]) -> Decoder:
-    """Make the columnar decoder, or a library's for a type that it cannot express."""
+    """Make the columnar decoder, or a library's if no plan can express the type."""
     # numba is slow to import, and a log can be described without it
     if kind.library is ROSBAGS:
         from replay.logs.decoding.decode_plan import Plan

@@ -1,4 +1,4 @@
-"""Direct fields: at a fixed distance from a mark of every message, gathered by the pass itself."""
+"""Direct fields: at a fixed distance from a mark of every message, gathered during the pass."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ Steps: TypeAlias = tuple[PathStep, ...]
 class Gathering(NamedTuple):
     """Plan of the values that a compiled pass gathers beside the marks.
 
-    `value_*`: single values, by the mark of their span, their distance from it, and how they are
-    loaded (`gather.LOADS`). `array_*`: arrays of numbers, with their bytes. `text_marks`: strings.
+    `value_*`: single values, by the mark of their span, their distance from it, and their type
+    (`gather.LOADS`). `array_*`: arrays of numbers, with their bytes. `text_marks`: strings.
     """
 
     value_marks: Ints
@@ -40,7 +40,7 @@ class Gathering(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DirectFields:
-    """The fields of a type that the pass gathers."""
+    """Fields of a type that the pass gathers."""
 
     gathering: Gathering
     #: single values and their kinds, arrays with kind and length, strings: each in the order of
@@ -57,7 +57,7 @@ class DirectFields:
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """Something at a fixed distance from a mark of the message itself."""
+    """A field at a fixed distance from a mark of the message."""
 
     mark: int
     offset: int
@@ -65,7 +65,7 @@ class _Found:
 
 
 def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
-    """Find those of some fields that are direct."""
+    """Those of the fields that are direct."""
     places = {field.steps: _find_fixed_place(root, field.steps) for field in fields}
     values: list[tuple[Steps, str]] = []
     arrays: list[tuple[Steps, str, int]] = []
@@ -93,7 +93,7 @@ def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
 
 
 def _find_fixed_place(root: NestedMessage, steps: Steps) -> _Found | None:
-    """Where a field lies, if every message has it there."""
+    """Place of a field, if it is the same in every message."""
     here: NestedMessage | InlineRecord = root
     mark, offset = -1, 0
     for step in steps:
@@ -121,6 +121,6 @@ def _find_fixed_place(root: NestedMessage, steps: Steps) -> _Found | None:
 
 
 def _is_contiguous(array: InlineArray, step: PathStep, steps: Steps) -> bool:
-    """Whether all of an array is asked for, and it consists of numbers without gaps."""
+    """Whether a whole array of contiguous numbers is requested."""
     element = array.element
     return step is steps[-1] and isinstance(element, Inline) and element.kind in DTYPES

@@ -50,7 +50,7 @@ _NO_TEXT: Final = np.empty(0, np.uint8)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Elements:
-    """What is at some elements of a node: their numbers, or None for all of them."""
+    """Values at elements of a node: their indices, or None for all elements."""
 
     located: Located
     chosen: Ints | None
@@ -58,7 +58,7 @@ class _Elements:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Positions:
-    """Values `offset` bytes behind some positions."""
+    """Values `offset` bytes after given positions."""
 
     value: InlineValue
     at: Ints
@@ -70,7 +70,7 @@ _Place: TypeAlias = _Elements | _Positions
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Columns:
-    """A walked batch, ready to give columns."""
+    """Builds columns from a walked batch."""
 
     data: NDArray[np.uint8]
     swap: bool
@@ -84,7 +84,7 @@ class Columns:
     _found: dict[tuple[int, str], Ints] = field(default_factory=dict[tuple[int, str], Ints])
 
     def gathered_on_the_way(self) -> Iterator[Array]:
-        """Fields that the pass gathered, in the order of `DirectFields.steps`."""
+        """Fields gathered during the pass, in the order of `DirectFields.steps`."""
         direct, gathered = self.direct, self.gathered
         rows, room = self.rows, gathered.values.shape[1]
         for (_, kind), bits in zip(direct.values, gathered.values, strict=True):
@@ -105,7 +105,7 @@ class Columns:
                 yield array_of_strings(gathered.views[k, :rows], _NO_TEXT)
 
     def make_column(self, wanted: Field) -> Array:
-        """The values of a field, one for every whole message."""
+        """Values of a field, one for every complete message."""
         place: _Place = _Elements(self.root, None)
         spreads: list[Ints] = []
         for step in wanted.steps:
@@ -140,14 +140,14 @@ class Columns:
         return _Elements(located, place.chosen)
 
     def _select_marks(self, mark: int, chosen: Ints | None, absent: int = -1) -> Ints:
-        """A mark of chosen elements, `absent` for those that are not there."""
+        """Marks of selected elements; `absent` for those that do not exist."""
         if chosen is None:
             return self.noted[mark]
         # one more, which is what -1 picks
         return np.append(self.noted[mark], absent)[chosen]
 
     def _count_elements(self, place: _Place) -> Ints:
-        """How many elements each list has, -1 for a list that is not there."""
+        """Number of elements of each list; -1 for a missing list."""
         if isinstance(place, _Positions):
             assert isinstance(place.value, InlineArray)
             return np.where(place.at < 0, -1, place.value.length)
@@ -156,7 +156,7 @@ class Columns:
         return self._select_marks(mark, place.chosen)
 
     def _place_of_one_element(self, place: _Place, number: int | Ints) -> _Place:
-        """One element of each list: the same of all, or another of each."""
+        """Place of one element of each list, at a common or individual index."""
         if isinstance(place, _Positions) and isinstance(number, int):
             assert isinstance(place.value, InlineArray)
             array = place.value
@@ -167,7 +167,7 @@ class Columns:
         return self._place_of_existing_element(place, np.where(there, number, -1))
 
     def _place_of_existing_element(self, place: _Place, number: Ints) -> _Place:
-        """An element of each list, which has it unless the number is -1."""
+        """Place of one existing element of each list; -1 for none."""
         if isinstance(place, _Positions):
             assert isinstance(place.value, InlineArray)
             array = place.value
@@ -185,7 +185,7 @@ class Columns:
         return _Elements(place.located.element, np.where(number < 0, -1, begins + number))
 
     def _place_of_all_elements(self, place: _Place, counts: Ints) -> _Place:
-        """Every element of each list."""
+        """Place of every element of each list."""
         match place:
             case _Elements(located=WalkedList(element=element), chosen=None):
                 return _Elements(element, None)
@@ -202,7 +202,7 @@ class Columns:
         return self._place_of_existing_element(place, number)
 
     def _find_element_by_name(self, place: _Place, name: str) -> Ints:
-        """Where the list `name` of a message has a name, -1 where it does not."""
+        """Index of a name in the list `name` of each message; -1 if absent."""
         assert isinstance(place, _Elements)
         assert isinstance(place.located, NestedMessage)
         names = place.located.fields["name"]
@@ -221,7 +221,7 @@ class Columns:
         return found if place.chosen is None else np.append(found, -1)[place.chosen]
 
     def _gather_contiguous_elements(self, place: _Place, counts: Ints) -> Array:
-        """The elements of lists of numbers, which follow one another in the data."""
+        """Elements of lists of numbers, contiguous in the data."""
         counts = np.maximum(counts, 0)
         if isinstance(place, _Positions):
             array = place.value
@@ -261,7 +261,7 @@ def _is_contiguous(place: _Place) -> bool:
 
 
 def _wrap_in_lists(found: Array, spreads: list[Ints]) -> Array:
-    """Values in the lists that they are elements of, from the inside out."""
+    """Nest values into lists, from the inside out."""
     for counts in reversed(spreads):
         found = array_of_lists(counts, found)
     return found

@@ -1,4 +1,4 @@
-"""Where the fields of a message lie: what a compiled program leaves for the columns to find.
+"""Places of fields in messages, as a compiled program leaves them for the columns.
 
 A *node* is a list whose elements are walked one by one; node 0 is the batch, its elements are the
 messages. A *mark* is a number that the walk notes for every element of a node: the position of a
@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 @dataclass(frozen=True, slots=True)
 class Inline:
-    """A number or a stamp, `offset` bytes behind the span that holds it."""
+    """A number or stamp at `offset` bytes in its span."""
 
     offset: int
     kind: str
@@ -19,7 +19,7 @@ class Inline:
 
 @dataclass(frozen=True, slots=True)
 class InlineRecord:
-    """A message that lies in a span as a whole."""
+    """A message entirely inside a span."""
 
     fields: "dict[str, InlineValue]"
 
@@ -44,14 +44,14 @@ class InSpan:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A string: its position is noted as `mark`, its length in bytes as `mark + 1`."""
+    """A string: `mark` is its position, `mark + 1` its length in bytes."""
 
     mark: int
 
 
 @dataclass(frozen=True, slots=True)
 class StridedList:
-    """A sequence whose elements have one size: position as `mark`, their number as `mark + 1`."""
+    """A sequence of fixed-size elements: `mark` is its position, `mark + 1` its length."""
 
     mark: int
     stride: int
@@ -60,7 +60,7 @@ class StridedList:
 
 @dataclass(frozen=True, slots=True)
 class WalkedList:
-    """A list whose elements are those of `node`, their number noted as `mark`."""
+    """A list whose elements are those of `node`; `mark` is their number."""
 
     mark: int
     node: int

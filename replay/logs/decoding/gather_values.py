@@ -1,4 +1,4 @@
-"""Values from where the walk found them. One pass a column keeps the writes sequential.
+"""Gather values from positions found by the walk, one pass per column.
 
 The loops are compiled by numba and cached on disk. A position of -1 is a value that is not there;
 it gives 0.
@@ -36,15 +36,15 @@ _INLINE: Final = 12
 
 @compiled
 def load(data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: Ints) -> None:
-    """Values of a column as 64 bits each: floats as double, stamps in ns.
+    """Load values of a column as 64 bits each: floats as double, stamps in ns.
 
     Args:
-        data: (bytes,) where they lie.
-        positions: (n,) what they lie behind.
-        offset: how far behind.
-        how: what they are, see `LOADS`.
+        data: (bytes,) bytes that contain the values.
+        positions: (n,) base positions.
+        offset: offset from the base positions.
+        how: type of the values, see `LOADS`.
         swap: whether they are big-endian.
-        out: (n,) out.
+        out: (n,) output.
     """
     size = abs(how)
     if size == 8:
@@ -76,7 +76,7 @@ def load(data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: I
 
 @compiled
 def _load_8_byte_values(data: Bytes, positions: Ints, offset: int, swap: bool, out: Ints) -> None:
-    """Values of 8 bytes, which nearly all are, in a loop with no other case in it."""
+    """Load 8-byte values, the common case, in a loop without branches."""
     for k in range(positions.size):
         at = positions[k]
         if at < 0:
@@ -103,14 +103,14 @@ def _swap_8_bytes(value: int) -> int:
 
 @compiled
 def copy_equal(data: Bytes, positions: Ints, offset: int, size: int, out: Bytes) -> None:
-    """Copy stretches of one size, one behind the other.
+    """Copy byte ranges of equal size, one after the other.
 
     Args:
-        data: (bytes,) where they lie.
-        positions: (n,) what they lie behind.
-        offset: how far behind.
-        size: bytes of each.
-        out: (n size,) out.
+        data: (bytes,) source bytes.
+        positions: (n,) base positions.
+        offset: offset from the base positions.
+        size: bytes per range.
+        out: (n size,) output.
     """
     for k in range(positions.size):
         copy(data, positions[k] + offset, out, k * size, size)
@@ -125,18 +125,18 @@ def make_string_view(
     characters: Bytes,
     text: Bytes,
 ) -> int:
-    """Strings as Arrow's views of them (n, 4): size, then all of it, or else where the text is.
+    """Write strings as Arrow views (n, 4): size, then the text or its position.
 
     Args:
-        data: (bytes,) where they lie.
-        starts: (n,) where each begins.
-        sizes: (n,) bytes of each.
-        out: (n, 4) out.
+        data: (bytes,) bytes that contain the strings.
+        starts: (n,) begin of each string.
+        sizes: (n,) bytes of each string.
+        out: (n, 4) output.
         characters: (n, 16) the bytes of `out`.
-        text: out, those that do not fit into their views, as far as there is room.
+        text: output for strings too long for their view, as far as there is room.
 
     Returns:
-        The bytes of `text` that they need.
+        Bytes of `text` needed.
     """
     to = 0
     for k in range(starts.size):
@@ -186,14 +186,14 @@ def _find_name_in_messages(
 
 
 def find_name(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Ints:
-    """Where in each list of strings a name comes first, -1 where it does not.
+    """Index of the first occurrence of a name in each list of strings; -1 if absent.
 
     Args:
-        data: what the strings lie in.
-        starts: (strings,) where each begins; the lists' strings follow one another.
-        sizes: (strings,) bytes of each.
-        counts: (lists,) strings of each list.
-        name: what is looked for.
+        data: bytes that contain the strings.
+        starts: (strings,) begin of each string; lists are consecutive.
+        sizes: (strings,) bytes of each string.
+        counts: (lists,) number of strings in each list.
+        name: name to find.
     """
     found = np.empty(counts.size, np.int64)
     # a copy, since numba would compile anew for an array that cannot be written
@@ -203,14 +203,14 @@ def find_name(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -
 
 
 def gather_values(data: Bytes, positions: Ints, offset: int, kind: str, *, swap: bool) -> Ints:
-    """Values of one kind, 64 bits each, at `positions + offset`."""
+    """Values of one type at `positions + offset`, 64 bits each."""
     out = np.empty(positions.size, np.int64)
     load(data, positions, offset, LOADS[kind], swap, out)
     return out
 
 
 def gather_string_views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], Bytes]:
-    """Strings as Arrow's views (n, 4), with the text of those that do not fit into theirs."""
+    """Strings as Arrow views (n, 4), and the text of those too long for their view."""
     out = np.empty((starts.size, 4), np.uint32)
     text = np.empty(int(sizes[sizes > _INLINE].sum()), np.uint8)
     make_string_view(data, starts, sizes, out, out.view(np.uint8), text)
@@ -218,14 +218,14 @@ def gather_string_views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray
 
 
 def concatenate(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
-    """Concatenate stretches of bytes, of so many bytes each, at some starts."""
+    """Concatenate byte ranges with given begins and sizes."""
     out = np.empty(int(sizes.sum()), np.uint8)
     _copy(data, starts, sizes, out)
     return out
 
 
 def numbers_from_bytes(stored: Bytes, kind: str, *, swap: bool) -> NDArray[Any]:
-    """Numbers of one kind, from their bytes."""
+    """Numbers of one type, from their bytes."""
     dtype = DTYPES[kind]
     bits = stored.view(f"u{dtype.itemsize}")
     return (bits.byteswap() if swap else bits).view(dtype)

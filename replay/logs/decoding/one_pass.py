@@ -1,4 +1,4 @@
-"""One pass over a batch: walk some messages, then gather from them what lies at fixed places.
+"""One pass over a batch: walk some messages, then gather their values at fixed places.
 
 About a thousand messages fit into the processor's near caches, and are still there when their
 columns are gathered; a batch does not.
@@ -27,7 +27,7 @@ _ROWS_AT_ONCE: Final = 1024
 
 
 class GatheredRows(NamedTuple):
-    """Rows gathered by a pass; the first of `n` are filled, one for each whole message."""
+    """Rows gathered by a pass; the first `n` are filled, one per complete message."""
 
     #: (values, n) 64 bits each
     values: Ints
@@ -43,7 +43,7 @@ class GatheredRows(NamedTuple):
 
 
 def reserve_rows(gathering: Gathering, rows: int) -> GatheredRows:
-    """Memory for so many rows."""
+    """Allocate memory for the rows."""
     texts = gathering.text_marks.size
     views = np.empty((texts, rows, 4), np.uint32)
     return GatheredRows(
@@ -70,14 +70,14 @@ def walk_and_gather(
     """Walk and gather messages.
 
     Args:
-        messages: all of them.
-        encoding: of all of them.
+        messages: all messages.
+        encoding: their encoding.
         steps: the program.
-        noted: takes the marks.
-        template: none remembered.
-        gathering: what is gathered.
-        gathered: takes it.
-        outcome: what becomes of each message, out.
+        noted: receives the marks.
+        template: memory for a template, initially empty.
+        gathering: plan of the gathered values.
+        gathered: receives the values.
+        outcome: output: outcome of each message.
     """
     filled = noted.filled
     count = messages.begins.size

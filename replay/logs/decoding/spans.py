@@ -12,12 +12,12 @@ LARGEST_BYTES: Final = 2**30
 
 
 class NoPlanError(Exception):
-    """Why a type has no columnar plan, in a line."""
+    """A type has no columnar plan; one line with the reason."""
 
 
 @dataclass(slots=True)
 class Span:
-    """Numbers at fixed distances from a first byte at a multiple of `alignment`."""
+    """Numbers at fixed distances from a first byte that is a multiple of `alignment`."""
 
     alignment: int
     size: int = 0
@@ -32,15 +32,15 @@ class Span:
 
 
 def alignment_of_kind(kind: str, wire: Wire) -> int:
-    """The alignment of a number or a stamp."""
+    """Alignment of a number or stamp, in bytes."""
     return min(4 if kind == "stamp" else width_of_kind(kind), wire.max_alignment)
 
 
 def width_of_kind(kind: str) -> int:
-    """The bytes of a number or a stamp.
+    """Size of a number or stamp, in bytes.
 
     Raises:
-        NoPlanError: there is no place for such a number in a column.
+        NoPlanError: the type fits no column.
     """
     if kind == "stamp":
         return 8
@@ -55,7 +55,7 @@ def stored_members(record: RecordType, wire: Wire) -> tuple[tuple[str, FieldType
 
 
 def place_in_span(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None:
-    """Put a field into a span; None where it has no fixed place there."""
+    """Append a field to a span; None if its place would vary."""
     if isinstance(kind, Scalar):
         if kind.kind == "string":
             return None
@@ -86,19 +86,19 @@ def _place_array(span: Span, element: FieldType, length: int, wire: Wire) -> Inl
 
 
 def fixed_size(element: FieldType, wire: Wire) -> tuple[Span, InlineValue] | None:
-    """An element as a span of its own; None where its size depends on the message."""
+    """An element as a span of its own; None if its size varies."""
     span = Span(first_alignment(element, wire))
     value = place_in_span(span, element, wire)
     return None if value is None else (span, value)
 
 
 def mean_stride(span: Span) -> int:
-    """The distance of elements that follow one another."""
+    """Distance between consecutive elements, in bytes."""
     return -(-span.size // span.alignment) * span.alignment
 
 
 def first_alignment(kind: FieldType, wire: Wire) -> int:
-    """The alignment of the first number in a field, be it the length of a string."""
+    """Alignment of a field's first number, which may be a string's length."""
     if isinstance(kind, RecordType):
         filled = (f for _, f in stored_members(kind, wire) if smallest_size(f, wire))
         first = next(filled, None)
@@ -111,16 +111,16 @@ def first_alignment(kind: FieldType, wire: Wire) -> int:
 
 
 def is_delimited(kind: ListOf, wire: Wire) -> bool:
-    """Whether a list is preceded by its size in bytes; a stamp is a message, no number."""
+    """Whether a list is preceded by its size in bytes; a stamp counts as a message."""
     is_number = isinstance(kind.element, Scalar) and kind.element.kind in WIDTHS
     return wire.delimited_lists and not is_number
 
 
 def smallest_size(kind: FieldType, wire: Wire) -> int:
-    """The bytes that a field takes at least, padding aside.
+    """Minimum size of a field in bytes, without padding.
 
     Raises:
-        NoPlanError: they are more than a message can have.
+        NoPlanError: it exceeds the largest message.
     """
     if isinstance(kind, Scalar):
         size = 4 if kind.kind == "string" else width_of_kind(kind.kind)

@@ -109,7 +109,7 @@ class Template(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Outcome of messages."""
+    """Outcome of each walked message."""
 
     #: (n,) what is wrong with each, see `FAULTS`
     faults: NDArray[np.int8]
@@ -118,7 +118,7 @@ class Outcome(NamedTuple):
 
 
 def make_empty_template(nodes: int) -> Template:
-    """Memory for a template, none remembered."""
+    """Memory for a template, initially empty."""
     state = np.array([-1, 0, 0, 0, 0, 0])
     checks, notes = np.empty((_MOST_CHECKS, 2), np.int64), np.empty((_MOST_NOTES, 4), np.int64)
     return Template(checks, notes, np.zeros(nodes, np.int64), state)
@@ -135,17 +135,17 @@ def walk_messages(
     template: Template,
     outcome: Outcome,
 ) -> None:
-    """Walk messages and note the marks of those that are whole.
+    """Walk messages, and note the marks of the complete ones.
 
     Args:
-        messages: several.
-        first: the first of them to walk.
-        end: behind the last of them.
-        encoding: of all of them.
+        messages: all messages.
+        first: first message to walk.
+        end: end of the messages to walk.
+        encoding: their encoding.
         steps: the program.
-        noted: takes their marks.
-        template: of the message before the first, if one is remembered; then of the last.
-        outcome: of each, out.
+        noted: receives the marks.
+        template: in: layout of the previous message, if any; out: of the last one.
+        outcome: output: outcome of each message.
     """
     data, begins, sizes = messages
     faults, places = outcome
@@ -199,7 +199,7 @@ def walk_messages(
 
 @inlined
 def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message: int) -> None:
-    """Tell the processor of a message to come."""
+    """Prefetch a later message into the processor's cache."""
     if message + _AHEAD < begins.size:
         begin = begins[message + _AHEAD]
         for line in range(begin, begin + sizes[message + _AHEAD], _LINE_BYTES):
@@ -208,7 +208,7 @@ def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message: int) -> N
 
 @inlined
 def _has_same_layout(data: Bytes, begin: int, other: int, checks: Ints, count: int) -> bool:
-    """Whether a message has the bytes of another of its size wherever these tell the layout."""
+    """Whether a message equals another of its size in all bytes that determine the layout."""
     gap = other - begin
     same = True
     check = 0
@@ -229,7 +229,7 @@ def _has_same_layout(data: Bytes, begin: int, other: int, checks: Ints, count: i
 def _repeat_marks(
     table: Ints, marks: Ints, filled: Ints, notes: Ints, count: int, begin: int
 ) -> None:
-    """Note the marks of a message that repeats another's layout."""
+    """Write the marks of a message that repeats another's layout."""
     for number in range(count):
         mark = notes[number, 0]
         element = filled[table[mark, 0]] + notes[number, 1]
@@ -240,7 +240,7 @@ def _repeat_marks(
 def _write_marks(
     table: Ints, marks: Ints, mark: int, element: int, place: int, count: int, begin: int
 ) -> None:
-    """Note the position and the count of an element, each unless it is -1, if there is room."""
+    """Write position and count of an element, each unless it is -1, if there is room."""
     if element < table[mark, 2]:
         if place >= 0:
             marks[table[mark, 1] + element] = begin + place
@@ -253,7 +253,7 @@ def _write_marks(
 def _add_note_to_template(
     notes: Ints, checks: int, count: int, mark: int, element: int, place: int, value: int
 ) -> tuple[int, int]:
-    """Add a note to the template: how many checks and notes it has, -1 checks for too many."""
+    """Add a note to the template; returns numbers of checks and notes, -1 checks if full."""
     if checks < 0:
         return checks, count
     if count == _MOST_NOTES:
@@ -281,7 +281,7 @@ def _add_elements(filled: Ints, elements: Ints) -> None:
 
 @inlined
 def _count_elements(filled: Ints, kept: Ints, elements: Ints) -> None:
-    """Count a message, and say how many elements its lists have."""
+    """Count a message, and store how many elements its lists have."""
     for node in range(1, filled.size):
         elements[node] = filled[node] - kept[node]
     filled[0] += 1
@@ -291,7 +291,7 @@ def _count_elements(filled: Ints, kept: Ints, elements: Ints) -> None:
 def _follow_step(
     steps: Ints, step: int, filled: Ints, left: Ints, depth: int, count: int
 ) -> tuple[int, int]:
-    """The step that follows, and how many lists it is in."""
+    """Next step, and its depth of nested lists."""
     op = steps[step, _OP]
     if op == _NEXT:
         node = steps[step, _NODE]
@@ -313,11 +313,11 @@ def _follow_step(
 def _read_step(
     data: Bytes, begin: int, at: int, size: int, steps: Ints, step: int, encoding: Encoding
 ) -> tuple[int, int, int, int, int, int]:
-    """Read what a step says that there is.
+    """Read what a step describes.
 
     Returns:
-        Its position and count, each -1 where it has none; from where to where the message tells
-        its layout; where the message goes on; and a fault.
+        Position and count (-1 for none), begin and end of the bytes that determine the layout,
+        position after the step, and fault.
     """
     op = steps[step, _OP]
     if op == _NEXT:
@@ -346,7 +346,7 @@ def _read_step(
 def _read_length(
     data: Bytes, begin: int, at: int, size: int, encoding: Encoding, known: int
 ) -> tuple[int, int, int, int]:
-    """The length of a string or list; where that stands and ends unless it is known; a fault."""
+    """Length of a string or list, begin and end of the length unless known, and fault."""
     if known >= 0:
         return known, at, at, 0
     at = (at + encoding.counted - 1) & -encoding.counted
@@ -364,7 +364,7 @@ def _read_length(
 def _walk_text(
     data: Bytes, begin: int, at: int, size: int, length: int, cdr: bool
 ) -> tuple[int, int, int, int]:
-    """Where a string begins, its bytes without a terminator, where it ends, and a fault."""
+    """Begin of a string, its bytes without terminator, its end, and fault."""
     if length > size - at:
         return at, length, at, _LONG_TEXT
     stop, count = at + length, length
@@ -385,7 +385,7 @@ def _walk_text(
 def _walk_strided_list(
     steps: Ints, step: int, at: int, size: int, count: int
 ) -> tuple[int, int, int]:
-    """Where the elements of a list begin that have one size, where they end, and a fault."""
+    """Begin and end of the elements of a list of fixed-size elements, and fault."""
     span = 0
     if count > 0:
         alignment = steps[step, _ALIGNMENT]
@@ -399,7 +399,7 @@ def _walk_strided_list(
 
 @inlined
 def _add_bytes_to_compare(checks: Ints, count: int, begin: int, end: int) -> int:
-    """Add bytes to compare, a length or a string; how many such there are, -1 for too many."""
+    """Add bytes of a length or string to compare; returns their number, -1 if full."""
     if count < 0 or end == begin:
         return count
     if count == _MOST_CHECKS:
@@ -410,7 +410,7 @@ def _add_bytes_to_compare(checks: Ints, count: int, begin: int, end: int) -> int
 
 
 def read_encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Ints:
-    """The two bytes (n,) that name each message's encoding, most significant first."""
+    """Encapsulation (n,) of each message: two bytes, the most significant first."""
     kinds = np.empty(offsets.size, np.int64)
     _name_encodings(data, offsets, lengths, kinds)
     return kinds
@@ -427,7 +427,7 @@ def _name_encodings(data: NDArray[np.uint8], offsets: Ints, lengths: Ints, kinds
 
 @uncounted
 def _is_utf8(data: NDArray[np.uint8], start: int, end: int) -> bool:
-    """Whether bytes are UTF-8 as Unicode defines it (table 3-7), which Python decodes too."""
+    """Whether bytes are valid UTF-8 (Unicode table 3-7), as Python decodes it."""
     at = start
     while at < end:
         first = data[at]

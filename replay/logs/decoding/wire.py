@@ -1,4 +1,4 @@
-"""The encodings of messages, as far as they differ for a decoder."""
+"""Encodings of messages, as far as decoders need to distinguish them."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -34,7 +34,7 @@ class Wire:
 
     @property
     def counted(self) -> int:
-        """The alignment of the lengths of strings and lists."""
+        """Alignment of the lengths of strings and lists."""
         return min(4, self.max_alignment)
 
 

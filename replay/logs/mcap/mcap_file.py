@@ -1,4 +1,4 @@
-"""The container of an MCAP file: by its index where that is whole, else from start to end."""
+"""Container of an MCAP file, read by its index or, if incomplete, from start to end."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -57,7 +57,7 @@ _LENGTHS: Final = {FOOTER: FOOTER_BYTES, DATA_END: DATA_END_BYTES}
 
 @dataclass(slots=True)
 class McapWalk:
-    """Adds what stands outside chunks to a store, and yields the chunks."""
+    """Adds records outside chunks to a store, and yields the chunks."""
 
     store: BlockStore
     describe: Describe
@@ -71,7 +71,7 @@ class McapWalk:
     message_count: int | None = None
 
     def chunks(self) -> Iterator[Block]:
-        """Every chunk, the one that the end of the file tears among them."""
+        """Every chunk, including one cut off by the end of the file."""
         file = self.store.file
         stretches = LooseRecords(self.store)
         at = len(MAGIC)
@@ -108,8 +108,8 @@ class McapFile(BlockFile):
     """An MCAP file.
 
     The index is used only if it accounts for every message: chunks without a message index,
-    messages outside chunks, channels that the summary does not repeat, or a missing footer are
-    all found in files of the field. What it does not account for is surveyed at opening.
+    messages outside chunks, channels missing from the summary and missing footers all occur in the
+    field. Everything else is scanned at opening.
     """
 
     def _open(self) -> tuple[Connection, ...]:
@@ -150,7 +150,7 @@ class McapFile(BlockFile):
         return GRAMMAR
 
     def check(self) -> int:
-        """Go through the file from start to end, and compare the CRCs of its data and summary."""
+        """Read the file from start to end, and compare the CRCs of data and summary."""
         walk = McapWalk(self._second_store(), self._describe)
         self._compare(walk.chunks(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
@@ -158,7 +158,7 @@ class McapFile(BlockFile):
         return self._store.crcs + self._is_sealed + self._is_data_sealed(walk.data_end)
 
     def _is_data_sealed(self, end: int) -> bool:
-        """Whether the data that end before `end` have a CRC, which agrees."""
+        """Whether the data up to `end` have a CRC that agrees."""
         said = int.from_bytes(self._file.read(end + RECORD_HEAD.size, 4), "little") if end else 0
         if not said:  # 0 says that the writer computed none
             return False
@@ -194,7 +194,7 @@ class McapFile(BlockFile):
             self._store.survey(unknown)
 
     def _walk(self) -> McapWalk:
-        """Go through the file, from start to end."""
+        """Read the file from start to end."""
         walk = McapWalk(self._store, self._describe)
         self._store.survey(walk.chunks())
         if not self._store.damage:
@@ -203,7 +203,7 @@ class McapFile(BlockFile):
         return walk
 
     def _note_missing_end(self, walk: McapWalk, fault: str) -> None:
-        """Say what is missing behind its data; `fault` is why its index is of no use."""
+        """Note what is missing after the data; `fault` says why the index is unusable."""
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
             if fault:
                 self._store.damage.note(
@@ -219,7 +219,7 @@ class McapFile(BlockFile):
         )
 
     def _describe(self, op: int, content: bytes, at: int) -> None:
-        """Keep a channel or a schema, the first of each number; the summary's counts as first."""
+        """Keep the first channel or schema of each number, and the first summary counts."""
         stream = ReadDataStream(BytesIO(content))
         try:
             record = Channel.read(stream) if op == CHANNEL else Schema.read(stream)
@@ -240,7 +240,7 @@ def _has_same_times(chunk: ChunkIndex, block: Block) -> bool:
 
 
 def make_connection(channel: Channel, schema: Schema | None) -> Connection:
-    """A channel and its schema as a connection."""
+    """Connection from a channel and its schema."""
     if schema is None:
         return Connection(channel.id, channel.topic, "", channel.message_encoding, "", "")
     name = schema.name
@@ -258,9 +258,9 @@ def make_connection(channel: Channel, schema: Schema | None) -> Connection:
 
 
 def metadata_records(path: Path) -> list[tuple[str, Mapping[str, str]]]:
-    """Name and texts of each metadata record that the summary points at; none where it is damaged.
+    """Name and values of each metadata record in the summary; empty if it is damaged.
 
-    A file that was torn off has no summary: what it may have said is then not looked for.
+    A truncated file has no summary; its metadata are not searched for.
     """
     file = FileBytes(path)
     try:

@@ -1,4 +1,4 @@
-"""Find the records of an MCAP file in bytes, compiled: a record costs a few nanoseconds."""
+"""Compiled search for the records of an MCAP file in bytes."""
 
 from typing import Final
 
@@ -26,9 +26,9 @@ _PROVEN: Final = 4
 def _scan_records(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
-    """Rows of messages, schemas and channels; see `records.Scan`.
+    """Find the rows of messages, schemas and channels; see `slabs.Grammar`.
 
-    It stops at a record that is not whole, and at one that only stands outside chunks.
+    It stops at an incomplete record, and at a record that only occurs outside chunks.
     """
     found = 0
     at = begin
@@ -65,7 +65,7 @@ def _scan_records(
 
 @compiled
 def _link_records(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, int]:
-    """Where the record at `at` ends, and how much its looks prove; 0 that it is none."""
+    """End of the record at `at`, and how plausible it is; 0 if it is not a record."""
     opcode = np.int64(data[at])
     length = load64(data, at + 1)
     if opcode < 1 or opcode > _LAST_OPCODE or length < 0 or length > limit - at - _HEAD:

@@ -42,11 +42,11 @@ _ENTRY_BYTES: Final = 8 + 8
 
 
 class SummaryError(Exception):
-    """Why the summary is not used, in a few words."""
+    """The summary cannot be used; the text gives the reason."""
 
 
 class Summary:
-    """What the summary repeats of the file; empty where there is none, or it is damaged."""
+    """Records repeated in the summary; empty if it is missing or damaged."""
 
     def __init__(self, file: FileBytes) -> None:
         #: why it is not used, empty where nothing is wrong
@@ -85,7 +85,7 @@ class Summary:
                 self.message_count = record.message_count
 
     def _read_section(self, file: FileBytes) -> bytes:
-        """The bytes from the summary up to the magic; none where there is no summary."""
+        """Bytes from the summary up to the magic; empty without a summary."""
         end = file.size - len(MAGIC)
         footer = file.read(end - _FOOTER.size, _FOOTER.size)
         if len(footer) < _FOOTER.size or footer[0] != FOOTER or file.read(end, len(MAGIC)) != MAGIC:
@@ -102,10 +102,10 @@ class Summary:
 
 
 def _parse_chunk_indexes(section: bytes) -> tuple[list[ChunkIndex], bytes]:
-    """The indexes of chunks in a summary, and the bytes of all other records.
+    """Chunk indexes of a summary, and the bytes of all other records.
 
-    A shift has thousands of them; the library takes 60 µs for each. Where one is not as it should
-    be, all is left to the library, which says why.
+    A shift has thousands of them, and the library takes 60 µs for each. If one is malformed, all
+    are left to the library, which reports why.
     """
     chunks: list[ChunkIndex] = []
     others: list[bytes] = []
@@ -149,14 +149,14 @@ def _parse_chunk_index(content: bytes) -> ChunkIndex:
 
 
 def make_damaged_block(chunk: ChunkIndex) -> Block:
-    """A chunk that is not where its index says."""
+    """Block of a chunk that is not at its indexed offset."""
     return Block(chunk.chunk_start_offset, 0, chunk.compressed_size, chunk.compression, 0)
 
 
 def count_indexed_messages(chunk: ChunkIndex) -> dict[int, int]:
-    """Messages by channel, from where the message indexes of a chunk begin: nothing is read.
+    """Number of messages by channel, from the offsets of a chunk's message indexes only.
 
-    Empty where they do not follow each other, and the chunk, without gaps.
+    Empty if the indexes do not directly follow the chunk and each other.
     """
     begin = chunk.chunk_start_offset + chunk.chunk_length
     places = sorted(chunk.message_index_offsets.items(), key=itemgetter(1))
@@ -176,9 +176,9 @@ def count_indexed_messages(chunk: ChunkIndex) -> dict[int, int]:
 def read_indexed_times_of_chunk(
     file: FileBytes, chunk: ChunkIndex
 ) -> Mapping[int, NDArray[np.int64]] | None:
-    """Log times (as 64 bits) by channel, from the message indexes of a chunk.
+    """Log times (64 bits) by channel, from the message indexes of a chunk.
 
-    None where they are not whole, or share bytes, or there are none.
+    None if the indexes are incomplete, overlap or are missing.
     """
     offsets = chunk.message_index_offsets
     begin = chunk.chunk_start_offset + chunk.chunk_length

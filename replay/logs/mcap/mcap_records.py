@@ -38,9 +38,9 @@ _INT64_MAX: Final = 2**63 - 1
 def chunk_block(
     file: FileBytes, offset: int, counts: Mapping[int, int] | None = None
 ) -> Block | None:
-    """The chunk whose record begins at `offset`, with messages by channel; None if there is none.
+    """Chunk whose record begins at `offset`, with messages by channel; None if there is none.
 
-    One that reaches beyond the end of the file is torn.
+    A chunk that extends beyond the end of the file is torn.
     """
     head = file.read(offset, RECORD_HEAD.size + _CHUNK.size + _LONGEST_NAME + _STORED.size)
     try:

@@ -29,7 +29,7 @@ _LOOSE: Final = (SCHEMA, CHANNEL, MESSAGE)
 
 
 class McapTail(BlockTail):
-    """An MCAP file that grows; the end of its data finishes it."""
+    """A growing MCAP file; it is finished when its data section ends."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)

@@ -1,1 +1,1 @@
-"""What decoding and reading share: types of messages, their fields, raw batches, broken bytes."""
+"""Shared by readers and decoders: message types, fields, raw batches, damaged data."""

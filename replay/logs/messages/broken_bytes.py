@@ -1,4 +1,4 @@
-"""Broken bytes: what a log holds is not what its format says.
+"""Damaged data: the content of a log violates its format.
 
 Only the call of a library is guarded with `BROKEN_BYTES`, and the value that it returns is checked;
 either raises `BrokenBytesError`, which alone is caught further up and reported as damage. An error
@@ -27,7 +27,7 @@ BROKEN_BYTES: Final = (
 
 
 class BrokenBytesError(Exception):
-    """Why bytes cannot be used, in a line."""
+    """Data cannot be used; one line with the reason."""
 
     def __init__(self, why: object) -> None:
         super().__init__(one_line(" ".join(str(why).split())))

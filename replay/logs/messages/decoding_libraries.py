@@ -1,4 +1,4 @@
-"""Libraries that decode one message at a time, and how their messages are taken apart.
+"""Libraries that decode single messages, and access to the fields of their messages.
 
 All that is here raises `BrokenBytesError` for a value that is not what the definition says.
 """
@@ -16,7 +16,7 @@ def int64(value: int) -> int:
     """Return a number unchanged.
 
     Raises:
-        BrokenBytesError: a column of 64-bit integers cannot hold it.
+        BrokenBytesError: it does not fit into 64 bits.
     """
     if not -(2**63) <= value < 2**63:
         raise BrokenBytesError(f"{value} is not a 64-bit integer")

@@ -24,15 +24,15 @@ _STEP = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\[(?P<element>[^\]]*)\])?(?:\.(?=.
 
 
 class FieldError(Exception):
-    """Why a field cannot be read, with the choices, in a line."""
+    """A field cannot be read; one line with the reason and the choices."""
 
 
 @dataclass(frozen=True, slots=True)
 class PathStep:
-    """From a message to one of its fields, or to elements of a list in it.
+    """Step from a message to one of its fields, or to list elements in it.
 
-    `element` is None for the field itself, an index, a name that the message's `name` list holds
-    at the same place, or `ALL`.
+    `element` is None for the field itself, an index, a name at the same place in the message's list
+    `name`, or `ALL`.
     """
 
     name: str
@@ -41,7 +41,7 @@ class PathStep:
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """A field as asked for, and the way to it."""
+    """A requested field and its path."""
 
     name: str
     kind: str
@@ -49,7 +49,7 @@ class Field:
 
     @property
     def dtype(self) -> pl.DataType:
-        """What its column holds: a list for each `[]` on the way."""
+        """Type of its column, with a list for each `[]` in the path."""
         spreads = sum(step.element == ALL for step in self.steps)
         dtype = (ELEMENT_DTYPES if spreads else COLUMN_DTYPES)[self.kind]
         for _ in range(spreads):
@@ -61,11 +61,11 @@ def resolve(name: str, record: RecordType) -> Field:
     """Find a field of a message type.
 
     Args:
-        name: `angular_velocity.z`, `covariance[0]`, `effort[left]`, or all of a list, `effort[]`.
-        record: the type.
+        name: `angular_velocity.z`, `covariance[0]`, `effort[left]`, or a whole list, `effort[]`.
+        record: message type.
 
     Raises:
-        FieldError: there is no such field, or it is not a single value.
+        FieldError: the field does not exist, or is not a single value.
     """
     if name in OWN_COLUMNS:
         raise FieldError(

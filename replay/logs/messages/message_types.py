@@ -1,4 +1,4 @@
-"""The types of messages as a tree, independent of the library that parsed the definition."""
+"""Message types as trees, independent of the library that parsed the definition."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -71,7 +71,7 @@ class RecordType:
     value_names: tuple[tuple[str, "ValueNames"], ...] = field(default=(), compare=False)
 
     def type_of_field(self, name: str) -> "FieldType | None":
-        """The type of a field, or None."""
+        """Type of a field; None if it does not exist."""
         return dict(self.fields).get(name)
 
     @property
@@ -86,7 +86,7 @@ class RecordType:
 
     @property
     def has_names(self) -> bool:
-        """Whether elements of its lists can be picked by the names in its list `name`."""
+        """Whether list elements can be selected by the names in its list `name`."""
         return self.type_of_field("name") == ListOf(Scalar("string"), None)
 
 
@@ -95,7 +95,7 @@ FieldType = Scalar | ListOf | RecordType
 
 @dataclass(frozen=True, slots=True)
 class MessageType:
-    """How one topic's messages look, and what turns the stored bytes into an object of them."""
+    """Type of a topic's messages, and the function that decodes one message."""
 
     record: RecordType
     ros1: bool
@@ -106,7 +106,7 @@ class MessageType:
 
 @dataclass(frozen=True, slots=True)
 class LeafField:
-    """Something in a message that can be a column."""
+    """Part of a message that can be a column."""
 
     #: dotted; a list shows as `effort[]`
     name: str
@@ -122,7 +122,7 @@ class LeafField:
 def leaf_fields(
     record: RecordType, prefix: str = "", lengths: tuple[int | None, ...] = ()
 ) -> Iterator[LeafField]:
-    """Everything in a message that can be a column, in the order of the definition."""
+    """Every part of a message that can be a column, in the order of the definition."""
     named = dict(record.value_names)
     for name, kind in record.fields:
         path, inner, around = f"{prefix}{name}", kind, lengths
@@ -140,5 +140,5 @@ def leaf_fields(
 
 
 def iter_leaf_names(record: RecordType) -> Iterator[str]:
-    """Dotted names of everything that can be a column; a list shows as `effort[]`."""
+    """Dotted names of all possible columns; a list shows as `effort[]`."""
     return (leaf.name for leaf in leaf_fields(record))

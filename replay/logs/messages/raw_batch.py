@@ -1,4 +1,4 @@
-"""Raw messages of one connection, many at once: the bytes that hold them, and where each lies."""
+"""Raw messages of one connection: their bytes, and the position of each."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import InitVar, dataclass
@@ -14,10 +14,10 @@ BATCH_BYTES: Final = 8 << 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawBatch:
-    """Messages of one connection as stored, anywhere in `data`, also in one another's bytes.
+    """Messages of one connection as stored, at any positions in `data`, even overlapping.
 
     Raises:
-        ValueError: a message reaches out of `data`.
+        ValueError: a message extends beyond `data`.
     """
 
     connection_id: int
@@ -52,11 +52,11 @@ class RawBatch:
 
     @property
     def rows(self) -> int:
-        """How many messages."""
+        """Number of messages."""
         return self.offsets.size
 
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp] | slice) -> "RawBatch":
-        """Some of the messages."""
+        """Select some of the messages."""
         return RawBatch(
             self.connection_id,
             self.data,
@@ -89,7 +89,7 @@ class RawBatch:
 def join_messages(
     connection_id: int, log_times: Sequence[int], messages: Sequence[bytes]
 ) -> RawBatch:
-    """A batch of messages that come one by one."""
+    """Batch of single messages."""
     lengths = np.fromiter(map(len, messages), np.int64, len(messages))
     return RawBatch(
         connection_id,

@@ -27,9 +27,9 @@ from replay.logs.storage import (
     END_NS,
     LARGEST_BYTES,
     UNKNOWN_NS,
+    BatchGroup,
     Connection,
     Container,
-    Group,
     LossList,
     make_empty_times,
     prefetch,
@@ -48,7 +48,7 @@ _STEP: Final = 2**20
 
 
 class Rosbag2Directory:
-    """A rosbag2 directory. It is read without metadata.yaml too, in the order of the names."""
+    """A rosbag2 directory; without metadata.yaml its files are read in the order of names."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -91,7 +91,7 @@ class Rosbag2Directory:
         return metadata
 
     def _compare_names(self, named: Sequence[str], found: Sequence[str]) -> None:
-        """Say where metadata.yaml names a file twice, or leaves out one that is there."""
+        """Note files that metadata.yaml names twice or leaves out."""
         for name, times in Counter(named).items():
             if times > 1:
                 what = f"names {name} {times:,} times; it is read once"
@@ -120,7 +120,7 @@ class Rosbag2Directory:
             told = [str(loss) for loss in self._losses] or faults
             raise LogError(
                 f"{self._path}: none of its bag files can be read: "
-                f"{'; '.join(told) or 'there is none'}"
+                f"{'; '.join(told) or 'there is no storage file'}"
             )
         yaml = self._path / METADATA
         return (yaml, *opened) if yaml.exists() else tuple(opened)
@@ -143,7 +143,7 @@ class Rosbag2Directory:
         return opener(stored)
 
     def _merge_connections(self, metadata: Metadata) -> None:
-        """Number the connections of all parts in one row."""
+        """Number the connections of all files consecutively."""
         self._origin: list[tuple[int, int]] = []
         merged: list[Connection] = []
         for part_number, part in enumerate(self._parts):
@@ -159,7 +159,7 @@ class Rosbag2Directory:
         self.connections: tuple[Connection, ...] = tuple(merged)
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
-        """The log times of a connection of one of the files."""
+        """Log times of a connection."""
         self._compare_counts()
         if connection_id >= len(self._origin):
             return make_empty_times()
@@ -167,16 +167,16 @@ class Rosbag2Directory:
         return self._parts[part_number].log_times(inner)
 
     def message_count(self, connection_id: int) -> int:
-        """How many messages a connection of one of the files has."""
+        """Number of messages of a connection."""
         self._compare_counts()
         if connection_id >= len(self._origin):
             return 0
         part_number, inner = self._origin[connection_id]
         return self._parts[part_number].message_count(inner)
 
-    def groups(
+    def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[Group]:
+    ) -> Iterator[BatchGroup]:
         """Messages file by file."""
         later = [part.earliest_ns() for part in self._parts[1:]]
         for part_number, part in enumerate(self._parts):
@@ -188,20 +188,22 @@ class Rosbag2Directory:
             }
             if not outer:
                 continue
-            stored = part.groups(list(outer), start_ns, end_ns)
+            stored = part.read_message_groups(list(outer), start_ns, end_ns)
             if self._metadata.message_zstd:
                 stored = prefetch(self._decompress_part(part, stored))
             for batches, floor_ns in stored:
                 renamed = [replace(b, connection_id=outer[b.connection_id]) for b in batches]
-                yield Group(renamed, min(floor_ns, behind))
+                yield BatchGroup(renamed, min(floor_ns, behind))
 
-    def _decompress_part(self, part: Container, stored: Iterator[Group]) -> Iterator[Group]:
+    def _decompress_part(
+        self, part: Container, stored: Iterator[BatchGroup]
+    ) -> Iterator[BatchGroup]:
         lost: Counter[int] = Counter()
         floor_ns = UNKNOWN_NS
         for batches, next_floor_ns in stored:
             for unpacked, damaged in chain.from_iterable(map(unpack_messages, batches)):
                 lost[unpacked.connection_id] += damaged
-                yield Group([unpacked], floor_ns)
+                yield BatchGroup([unpacked], floor_ns)
             floor_ns = next_floor_ns
         topics = {c.id: c.topic for c in part.connections}
         for key, count in lost.items():
@@ -211,7 +213,7 @@ class Rosbag2Directory:
                 )
 
     def _compare_counts(self) -> None:
-        """Say where metadata.yaml counts other messages than the files hold."""
+        """Note where metadata.yaml and files have different message counts."""
         if self._is_compared:
             return
         self._is_compared = True
@@ -233,7 +235,7 @@ class Rosbag2Directory:
             )
 
     def _compare_times(self) -> None:
-        """Say which files hold the same time: parts of one recording follow each other."""
+        """Note files that overlap in time; parts of one recording are consecutive."""
         spans: list[tuple[int, int, str]] = []
         for part in self._parts:
             times = np.concatenate(
@@ -250,7 +252,7 @@ class Rosbag2Directory:
                 )
 
     def earliest_ns(self) -> int:
-        """The earliest log time of all files."""
+        """Earliest log time of all files."""
         return min((part.earliest_ns() for part in self._parts), default=END_NS)
 
     def check(self) -> int:
@@ -266,17 +268,17 @@ class Rosbag2Directory:
 
 
 def storage_files(folder: Path) -> list[Path]:
-    """The bag files in a folder, also those that are compressed as a whole."""
+    """Bag files in a folder, including compressed ones."""
     return [p for p in folder.iterdir() if Path(p.name.removesuffix(".zstd")).suffix in _STORAGE]
 
 
 def _part_number(name: str) -> list[tuple[int, str]]:
-    """Put shift_10 after shift_9."""
+    """Sort key that puts shift_10 after shift_9."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
 def unpack_file(packed: Path, target: Path) -> str | None:
-    """Decompress a file; if it is damaged, keep what precedes the damage and return the reason."""
+    """Decompress a file; if it is damaged, keep the part before and return the reason."""
     import pyarrow as pa  # slow to import, and most logs are not compressed so
 
     # half of what is free is left to others
@@ -295,7 +297,7 @@ def unpack_file(packed: Path, target: Path) -> str | None:
 
 
 def unpack_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
-    """A batch with its messages unpacked, in parts of bounded size; with each, how many failed."""
+    """Unpack the messages of a batch in parts of bounded size; yields also the failures."""
     unpacker = zstandard.ZstdDecompressor()
     messages: list[bytes] = []
     times: list[int] = []
@@ -326,7 +328,7 @@ def _decompress_file(unpacker: zstandard.ZstdDecompressor, packed: bytes) -> byt
 
 
 def _unpack_stepwise(unpacker: zstandard.ZstdDecompressor, packed: bytes, room: int) -> bytes:
-    """Unpack a frame that does not tell its size, so much at once as a few bytes of it can hold."""
+    """Unpack a frame of unknown size, in steps that a few bytes can hold."""
     stream = unpacker.decompressobj()
     parts: list[bytes] = []
     for at in range(0, len(packed), _FEW_BYTES):

@@ -1,4 +1,4 @@
-"""metadata.yaml of a rosbag2 directory: the order of its files, and what was to be recorded."""
+"""metadata.yaml of a rosbag2 directory: order of the files, and recorded topics."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _LARGEST_BYTES: Final = 2**20
 
 
 class MetadataError(Exception):
-    """Why metadata.yaml is of no use, in a line."""
+    """metadata.yaml cannot be used; one line with the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +48,7 @@ def read_metadata(folder: Path) -> Metadata:
 
     Raises:
         MetadataError: it is damaged.
-        LogError: it names files outside the folder, or the messages have a compression other than
-            zstd.
+        LogError: it names files outside the folder, or a compression other than zstd.
     """
     path = folder / METADATA
     if not path.is_file():  # a pipe would be waited for
@@ -63,9 +62,9 @@ def read_metadata(folder: Path) -> Metadata:
 
 
 def custom_data(data: bytes) -> Mapping[str, str]:
-    """The `custom_data` of a metadata.yaml: texts that whoever recorded it gave, by name.
+    """The `custom_data` of a metadata.yaml: texts given by the recorder, by name.
 
-    None where it has none, or is damaged: `read_metadata` says what is wrong.
+    Empty if it has none or is damaged; `read_metadata` reports the error.
     """
     if len(data) > _LARGEST_BYTES:
         return {}
@@ -84,7 +83,7 @@ def _load_yaml(path: Path) -> Any:
     """Load the file's content.
 
     Raises:
-        BrokenBytesError: it is no YAML, or cannot be read.
+        BrokenBytesError: it is not YAML, or cannot be read.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -99,7 +98,7 @@ def parse_yaml(text: str) -> Any:
     """Parse a text of YAML.
 
     Raises:
-        BrokenBytesError: it is none.
+        BrokenBytesError: it is not YAML.
     """
     try:
         return YAML(typ="safe").load(text)
@@ -125,7 +124,9 @@ def _parse_metadata(content: Any, folder: Path) -> Metadata:
     mode = require_text(information.get("compression_mode") or "none").lower()
     fmt = require_text(information.get("compression_format") or "zstd")
     if mode != "none" and fmt != "zstd":
-        raise LogError(f"{folder}: compressed with {fmt}; only zstd can be read")
+        raise LogError(
+            f"{folder}: compressed with {fmt}, but only zstd can be read; unpack it first"
+        )
     return Metadata(
         tuple(
             _path_inside(require_text(name), folder)
@@ -165,7 +166,7 @@ def _require_list(value: Any) -> list[Any]:
 
 
 def message_count(value: Any) -> int:
-    """A number of messages: YAML also knows numbers in quotes, and numbers without end."""
+    """Validated number of messages; YAML also has quoted and infinite numbers."""
     try:
         return int(value)
     except (TypeError, ValueError, OverflowError) as error:
@@ -173,7 +174,7 @@ def message_count(value: Any) -> int:
 
 
 def require_text(value: Any) -> str:
-    """A value that is text: YAML also knows lists of lists of lists, and half characters."""
+    """Validated text; YAML also has nested lists, and halves of characters."""
     if not isinstance(value, str):
         raise _other_layout_error()
     try:
@@ -184,10 +185,10 @@ def require_text(value: Any) -> str:
 
 
 def _path_inside(name: str, folder: Path) -> str:
-    """The file of the folder that metadata.yaml means.
+    """Path inside the folder of a file named in metadata.yaml.
 
     Raises:
-        LogError: for a name that leads out of the folder.
+        LogError: the name leads out of the folder.
     """
     path = PurePosixPath(name)
     if path.is_absolute() or PureWindowsPath(name).drive or ".." in path.parts or "\\" in name:

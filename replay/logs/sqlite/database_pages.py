@@ -1,4 +1,4 @@
-"""The pages of a SQLite file (sqlite.org/fileformat2.html): whether they can be read as they are.
+"""Layout of a SQLite file's pages (sqlite.org/fileformat2.html), if they can be read directly.
 
 What is unusual is not read here but by SQLite itself.
 """
@@ -28,7 +28,7 @@ _TOPIC, _TIME, _DATA = "topic_id", "timestamp", "data"
 
 
 class PageLayout(NamedTuple):
-    """How pages and the records of one table in them are laid out."""
+    """Layout of pages, and of one table's records in them."""
 
     page_bytes: int
     #: of each page from its start; the rest is reserved for extensions
@@ -47,7 +47,7 @@ class PageLayout(NamedTuple):
 
 
 class RowFilter(NamedTuple):
-    """Which rows are wanted, and whether with their messages."""
+    """Requested rows, and whether to read their messages."""
 
     #: topics, ascending, unless all are wanted
     keys: NDArray[np.int64]
@@ -59,7 +59,7 @@ class RowFilter(NamedTuple):
 
 
 def page_layout(file: FileBytes, database: sqlite3.Connection) -> PageLayout | None:
-    """The layout of table `messages`, None where SQLite has to read it.
+    """Layout of table `messages`; None if SQLite has to read it.
 
     Raises:
         BrokenBytesError: SQLite cannot read its own tables.
@@ -90,13 +90,13 @@ def page_layout(file: FileBytes, database: sqlite3.Connection) -> PageLayout | N
 
 
 def _is_unfinished(path: Path) -> bool:
-    """Whether what the file holds is not all that was written, or too much of it."""
+    """Whether the file misses writes, or contains uncommitted ones."""
     beside = (path.with_name(path.name + suffix) for suffix in ("-wal", "-journal"))
     return any(each.exists() and each.stat().st_size > 0 for each in beside)
 
 
 def _find_messages_table(database: sqlite3.Connection) -> tuple[int, int, int, int, int] | None:
-    """The root of table `messages`, its columns, and where topic, time and message stand."""
+    """Root page of table `messages`, its columns, and the places of topic, time and message."""
     found = fetch_all(
         database, "SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
     )

@@ -1,4 +1,4 @@
-"""The tail of a rosbag2 database that is still being written: rows that were committed."""
+"""A rosbag2 database that is still being written: its committed rows."""
 
 import sqlite3
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ _MESSAGES: Final = (
 
 
 class Db3Tail:
-    """A `.db3` file that grows. A database does not say that its recorder has ended."""
+    """A growing `.db3` file. A database does not show whether its recorder has ended."""
 
     def __init__(self, path: Path) -> None:
         self.connections: dict[int, Connection] = {}
@@ -39,7 +39,7 @@ class Db3Tail:
         return [*self._losses]
 
     def poll(self) -> list[RawBatch]:
-        """See `Tail.poll`; a database that is locked or half written is left for a later call."""
+        """See `Tail.poll`; a locked or half-written database is left for a later call."""
         looks = self._file_states()
         if looks == self._seen:
             return []
@@ -62,10 +62,10 @@ class Db3Tail:
         return [join_messages(topic, *parts) for topic, parts in messages.items()]
 
     def end(self) -> None:
-        """A transaction is there or it is not."""
+        """Do nothing, since transactions are never partial."""
 
     def close(self) -> None:
-        """Nothing stays open between two polls: a recorder may checkpoint and truncate."""
+        """Do nothing; the file is closed between polls so that a recorder may checkpoint it."""
 
     def _file_states(self) -> tuple[tuple[int, int], ...]:
         return tuple(

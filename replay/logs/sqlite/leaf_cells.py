@@ -1,4 +1,4 @@
-"""A cell of a leaf page of a SQLite table, compiled: a row of the table, or its beginning."""
+"""Compiled parser for a cell of a SQLite table's leaf page: a row, or its begin."""
 
 from typing import Final
 
@@ -24,7 +24,7 @@ MESSAGE, DAMAGED, NO_MESSAGE, UNUSUAL = range(4)
 
 @uncounted
 def big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
-    """An unsigned integer of less than 8 bytes."""
+    """Unsigned big-endian integer of less than 8 bytes."""
     value = np.int64(0)
     for k in range(size):
         value = (value << np.int64(8)) | np.int64(data[at + k])
@@ -33,7 +33,7 @@ def big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
 
 @uncounted
 def _read_signed(data: NDArray[np.uint8], at: int, size: int) -> int:
-    """A two's complement integer of 1 to 8 bytes."""
+    """Two's complement integer of 1 to 8 bytes."""
     value = np.int64(data[at])
     if value > 127:
         value -= np.int64(256)
@@ -44,7 +44,7 @@ def _read_signed(data: NDArray[np.uint8], at: int, size: int) -> int:
 
 @uncounted
 def _read_varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
-    """An integer of 1 to 9 bytes, and where it ends: -1 where not before `end`."""
+    """Variable-length integer of 1 to 9 bytes, and its end; -1 if beyond `end`."""
     value, bits, stop = np.int64(0), 0, -1
     # with several ways out numba would count references to the data, which takes longer than this
     while at < end and stop < 0:
@@ -63,7 +63,7 @@ def _read_varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
 
 @uncounted
 def _count_value_bytes(kind: int) -> int:
-    """Bytes of a value of a record's type; -1 for what is no type."""
+    """Bytes of a value of this record type; -1 for an invalid type."""
     if kind >= _BLOB:
         return (kind - _BLOB) // 2
     if kind < 0 or kind > _ONE:
@@ -77,7 +77,7 @@ def _count_value_bytes(kind: int) -> int:
 
 @uncounted
 def _count_local_bytes(payload: int, usable: int) -> int:
-    """How much of a record stands in its leaf; the rest is on overflow pages."""
+    """Bytes of a record stored in its leaf; the rest is on overflow pages."""
     if payload <= usable - 35:
         return payload
     least = (usable - 12) * 32 // 255 - 23
@@ -89,11 +89,11 @@ def _count_local_bytes(payload: int, usable: int) -> int:
 def parse_cell(
     data: NDArray[np.uint8], at: int, begin: int, end: int, layout: PageLayout, with_data: bool
 ) -> tuple[int, int, int, int, int, int, int, int]:
-    """What the cell at `at` holds, in a page that has its cells in [begin, end).
+    """Parse the cell at `at` in a page with its cells in [begin, end).
 
     Returns:
-        Which of the four above it is, and its id; topic, time; where the message begins, its
-        bytes, and those of them in the leaf; and where the leaf's part of the record ends.
+        Kind (one of the four above), id, topic, time, begin and size of the message, its bytes in
+        the leaf, and the end of the record's part in the leaf.
     """
     damaged = (DAMAGED, 0, 0, 0, 0, 0, 0, 0)
     payload, row_id, at, stop = _open_cell(data, at, begin, end, layout)
@@ -135,9 +135,9 @@ def parse_cell(
 def _open_cell(
     data: NDArray[np.uint8], at: int, begin: int, end: int, layout: PageLayout
 ) -> tuple[int, int, int, int]:
-    """The bytes of a cell's record, its id, where it begins, and where its part in the leaf ends.
+    """Size of a cell's record, its id, its begin, and the end of its part in the leaf.
 
-    The last is -1 where the cell is damaged.
+    The end is -1 if the cell is damaged.
     """
     damaged = (0, 0, 0, -1)
     if at < begin or at >= end:
@@ -159,7 +159,7 @@ def _open_cell(
 def _read_integer(
     data: NDArray[np.uint8], at: int, kind: int, size: int, stop: int
 ) -> tuple[int, int]:
-    """An integer column, and whether it is one that a message has."""
+    """Integer column, and whether a message may have it."""
     if kind in (_NULL, _FLOAT) or kind > _ONE:
         return 0, NO_MESSAGE
     if at + size > stop:

@@ -1,4 +1,4 @@
-"""The leaf pages of a SQLite table in the order of its rows, and the messages in them.
+"""Leaf pages of a SQLite table in row order, and a compiled scan for their messages.
 
 The pages above a leaf name it. Its messages are found compiled, in some tens of nanoseconds each.
 """
@@ -50,9 +50,9 @@ class Tables(NamedTuple):
 
 
 def leaf_pages(file: FileBytes, layout: PageLayout) -> NDArray[np.uint32] | None:
-    """Numbers of the leaf pages, None where the tree is damaged.
+    """Numbers of the leaf pages; None if the tree is damaged.
 
-    No page is met twice, so that a tree that leads back to itself ends here.
+    No page is visited twice, so a cyclic tree ends here.
     """
     seen = np.zeros(layout.pages + 1, np.bool_)
     # the first holds the list of tables
@@ -83,7 +83,7 @@ def leaf_pages(file: FileBytes, layout: PageLayout) -> NDArray[np.uint32] | None
 def _child_pages(
     file: FileBytes, layout: PageLayout, level: NDArray[np.uint32]
 ) -> NDArray[np.uint32] | None:
-    """The pages below a level of the tree, None where one of it is damaged."""
+    """Pages below a level of the tree; None if one is damaged."""
     found: list[NDArray[np.uint32]] = []
     data = np.empty(max(_STEP_BYTES, layout.page_bytes), np.uint8)
     done = 0
@@ -105,7 +105,7 @@ def _child_pages(
 def child_pages(
     data: NDArray[np.uint8], slots: NDArray[np.int64], usable: int, found: NDArray[np.uint32]
 ) -> int:
-    """Pages below those that begin at `slots`; how many there are, -1 where one is damaged."""
+    """Pages below those that begin at `slots`; returns their number, -1 if one is damaged."""
     count = 0
     for base in slots:
         cells = big_endian(data, base + 3, 2)
@@ -133,7 +133,7 @@ _MOST_BETWEEN: Final = 65_536
 
 
 class PageRanges(NamedTuple):
-    """Ranges of pages, (ranges,) each: the first page of each, how many, and where they go."""
+    """Ranges of pages, (ranges,) each: first page, number of pages, and target position."""
 
     first: NDArray[np.int64]
     pages: NDArray[np.int64]
@@ -143,10 +143,10 @@ class PageRanges(NamedTuple):
 def page_ranges(
     pages: NDArray[np.uint32], page_bytes: int, room: int
 ) -> tuple[PageRanges, NDArray[np.int64]]:
-    """Find ranges that hold `pages`, or as many of them as there is room for, at least one.
+    """Ranges that contain as many of `pages` as there is room for, at least one.
 
     Returns:
-        The stretches, and (n,) where each of the first n pages will begin.
+        The ranges, and (n,) begin of each of the first n pages.
     """
     numbers = pages[: max(1, room // page_bytes)].astype(np.int64)
     step = np.diff(numbers)
@@ -165,7 +165,7 @@ def page_ranges(
 def read_ranges(
     file: FileBytes, ranges: PageRanges, page_bytes: int, target: NDArray[np.uint8]
 ) -> bool:
-    """Read ranges of pages to their places in `target`; whether the file has all of them."""
+    """Read ranges of pages into `target`; returns whether the file has all of them."""
     for first, pages, begin in zip(*(each.tolist() for each in ranges), strict=True):
         part = target[begin : begin + pages * page_bytes]
         if file.read_into((first - 1) * page_bytes, part) < part.size:
@@ -184,21 +184,21 @@ def scan_leaves(
     state: NDArray[np.int64],
     tables: Tables,
 ) -> tuple[int, int, int, bool]:
-    """Wanted rows in leaf pages, until there is no more room or a row is unusual.
+    """Find requested rows in leaf pages, until the room ends or a row is unusual.
 
     Args:
-        data: holds the pages.
-        leaves: (pages,) where in `data` each begins.
-        layout: of the pages.
-        wanted: which rows.
-        tail: where in `data` messages from overflow pages will stand.
-        room: bytes that these may take, unless it is a single one.
-        state: (7,) where to begin, and becomes where it stopped.
-        tables: are filled.
+        data: bytes of the pages.
+        leaves: (pages,) begin of each page in `data`.
+        layout: layout of the pages.
+        wanted: requested rows.
+        tail: begin in `data` of messages from overflow pages.
+        room: maximum bytes of these, unless it is a single one.
+        state: (7,) in: where to begin; out: where it stopped.
+        tables: output.
 
     Returns:
-        Rows and spilled rows found, bytes behind `tail` that these need, and False if it stopped
-        at what is unusual.
+        Numbers of rows and of spilled rows, bytes needed behind `tail`, and False if it stopped at
+        an unusual row.
     """
     rows, spills, gaps = tables
     keys = wanted.keys
@@ -257,7 +257,7 @@ def scan_leaves(
 
 @uncounted
 def _contains_key(keys: NDArray[np.int64], key: int) -> bool:
-    """Whether a key is among some that ascend."""
+    """Whether a key is in a sorted array."""
     first, last = 0, keys.size
     while first < last:
         middle = (first + last) // 2
@@ -270,7 +270,7 @@ def _contains_key(keys: NDArray[np.int64], key: int) -> bool:
 
 @uncounted
 def _count_odd_cells(state: NDArray[np.int64], row_id: int) -> None:
-    """Count a row that holds no message."""
+    """Count a row without a message."""
     if state[ODD] == 0:
         state[FIRST_ODD] = row_id
     state[ODD] += 1
@@ -278,7 +278,7 @@ def _count_odd_cells(state: NDArray[np.int64], row_id: int) -> None:
 
 @uncounted
 def _open_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
-    """Nothing can be read here."""
+    """Begin a gap in which nothing can be read."""
     if state[IN_GAP] == 0:
         if state[GAPS] < gaps.shape[1]:
             gaps[0, state[GAPS]] = state[LAST_ID]
@@ -289,7 +289,7 @@ def _open_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
 
 @uncounted
 def _close_gap(gaps: NDArray[np.int64], state: NDArray[np.int64], row_id: int) -> None:
-    """Here is a row again."""
+    """End a gap at a row."""
     if state[IN_GAP] == 1 and state[GAPS] <= gaps.shape[1]:
         gaps[1, state[GAPS] - 1] = row_id
     state[IN_GAP] = 0

@@ -1,4 +1,4 @@
-"""Table `messages` of a rosbag2 database: its pages as they are, and by SQLite what is left."""
+"""Table `messages` of a rosbag2 database, read from its pages or else by SQLite."""
 
 import sqlite3
 from collections.abc import Callable, Collection, Generator, Iterator
@@ -24,7 +24,7 @@ class _NoMessageError(Exception):
 
 
 class MessageTable:
-    """Rows of the table in the order of their ids.
+    """Rows of the table, in the order of their ids.
 
     Raises:
         BrokenBytesError: it has other columns, or SQLite cannot read its own tables.
@@ -33,12 +33,12 @@ class MessageTable:
     def __init__(
         self, database: sqlite3.Connection, file: FileBytes, note: Callable[[str], None]
     ) -> None:
-        """Look how the table is stored.
+        """Examine how the table is stored.
 
         Args:
             database: opened.
-            file: the same.
-            note: told what was lost, a sentence a damaged place.
+            file: the same file.
+            note: called with a sentence for each damaged place.
         """
         with guard_sqlite_call():
             database.execute(f"{_MESSAGES} LIMIT 0", (0,)).close()
@@ -61,7 +61,7 @@ class MessageTable:
     def iter_messages(
         self, topic_ids: Collection[int], first_ns: int, last_ns: int
     ) -> Iterator[TableRows]:
-        """Rows of some topics, from one log time to another, both inclusive."""
+        """Rows of some topics in a range of log times, both ends inclusive."""
         keys = np.array(sorted(topic_ids), np.int64)
         first, last = (max(_LEAST_NS, min(each, _MOST_NS)) for each in (first_ns, last_ns))
         return self._iter_rows(RowFilter(keys, False, first, last, True))

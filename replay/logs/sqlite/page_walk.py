@@ -1,4 +1,4 @@
-"""Go through a SQLite table page by page."""
+"""Read a SQLite table page by page."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -60,18 +60,18 @@ class _Memory:
 
 
 class PageWalk:
-    """Rows of a table in the order of their ids, over damaged pages, up to one that is unusual."""
+    """Rows of a table in the order of their ids, past damaged pages, up to an unusual one."""
 
     def __init__(
         self, file: FileBytes, layout: PageLayout, wanted: RowFilter, note: Callable[[str], None]
     ) -> None:
-        """Begin at the first row.
+        """Start at the first row.
 
         Args:
             file: the database.
-            layout: of its pages.
-            wanted: which rows.
-            note: told what was lost, a sentence a damaged place.
+            layout: layout of its pages.
+            wanted: requested rows.
+            note: called with a sentence for each damaged place.
         """
         self._file = file
         self._layout = layout
@@ -112,7 +112,7 @@ class PageWalk:
             self.left_after = None
 
     def _read(self, leaves: NDArray[np.uint32], memory: _Memory) -> tuple[TableRows, bool]:
-        """Rows from some leaves on, and whether what follows is usual."""
+        """Rows from the given leaves on, and whether the following ones are usual."""
         size = self._layout.page_bytes
         ranges, slots = page_ranges(leaves, size, _LEAF_BYTES)
         if not read_ranges(self._file, ranges, size, memory.data):
@@ -163,7 +163,7 @@ class PageWalk:
 
 
 def _describe_lost_rows(before: int, until: int) -> str:
-    """The rows between two ids, as far as these tell."""
+    """Clause on the rows between two ids, as far as these show."""
     if until == MOST_ID:
         return "all rows are" if before == LEAST_ID else f"rows from {before + 1} on are"
     if before == LEAST_ID:
@@ -178,7 +178,7 @@ def _describe_lost_rows(before: int, until: int) -> str:
 
 
 class Near(NamedTuple):
-    """Pages that were read for one message: the first, how many, and their bytes."""
+    """Pages read for one message: the first, their number and their bytes."""
 
     first: int
     pages: int
@@ -186,7 +186,7 @@ class Near(NamedTuple):
 
 
 class Chains:
-    """Follows overflow pages, of which each names the next."""
+    """Reader of overflow pages, each of which names the next."""
 
     def __init__(self, file: FileBytes, layout: PageLayout) -> None:
         self._file = file
@@ -204,14 +204,14 @@ class Chains:
         spills: NDArray[np.int64],
         count: int,
     ) -> None:
-        """Put spilled messages where `rows` says; of those that are damaged, `PAGE` becomes 0.
+        """Store spilled messages at their places in `rows`; damaged ones get `PAGE` 0.
 
         Args:
-            data: holds leaves, other pages that were read with them, and room.
-            ranges: which pages those are.
-            rows: (5, n) of `scan_leaves`.
-            spills: (5, m) likewise.
-            count: how many there are of these.
+            data: bytes of leaves and other pages, with room.
+            ranges: ranges of those pages.
+            rows: (5, n) output of `scan_leaves`.
+            spills: (5, m) output of `scan_leaves`.
+            count: number of spilled messages.
         """
         order = np.argsort(ranges.first, kind="stable")
         at_hand = np.stack([each[order] for each in ranges])
@@ -225,7 +225,7 @@ class Chains:
         self._used = int(state[_USED])
 
     def _read(self, page: int, left: int) -> None:
-        """Read pages from one on that may be those of the bytes that are left of a message."""
+        """Read the pages that may hold the remaining bytes of a message."""
         size = self._layout.page_bytes
         needed = -(-left // (self._layout.usable_bytes - 4))
         pages = min(needed, self._at_once, self._layout.pages + 1 - page)
@@ -238,7 +238,7 @@ class Chains:
 
 @compiled
 def _find_page(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
-    """Where a page is in the data, -1 where not."""
+    """Position of a page in the data; -1 if absent."""
     found = np.searchsorted(at_hand[0], page, side="right") - 1
     if found < 0 or page >= at_hand[0, found] + at_hand[1, found]:
         return -1
@@ -256,7 +256,7 @@ def _join_chains(
     count: int,
     state: NDArray[np.int64],
 ) -> bool:
-    """Join on from `state`, to the end or, then it is true, a page that is not at hand."""
+    """Continue joining from `state`; returns True at a page that must be read first."""
     first_near, near_pages, near_bytes = near
     most = layout.usable_bytes - 4
     while state[_SPILL] < count:

@@ -1,4 +1,4 @@
-"""Rows of a SQLite table by SQLite itself, in the order of their ids, over what is damaged."""
+"""Rows of a SQLite table by SQLite itself, in the order of their ids, past damage."""
 
 import sqlite3
 from collections.abc import Callable, Generator, Iterator
@@ -26,7 +26,7 @@ Row = tuple[Any, ...]
 
 @dataclass(frozen=True, slots=True)
 class TableRows:
-    """Rows of messages, whose memory may be used again for those after the next."""
+    """Rows of messages; their memory may be reused after the next ones."""
 
     #: holds the messages
     data: NDArray[np.uint8]
@@ -36,11 +36,11 @@ class TableRows:
 
 @contextmanager
 def guard_sqlite_call() -> Generator[None]:
-    """Guard calls of SQLite, and nothing else.
+    """Context that converts SQLite's errors for damaged data.
 
     Raises:
-        BrokenBytesError: the database is damaged; Python's module also stumbles over messages that
-            are no text. A wrong use of the module is our own error and stays what it is.
+        BrokenBytesError: the database is damaged, or has messages of a wrong type. Errors in using
+            the module are not converted.
     """
     try:
         yield
@@ -72,11 +72,11 @@ def read_rows(
 
     Args:
         database: opened.
-        query: gives rows behind the rowid that is its parameter, ordered by rowid, which is the
-            first column.
-        after: the rowid behind which rows are read.
-        note: told what was lost, a sentence a damaged place.
-        has_blob: whether the last column is one, whose size then bounds the batches.
+        query: query for rows after the rowid that is its parameter, ordered by rowid, its first
+            column.
+        after: rowid after which to read.
+        note: called with a sentence for each damaged place.
+        has_blob: whether the last column is a blob, whose size bounds the batches.
     """
     while True:
         fault: BrokenBytesError | None = None
@@ -113,7 +113,7 @@ def read_rows(
 def _iter_batches(
     database: sqlite3.Connection, query: str, after: int, *, has_blob: bool
 ) -> Iterator[list[Row]]:
-    """Rows in batches up to damage, which is raised once the rows before it were given."""
+    """Rows in batches; an error is raised after the rows before it."""
     rows: list[Row] = []
     size = 0
     step = _MOST_STEP if has_blob else _MOST_ROWS
@@ -139,7 +139,7 @@ def _iter_batches(
 
 
 def find_first_row_after(database: sqlite3.Connection, query: str, after: int) -> Row | None:
-    """The first row behind an id.
+    """First row after an id.
 
     Raises:
         BrokenBytesError: the database is damaged there.
@@ -152,7 +152,7 @@ def find_first_row_after(database: sqlite3.Connection, query: str, after: int) -
 
 
 def _read_one_by_one(database: sqlite3.Connection, query: str, after: int) -> Iterator[Row]:
-    """Rows up to a fault, at most a batch."""
+    """Rows up to an error, at most one batch."""
     for _ in range(_MOST_ROWS):
         try:
             row = find_first_row_after(database, query, after)
@@ -165,15 +165,15 @@ def _read_one_by_one(database: sqlite3.Connection, query: str, after: int) -> It
 
 
 def _may_ids_be_distinct(after: int, rows: list[Row]) -> bool:
-    """Whether ids can be as many different ones as there are rows.
+    """Whether there are enough ids for all rows to differ.
 
-    A damaged tree may lead to the same page again and again.
+    A damaged tree may lead to the same page repeatedly.
     """
     return rows[0][0] > after and rows[-1][0] - rows[0][0] >= len(rows) - 1
 
 
 def _iter_while_ids_increase(after: int, rows: list[Row]) -> Iterator[Row]:
-    """Rows up to one whose id is not behind the one before."""
+    """Rows up to one whose id does not increase."""
     for row in rows:
         if row[0] <= after:
             return
@@ -182,7 +182,7 @@ def _iter_while_ids_increase(after: int, rows: list[Row]) -> Iterator[Row]:
 
 
 def _find_id_behind_damage(database: sqlite3.Connection, query: str, after: int) -> int | None:
-    """The id behind which a row can be read again, None where there is none."""
+    """Id after which a row can be read again; None if there is none."""
 
     def first(gap: int) -> int | None:
         row = find_first_row_after(database, query, min(after + gap, MOST_ID))

@@ -1,4 +1,4 @@
-"""The container of rosbag2's SQLite storage (`.db3`), with or without its directory."""
+"""Container of rosbag2's SQLite storage (`.db3`), with or without its directory."""
 
 import sqlite3
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -24,10 +24,10 @@ from replay.logs.storage import (
     OFFSET,
     TIME,
     UNKNOWN_NS,
+    BatchGroup,
     Connection,
     Damage,
     FileBytes,
-    Group,
     group_by_key,
     make_empty_times,
 )
@@ -43,7 +43,7 @@ _LEAST_BYTES_TO_ORDER: Final = 64 * 2**20
 
 
 class Db3File:
-    """A `.db3` file. Before ROS 2 Iron it carries no message definitions."""
+    """A `.db3` file; before ROS 2 Iron it has no message definitions."""
 
     def __init__(self, path: Path) -> None:
         self.files: tuple[Path, ...] = (path,)
@@ -87,7 +87,7 @@ class Db3File:
         return self._damage.losses({})
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
-        """The log times of a topic; the first call goes through the whole table."""
+        """Log times of a topic; the first call reads the whole table."""
         if self._times is None:
             parts: dict[int, list[NDArray[np.int64]]] = {}
             for found in self._table.iter_times():
@@ -100,7 +100,7 @@ class Db3File:
         return self._times.get(connection_id, make_empty_times())
 
     def message_count(self, connection_id: int) -> int:
-        """How many messages a topic has; the first call goes through the whole table."""
+        """Number of messages of a topic; the first call reads the whole table."""
         return self.log_times(connection_id).size
 
     def _since_1970(self, key: int, times: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -111,10 +111,10 @@ class Db3File:
             self._damage.note(what, topic)
         return times[times >= 0]
 
-    def groups(
+    def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[Group]:
-        """Messages as stored; a damaged page of the database costs that page."""
+    ) -> Iterator[BatchGroup]:
+        """Messages as stored; a damaged page is skipped."""
         first = 0 if start_ns is None else max(start_ns, 0)
         last = 2**63 - 1 if end_ns is None else end_ns
         latest = UNKNOWN_NS
@@ -125,13 +125,13 @@ class Db3File:
                 for key, at in group_by_key(rows[KEY])
             ]
             latest = max(latest, int(rows[TIME].max(initial=UNKNOWN_NS)))
-            yield Group(batches, self._floor_ns(latest))
+            yield BatchGroup(batches, self._floor_ns(latest))
 
     def _floor_ns(self, latest: int) -> int:
-        """The log time before which nothing follows a row of the log time `latest`.
+        """Lower bound of the log times after a row of log time `latest`.
 
-        A database keeps rows in the order in which they were recorded, without an index by time;
-        by how much they go back is seen in a pass over all of them, which a small one is not worth.
+        Rows are in the order of recording, without an index by time. How far times go back is known
+        after a pass over all of them, which a small database is not worth.
         """
         if self._size < _LEAST_BYTES_TO_ORDER or latest == UNKNOWN_NS:
             return UNKNOWN_NS
@@ -147,7 +147,7 @@ class Db3File:
         return max(latest - self._back_ns, UNKNOWN_NS)
 
     def earliest_ns(self) -> int:
-        """The earliest log time, as SQLite finds it."""
+        """Earliest log time, by SQLite."""
         try:
             ((earliest,),) = fetch_all(self._database, "SELECT min(timestamp) FROM messages")
         except BrokenBytesError:
@@ -174,10 +174,10 @@ class Db3File:
 def read_connections(
     database: sqlite3.Connection, note: Callable[[str], None]
 ) -> tuple[Connection, ...]:
-    """The topics of a database; `note` is told what is damaged.
+    """Topics of a database; `note` is called with damage.
 
     Raises:
-        BrokenBytesError: it is damaged, or no rosbag2 database.
+        BrokenBytesError: it is damaged, or not a rosbag2 database.
     """
     found = fetch_all(database, "SELECT name FROM sqlite_master WHERE type = 'table'")
     tables = {name for (name,) in found}
@@ -212,7 +212,7 @@ def read_connections(
 
 
 def metadata_texts(path: Path) -> list[str]:
-    """The copies of metadata.yaml in a database, the newest first; none before ROS 2 Iron."""
+    """Copies of metadata.yaml in a database, the newest first; none before ROS 2 Iron."""
     try:
         database = connect_to_read(path, unfinished=False)
     except LogError:
@@ -226,7 +226,7 @@ def metadata_texts(path: Path) -> list[str]:
 
 
 def connect_to_read(path: Path, *, unfinished: bool) -> sqlite3.Connection:
-    """Open a database to read it; `unfinished` has a recorder, or what one left behind."""
+    """Open a database for reading; `unfinished` if it may still have a recorder."""
     # immutable reads files on read-only media, but is blind to messages still in a -wal file
     mode = "mode=ro" if unfinished else "mode=ro&immutable=1"
     try:
@@ -246,16 +246,16 @@ def _decode(text: bytes) -> str:
 
 
 def unclosed_bytes(path: Path) -> int:
-    """How many bytes of a `-wal` file are of a transaction that was never ended.
+    """Bytes of a `-wal` file in a transaction that was never committed.
 
-    SQLite passes over them in silence: to it they never happened. To a recorder that crashed they
-    are messages. Frames with other salts are leftovers of before the last checkpoint.
+    SQLite silently ignores them, although they are messages of a crashed recorder. Frames with
+    other salts are from before the last checkpoint.
 
     Args:
         path: the `-wal` file.
 
     Returns:
-        The bytes behind its last commit, a torn frame included.
+        Bytes after its last commit, including a torn frame.
     """
     with path.open("rb") as file:
         head = file.read(_HEADER.size)
@@ -281,7 +281,7 @@ def unclosed_bytes(path: Path) -> int:
 
 
 def describe_tear(head: bytes, size: int) -> str | None:
-    """Say what is wrong with the end of a database, by its first page; None where it is whole."""
+    """What is wrong with the end of a database, by its first page; None if complete."""
     page = int.from_bytes(head[16:18], "big")
     page = 2**16 if page == 1 else page
     # the number of pages counts if what changed it last also changed the version behind it

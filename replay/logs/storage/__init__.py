@@ -1,12 +1,12 @@
-"""What containers of every format share: connections, bytes of files, rows of messages, losses."""
+"""Code shared by containers of every format: connections, file bytes, message rows, losses."""
 
 from replay.logs.storage.container import (
     END_NS,
     LARGEST_BYTES,
     UNKNOWN_NS,
+    BatchGroup,
     Connection,
     Container,
-    Group,
     make_empty_times,
 )
 from replay.logs.storage.file_bytes import FileBytes, ReadBuffer
@@ -22,11 +22,11 @@ __all__ = [
     "OFFSET",
     "TIME",
     "UNKNOWN_NS",
+    "BatchGroup",
     "Connection",
     "Container",
     "Damage",
     "FileBytes",
-    "Group",
     "LossList",
     "ReadBuffer",
     "Tail",

@@ -1,4 +1,4 @@
-"""A container: the part of a log that holds raw messages and knows nothing of their types."""
+"""A container: the part of a log that holds raw messages, independent of their types."""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -31,8 +31,8 @@ class Connection:
     definition_format: str
 
 
-class Group(NamedTuple):
-    """Batches that lie in the same memory, and what may still follow them."""
+class BatchGroup(NamedTuple):
+    """Batches in shared memory, with a lower bound of later log times."""
 
     batches: list[RawBatch]
     #: no later message has an earlier log time, unless the index lies
@@ -40,7 +40,7 @@ class Group(NamedTuple):
 
 
 class Container(Protocol):
-    """Where messages come from. Losses grow while it is read."""
+    """Source of raw messages. Its losses grow while it is read."""
 
     files: tuple[Path, ...]
     connections: tuple[Connection, ...]
@@ -51,33 +51,32 @@ class Container(Protocol):
         ...
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
-        """The log times of a connection in ns, from the index where there is one, in any order."""
+        """Log times of a connection in ns, from an index if there is one, in any order."""
         ...
 
     def message_count(self, connection_id: int) -> int:
-        """How many log times a connection has, without putting them side by side."""
+        """Number of log times of a connection, without collecting them."""
         ...
 
-    def groups(
+    def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[Group]:
-        """Messages of some connections in file order, both bounds inclusive.
+    ) -> Iterator[BatchGroup]:
+        """Messages of some connections in file order, in a time range with both ends inclusive.
 
-        Batches of several connections that lie in the same memory come together. They are done
-        with when the next ones are asked for: their memory is used again. Damage ends up in
-        `losses`; it raises nothing.
+        Batches that share memory come together, and are invalid once the next ones are requested.
+        Damage is added to `losses` instead of raising an error.
         """
         ...
 
     def earliest_ns(self) -> int:
-        """A log time that no message precedes, as far as that is known without reading them."""
+        """Lower bound of all log times, as far as known without reading them."""
         ...
 
     def check(self) -> int:
-        """Once all messages were read: check the rest of the files.
+        """Check the rest of the files after all messages were read.
 
         Returns:
-            How many CRCs agree, those of the messages among them.
+            Number of CRCs that agree, including those of messages.
         """
         ...
 
@@ -93,5 +92,5 @@ END_NS: Final = 2**63 - 1
 
 
 def make_empty_times() -> NDArray[np.int64]:
-    """The log times of a connection without messages."""
+    """Log times of a connection without messages."""
     return np.empty(0, np.int64)

@@ -1,4 +1,4 @@
-"""A file's bytes by position, for several threads at once."""
+"""Thread-safe reading of a file by position."""
 
 import zlib
 from pathlib import Path
@@ -15,8 +15,8 @@ _STEP: Final = 2**20
 class FileBytes:
     """A file that is read by position.
 
-    It is not mapped into memory: a mapped file counts as memory in use, and one that shrinks while
-    it is read would end the process.
+    It is not memory-mapped: mapped files count as memory in use, and one that shrinks while it is
+    read would crash the process.
     """
 
     def __init__(self, path: Path) -> None:
@@ -26,16 +26,16 @@ class FileBytes:
         self.size = self._file.seek(0, 2)
 
     def read(self, offset: int, count: int) -> bytes:
-        """At most `count` bytes; fewer at the end of the file, or none for a place outside it."""
+        """At most `count` bytes; fewer at the end of the file, none beyond it."""
         return self.read_array(offset, count).tobytes()
 
     def read_array(self, offset: int, count: int) -> NDArray[np.uint8]:
-        """Read bytes (n,) as an array, without another copy."""
+        """Bytes (n,) as an array, without an additional copy."""
         data = np.empty(max(0, min(count, self.size - offset)), np.uint8)
         return data[: self.read_into(offset, data)]
 
     def read_into(self, offset: int, target: NDArray[np.uint8]) -> int:
-        """Fill `target` from `offset` on, and say how many bytes the file had."""
+        """Fill `target` from `offset` on; returns the number of bytes read."""
         view, done = target.data, 0
         if not 0 <= offset <= self.size:
             return 0
@@ -49,13 +49,13 @@ class FileBytes:
         return done
 
     def update_size(self) -> int:
-        """See how far the file has grown: its size now."""
+        """Update and return the size of a growing file."""
         with self._lock:
             self.size = self._file.seek(0, 2)
         return self.size
 
     def crc32_before(self, end: int) -> int:
-        """The CRC-32 of everything before an offset."""
+        """CRC-32 of everything before an offset."""
         crc = 0
         for at in range(0, end, _STEP):
             crc = zlib.crc32(self.read(at, min(_STEP, end - at)), crc)
@@ -67,7 +67,7 @@ class FileBytes:
 
 
 class ReadBuffer:
-    """A stretch of a file in memory, for many small reads in it; others go to the file."""
+    """Part of a file in memory for many small reads; other reads go to the file."""
 
     def __init__(self, file: FileBytes, offset: int, count: int) -> None:
         self.size = file.size
@@ -76,7 +76,7 @@ class ReadBuffer:
         self._data = file.read(offset, count)
 
     def read(self, offset: int, count: int) -> bytes:
-        """As `FileBytes.read`."""
+        """Like `FileBytes.read`."""
         at = offset - self._offset
         if 0 <= at <= len(self._data) - count:
             return self._data[at : at + count]

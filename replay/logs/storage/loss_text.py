@@ -1,4 +1,4 @@
-"""Losses in sentences: of several files, and of one that may be damaged in many places."""
+"""Losses as sentences, of several files or of one with many damaged places."""
 
 from collections.abc import Iterator, Mapping
 from itertools import islice
@@ -12,17 +12,17 @@ _MOST_SENTENCES: Final = 100
 
 
 class LossList(list[Loss]):
-    """Losses, each once: a damaged chunk that is met twice is one loss."""
+    """Distinct losses."""
 
     def note(self, source: Path, what: str, topic: str = "") -> None:
-        """Add a loss unless it is there already."""
+        """Add a loss unless it is already listed."""
         loss = Loss(source=source.name, topic=topic, what=what)
         if loss not in self:
             self.append(loss)
 
 
 class Damage:
-    """What was found damaged in one file so far; each place once, however often it is met."""
+    """Damage found in one file, each place once."""
 
     def __init__(self, source: str) -> None:
         self._source = source
@@ -37,14 +37,14 @@ class Damage:
         return bool(self._sentences)
 
     def losses(self, topics: Mapping[int, str]) -> tuple[Loss, ...]:
-        """List all of it; `topics` gives the topic of a connection."""
+        """All damage as losses; `topics` gives the topic of each connection."""
         return tuple(
             Loss(source=self._source, topic=topic, what=what)
             for topic, what in [*self._of_places(topics), *self._iter_sentences()]
         )
 
     def _of_places(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:  # noqa: ARG002 - for formats that keep track of places
-        """Topic and sentence of what is known by its place in the file; nothing here."""
+        """Topic and sentence of damage known by its place in the file; none here."""
         return iter(())
 
     def _iter_sentences(self) -> Iterator[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""Rows of messages: a table of numbers that containers fill, group by connection and prefetch."""
+"""Tables of message rows: grouping by connection, and prefetching."""
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -15,7 +15,7 @@ KEY, TIME, OFFSET, LENGTH = range(4)
 
 
 def group_by_key(keys: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.intp]]]:
-    """Group rows by connection: each key of `keys` (n,) but for negative ones, with its rows."""
+    """Group rows by connection: each nonnegative key of `keys` (n,), with its rows."""
     order = np.argsort(keys, kind="stable")
     ordered = keys[order]
     bounds = [*np.flatnonzero(np.diff(ordered)) + 1, ordered.size]

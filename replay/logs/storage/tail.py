@@ -1,4 +1,4 @@
-"""A tail: the messages of a log that is still being recorded, as they become whole."""
+"""A tail: messages of a log that is still being recorded, as they become complete."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -9,11 +9,11 @@ from replay.logs.storage.container import Connection
 
 
 class Tail(Protocol):
-    """Where the messages of a growing log come from, each once.
+    """Source of the messages of a growing log, each once.
 
     Attributes:
-        connections: by their number; more may come.
-        is_finished: whether the recorder has closed the log, and all of it was given.
+        connections: connections by number; more may appear.
+        is_finished: whether the recorder has closed the log and all messages were returned.
     """
 
     connections: dict[int, Connection]
@@ -25,14 +25,14 @@ class Tail(Protocol):
         ...
 
     def poll(self) -> list[RawBatch]:
-        """The messages that became whole since, in file order; none where the log has not grown.
+        """New complete messages in file order; empty if the log has not grown.
 
         A record, chunk or transaction with missing bytes is left for a later call.
         """
         ...
 
     def end(self) -> None:
-        """Nothing comes any more: what is not whole by now is a loss."""
+        """Finish the log: incomplete data become losses."""
         ...
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Which columns are a table's time, and the time of its rows as integer nanoseconds."""
+"""Time columns of a table, and the time of its rows in integer nanoseconds."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -87,7 +87,7 @@ _NS: Final = {**NS_PER_UNIT, "min": 60 * 10**9, "h": 3600 * 10**9}
 
 @dataclass(frozen=True, slots=True)
 class RowTimes:
-    """Log times of rows, null where a row has none; and what was recognised."""
+    """Log times of rows, null if missing; and notes on what was detected."""
 
     stamps: pl.Series
     notes: tuple[str, ...] = ()
@@ -95,16 +95,16 @@ class RowTimes:
 
 @dataclass(frozen=True, slots=True)
 class TableTimes:
-    """The time of the rows.
+    """Source of the times of the rows.
 
     Attributes:
-        time: its column; None for rows of a given rate, and for those of `calendar`.
-        date: the column of the days, where the time is one of day.
-        fraction: the column of the fractions of a second, where the time has none.
+        time: name of the time column; None for rows of a given rate, or with `calendar`.
+        date: column of the dates, if the time is a time of day.
+        fraction: column of the fractions of a second, if separate.
         calendar: columns of year to second, or of hour to second.
-        unit: of numbers; None: told by their range and spacing.
-        day_first: of dates, where it is given.
-        rate_hz: of the rows where there is no time column.
+        unit: unit of numbers; None to detect it from range and spacing.
+        day_first: whether dates begin with the day, if given.
+        rate_hz: rate of the rows, without a time column.
     """
 
     time: str | None
@@ -117,7 +117,7 @@ class TableTimes:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """All that the time is made of; the one that errors name is the last."""
+        """All columns of the time; errors name the last one."""
         own = (self.date, self.fraction, self.time)
         return (*self.calendar, *(name for name in own if name is not None))
 
@@ -125,11 +125,11 @@ class TableTimes:
         """Log times of the rows.
 
         Args:
-            cells: of `columns`, (rows,) each.
-            rows: how many there are.
+            cells: cells of `columns`, (rows,) each.
+            rows: number of rows.
 
         Raises:
-            TimeError: the cells are no times, or are in a unit that is not known.
+            TimeError: the cells are not times, or their unit is unknown.
         """
         if self.calendar:
             names = ", ".join(self.calendar)
@@ -146,7 +146,7 @@ class TableTimes:
         return self._add_fractions(self._read_one_column(cells), cells)
 
     def _add_fractions(self, whole: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
-        """Times of whole seconds with their fractions, where another column has them."""
+        """Add fractions of a second from another column."""
         if self.fraction is None:
             return whole
         fractions, unit = fractions_ns(cells[self.fraction])
@@ -165,7 +165,7 @@ class TableTimes:
             if words and sum(map(is_clock, words)) * 2 > len(words):
                 return RowTimes(*clock_times(None, text, self.day_first, zone_s(self.time)))
             if words and sum(is_date(word) for word in words) * 2 > len(words):
-                raise TimeError("it holds days without a time of day; name the column of times")
+                raise TimeError("it holds dates without a time of day; name a column with times")
         if self.unit in ("min", "h"):
             scaled = text.cast(pl.Float64, strict=False) * (_NS[self.unit] // 10**9)
             return RowTimes(times_in_ns(scaled, "s"), ())
@@ -181,16 +181,15 @@ class TableTimes:
 def find_times(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], given: TimeAxis | None
 ) -> list[tuple[TableTimes, list[str]]] | None:
-    """Find the time columns, and the columns that each is the time of.
+    """Find the time columns, and the columns that each belongs to.
 
     Args:
-        columns: of the table.
-        cells: some cells of a column by its place.
-        given: what a person said.
+        columns: columns of the table.
+        cells: returns some cells of a column, by index.
+        given: time column and format given by the user.
 
     Returns:
-        The times with the names of their columns: one, or several where pairs of time and value
-        stand side by side; None where there is no time column.
+        Times with the names of their columns, one or several; None without a time column.
     """
     table = given.table if given else None
     day_first = table.day_first if table else None
@@ -241,7 +240,7 @@ def _make_axis(
     unit: str | None,
     table: TableHints | None,
 ) -> TableTimes:
-    """The time of all columns, with the days and the fractions that stand beside it."""
+    """Time of all columns, with date and fraction columns if there are any."""
     fraction = table.time_fraction if table else None
     if fraction is not None and fraction not in [column.name for column in columns]:
         raise DialectError(f"no column '{fraction}'; set [log] time_fraction")
@@ -257,9 +256,9 @@ def _make_axis(
 def _rank_time_columns(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
 ) -> list[int]:
-    """Places of time columns, the best name first; a unit of time in the name is better.
+    """Indices of time columns, the best name first, preferably with a unit of time.
 
-    A clock that repeats itself is the last: another one goes on between its ticks.
+    A clock with repeated values is last, since another one resolves its ticks.
     """
     ranked: list[tuple[bool, int, int, int]] = []
     for place, column in enumerate(columns):
@@ -283,10 +282,10 @@ def _has_repeated_times(cells: Sequence[str]) -> bool:
 
 
 def unit_of_name(column: ColumnName) -> str | None:
-    """The unit of time that a column's name states.
+    """Unit of time stated in a column's name; None without one.
 
     Raises:
-        DialectError: it states a multiple of one.
+        DialectError: the name states a multiple of a unit.
     """
     if states_multiple(column.name):
         raise DialectError(
@@ -303,7 +302,7 @@ def unit_of_name(column: ColumnName) -> str | None:
 def _find_date_column(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], place: int
 ) -> str | None:
-    """The column of the days, where the time is one of day."""
+    """Column of the dates, if the time is a time of day."""
     own = cells(place)[:5]
     if not own or not all(is_clock(cell) for cell in own) or any(is_date(c[:10]) for c in own):
         return None
@@ -325,7 +324,7 @@ def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
         cells: (rows,), text or numbers.
 
     Returns:
-        Stamps in ns, null where there is none; and what was recognised.
+        Stamps in ns, null if missing; and notes on what was detected.
 
     Raises:
         TimeError: several units are possible, or none.
@@ -339,7 +338,7 @@ def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     steps = np.diff(x)
     steps = steps[steps > 0]
     if not steps.size:
-        raise TimeError("all its cells hold the same number: name another column")
+        raise TimeError("all its cells hold the same number; name another column")
     step, span = float(np.median(steps)), float(x[-1] - x[0])
     if epoch := find_epoch(float(x[0]), float(x[-1]), step, _STEPS_S):
         integers = stripped.cast(pl.Int64, strict=False)
@@ -356,7 +355,7 @@ def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
 
 
 def _guess_unit(x: Floats, step: float, span: float) -> str:
-    """The one unit that is possible."""
+    """The only possible unit."""
     possible = [
         unit
         for unit, ns in NS_PER_UNIT.items()
@@ -381,7 +380,7 @@ def _guess_unit(x: Floats, step: float, span: float) -> str:
 
 
 def _is_clock(x: Floats, step: float) -> bool:
-    """Whether numbers are hhmmss.s: none beyond 59 s or min, and a jump of 40 at each minute."""
+    """Whether numbers are hhmmss.s: at most 59 s and min, with a jump of 40 at each minute."""
     if x.min() < 0 or x.max() >= 240_000 or step > _STEPS_S[1]:
         return False
     if (x % 100 >= 60).any() or (x // 100 % 100 >= 60).any():

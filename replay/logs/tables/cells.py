@@ -1,4 +1,4 @@
-"""The cells of a text table: which are numbers, as people and their programs write them."""
+"""Cells of a text table: detection of numbers in their common notations."""
 
 import re
 from collections.abc import Sequence
@@ -46,11 +46,11 @@ _MOSTLY: Final = 0.8
 
 
 def classify_cell(cell: str, decimal: str, *, is_grouped: bool = False) -> str:
-    """Classify a cell: empty, number, grouped, measure, time, odd or text.
+    """Class of a cell: empty, number, grouped, measure, time, odd or text.
 
-    A grouped one is a number with signs between its thousands: surely, or where the decimal sign
-    of the others leaves no other reading (`maybe grouped`, which `is_grouped` settles). An odd one
-    is made of digits and signs and is no number. A measure has its unit behind it.
+    A grouped cell is a number with thousands separators, for certain or if the decimal sign of
+    other cells leaves no other reading (`maybe grouped`, which `is_grouped` settles). An odd cell
+    has digits and signs but is not a number. A measure ends in a unit.
     """
     if not cell:
         return "empty"
@@ -88,14 +88,14 @@ def is_numeric(kinds: Sequence[str], *, empty: bool = False) -> bool:
 
 
 def is_signed(cell: str, decimal: str) -> tuple[bool, bool]:
-    """Whether a number has the decimal sign, and whether that may separate thousands."""
+    """Whether a number has the decimal sign, and whether that may be a thousands separator."""
     signed = decimal in cell and _NUMBERS[decimal].fullmatch(cell) is not None
     return signed, signed and _THOUSANDS[decimal].fullmatch(cell) is not None
 
 
 @lru_cache(maxsize=1 << 16)
 def unit_in_cell(cell: str, decimal: str) -> str | None:
-    """The unit behind a number as it stands there (` km/h`); None where there is none known."""
+    """Unit after a number, as written (` km/h`); None if unknown."""
     match = _MEASURE.fullmatch(cell)
     if match is None or not _NUMBERS[decimal].fullmatch(match["number"]):
         return None
@@ -103,7 +103,7 @@ def unit_in_cell(cell: str, decimal: str) -> str | None:
 
 
 def common_unit(cells: Sequence[str], decimal: str) -> str | None:
-    """Unit behind the numbers of a column, if all have the same."""
+    """Unit after the numbers of a column, if all have the same; else None."""
     found = {unit_in_cell(cell, decimal) for cell in cells}
     return next(iter(found)) if len(found) == 1 else None
 
@@ -111,13 +111,13 @@ def common_unit(cells: Sequence[str], decimal: str) -> str | None:
 def write_decimal_points(
     column: pl.Series, decimal: str, unit: str | None, *, is_grouped: bool
 ) -> pl.Series:
-    """The text of a column with its numbers as Python writes them.
+    """Text of a column with numbers in Python's notation.
 
     Args:
         column: text, (rows,).
-        decimal: sign.
-        unit: behind each number, as it stands there; taken off.
-        is_grouped: whether a lone sign before three digits is known to separate thousands.
+        decimal: decimal sign.
+        unit: unit after each number, as written; it is removed.
+        is_grouped: whether a single sign before three digits is a thousands separator.
     """
     cell = pl.col(column.name).str.strip_chars()
     cell = cell.str.replace(_SIGNED.pattern, "-${a}${b}${c}")
@@ -136,13 +136,13 @@ def write_decimal_points(
 
 
 def grouped_number(decimal: str) -> str:
-    """A number with signs between its thousands."""
+    """Pattern of a number with thousands separators."""
     groups = rf"\d{{1,3}}(?:[{_GROUPS[decimal]}]\d{{3}})+|{_LAKHS[decimal]}"
     return rf"[+-]?(?:{groups})(?:[{decimal}]\d*)?"
 
 
 def _surely_grouped(decimal: str) -> str:
-    """One that cannot be another number: several groups, or blanks, or a decimal sign behind."""
+    """Pattern of numbers whose separators are certain: several, blanks, or a decimal sign after."""
     signs = _GROUPS[decimal]
     ambiguous, blanks = signs[0], signs[1:]
     return (

@@ -1,4 +1,4 @@
-"""The rows of a text table: too long, too short, or torn where its writer stopped in one."""
+"""Columns of a text table, with rows that are too long, too short or torn."""
 
 import re
 import warnings
@@ -40,18 +40,18 @@ class CsvColumns:
     """The columns of a text table.
 
     Attributes:
-        columns: their names, with units.
-        names: their names.
-        rows: how many there are; known when `check` has looked at all of them.
-        notes: what was recognised.
+        columns: column names, with units.
+        names: column names.
+        rows: number of rows, known after `check`.
+        notes: notes on what was detected.
     """
 
     def __init__(self, path: Path, hints: TableHints) -> None:
-        """Look at the beginning of it.
+        """Examine the begin of the file.
 
         Raises:
-            BrokenBytesError: it is no table.
-            DialectError: how it is written is not known.
+            BrokenBytesError: it is not a table.
+            DialectError: its dialect is ambiguous.
         """
         self._text = convert_to_utf8(path, hints.encoding)
         try:
@@ -87,13 +87,13 @@ class CsvColumns:
         self._quotes_are_paired = True
 
     def _replace_text_file(self, new: Utf8Text | None) -> None:
-        """Read a copy from now on, if there is one, and remove the copy before it."""
+        """Read from a copy from now on, and remove the previous copy."""
         if new is not None:
             old, self._text = self._text, new
             _remove_copy(old)
 
     def close(self) -> None:
-        """Remove the copy of the text, if there is one."""
+        """Remove the copy of the text, if any."""
         _remove_copy(self._text)
 
     @property
@@ -103,26 +103,25 @@ class CsvColumns:
 
     @property
     def first(self) -> int:
-        """Rows that `head` is taken from."""
+        """Number of rows that `head` is taken from."""
         return len(self._dialect.rows)
 
     def first_text_cells(self, place: int, count: int = 50) -> list[str]:
-        """Some first cells of a column, those that are not empty."""
+        """Some first cells of a column that are not empty."""
         return first_cells_of_column(self._dialect, place, count)
 
     def find_ragged_rows(
         self, keep: Sequence[str], once: Sequence[str], note: Callable[[str], None]
     ) -> None:
-        """Look for rows that are too long, too short or torn, and read some columns on the way.
+        """Find rows that are too long, too short or torn, reading some columns in the same pass.
 
-        Rows with too few cells end in nulls; the last one, where no line end follows it, is torn
-        and left out, since its last cell may be half a number. (A last row that has all its cells
-        needs no line end: RFC 4180.)
+        Rows with too few cells end in nulls. A last row without a line end is torn and left out,
+        unless it has all its cells (RFC 4180), since its last cell may be half a number.
 
         Args:
-            keep: columns that are read in the same pass, and kept.
-            once: likewise, and kept until they are asked for.
-            note: told what is lost, in a sentence.
+            keep: columns to read and keep.
+            once: columns to read and keep until requested.
+            note: called with a sentence for each loss.
 
         Raises:
             BrokenBytesError: the rows cannot be read.
@@ -159,10 +158,10 @@ class CsvColumns:
         }
 
     def read(self, names: Sequence[str]) -> dict[str, pl.Series]:
-        """Columns, (rows,) each, in one pass: numbers where every cell is one, else text.
+        """Columns, (rows,) each, in one pass: numbers if all cells are numbers, else text.
 
         Raises:
-            BrokenBytesError: one cannot be read.
+            BrokenBytesError: a column cannot be read.
         """
         if self._dialect.is_empty:
             return {name: pl.Series(name, [], dtype=pl.String) for name in names}
@@ -174,7 +173,7 @@ class CsvColumns:
         return {name: there[name] for name in dict.fromkeys(names)}
 
     def _read(self, names: Sequence[str], *others: pl.Expr) -> dict[str, pl.Series]:
-        """Columns in a pass; a second one reads those as text that hold more than numbers."""
+        """Columns in one pass; a second pass reads those with text."""
         frame = self._collect_frame(self._scan(self._types).select(*names, *others))
         self._check_height(frame)
         found = {series.name: series for series in frame.get_columns()}
@@ -188,7 +187,7 @@ class CsvColumns:
         return {name: self._write_plain_numbers(column) for name, column in found.items()}
 
     def _find_columns_with_text(self, numbers: Mapping[str, int]) -> list[str]:
-        """Columns with more cells than numbers, which are counted: their text is needed."""
+        """Columns with more cells than numbers, which must be read as text."""
         if not numbers:
             return []
         cells = [(pl.col(name).str.strip_chars() != "").sum() for name in numbers]
@@ -196,7 +195,7 @@ class CsvColumns:
         return [n for (n, c), cells in zip(numbers.items(), counted, strict=True) if cells > c]
 
     def _write_plain_numbers(self, column: pl.Series) -> pl.Series:
-        """Numbers as they are read everywhere: with points, and nothing between or behind."""
+        """Numbers with decimal points, without separators and units."""
         is_text = column.name not in self._numeric and self._dialect.decimal == "."
         if column.dtype != pl.String or is_text:
             return column
@@ -217,7 +216,7 @@ class CsvColumns:
         return found
 
     def _check_height(self, frame: pl.DataFrame) -> None:
-        """Where a quote is not closed, polars finds other rows in other columns."""
+        """Raise an error for an unclosed quote, after which polars splits rows differently."""
         self._height = frame.height if self._height is None else self._height
         if frame.height != self._height:
             raise BrokenBytesError(
@@ -251,7 +250,7 @@ class CsvColumns:
         )
 
     def _find_short_lines(self) -> list[int]:
-        """The lines (from 1) with too few separators; none where cells go over lines."""
+        """Lines (from 1) with too few separators; empty if cells span lines."""
         line = pl.col("line")
         lines = pl.scan_csv(
             self._text.path,
@@ -277,7 +276,7 @@ class CsvColumns:
 
 
 def _guess_type_of_cells(cells: Sequence[str]) -> pl.DataType:
-    """Guess the type of a column by its first cells."""
+    """Type of a column, guessed from its first cells."""
     if not cells:
         return pl.String()
     if all(map(is_of_digits, cells)):

@@ -1,4 +1,4 @@
-"""Dates and times of day as people write them, to integer nanoseconds."""
+"""Dates and times of day in text, converted to integer nanoseconds."""
 
 import re
 from typing import Final
@@ -63,19 +63,19 @@ _DIGITS: Final = rf"{_COMPACT}(?:[T, ]\s*)?{_COMPACT_CLOCK}"
 
 
 def is_of_digits(cell: str) -> bool:
-    """Whether a number is a day and a time of day: 20261113081530020."""
+    """Whether a number is a date with a time of day: 20261113081530020."""
     return re.fullmatch(_DIGITS, cell) is not None
 
 
 def is_date(cell: str) -> bool:
-    """Whether a cell is a day without a time of day; of digits alone it is a number."""
+    """Whether a cell is a date without a time of day; digits alone are a number."""
     return any(
         re.fullmatch(_WEEKDAY + pattern, cell.strip()) for pattern in _DATES if pattern != _COMPACT
     )
 
 
 def is_clock(cell: str) -> bool:
-    """Whether a cell is a time of day, with or without a day."""
+    """Whether a cell is a time of day, with or without a date."""
     text = cell.strip()
     if any(re.fullmatch(pattern, text) for pattern in (_MINUTES, _CLOCK, _SINCE)):
         return True
@@ -83,7 +83,7 @@ def is_clock(cell: str) -> bool:
 
 
 def date_pattern(text: str) -> str | None:
-    """The pattern of a day with a time of day behind it."""
+    """Pattern of a date that is followed by a time of day; None without one."""
     days = [pattern for pattern in _DATES if pattern != _COMPACT]
     moments = [rf"{day}(?:[T, ]|\s+@)\s*{_CLOCK}" for day in days]
     behind = [rf"{_CLOCK}[, ]\s*{day}" for day in days]
@@ -99,19 +99,19 @@ def clock_times(
     day_first: bool | None,
     zone_s: int | None = None,
 ) -> tuple[pl.Series, tuple[str, ...]]:
-    """Log times of days and times of day.
+    """Log times from dates and times of day.
 
     Args:
-        dates: the days (rows,), None where the times have them, or there are none.
-        times: times of day (rows,), with or without days.
-        day_first: whether the day stands before the month, where it is given.
-        zone_s: seconds before UTC of cells without a zone, where the column's name has them.
+        dates: (rows,) dates; None if the times include them, or there are none.
+        times: (rows,) times of day, with or without dates.
+        day_first: whether the day is before the month, if given.
+        zone_s: offset in s of a time zone in the column's name, for cells without a zone.
 
     Returns:
-        Stamps, null where a cell is none; and notes.
+        Stamps in ns, null if invalid; and notes.
 
     Raises:
-        TimeError: the day and the month cannot be told apart.
+        TimeError: day and month cannot be distinguished.
     """
     text = times.str.strip_chars()
     if dates is not None:
@@ -140,7 +140,7 @@ def _join_dates(dates: pl.Series, times: pl.Series) -> pl.Series:
 
 
 def _match_groups(text: pl.Series, pattern: str) -> pl.DataFrame:
-    """The named parts of each cell, null where it does not fit; absent ones too."""
+    """Named groups of a pattern for each cell; null if it does not match."""
     names = tuple(re.compile(pattern).groupindex)
     found = text.str.extract_groups(pattern).struct.unnest()
     found.columns = list(names)
@@ -192,8 +192,8 @@ def _count_days_since_1970(
     odd = years.filter((years < _YEARS[0]) | (years > _YEARS[1]))
     if odd.len():
         raise TimeError(
-            f"'{odd[0]}' is no year of a log in the calendar of Gregory: set [log] rate_hz = the "
-            "rows in a second,"
+            f"'{odd[0]}' is not a plausible year of the Gregorian calendar; set [log] rate_hz = "
+            "the rows in a second,"
         )
     written = pl.concat_str("y", pl.lit("-"), "m", pl.lit("-"), "d")
     day = written.str.to_date("%Y-%m-%d", strict=False)
@@ -201,10 +201,10 @@ def _count_days_since_1970(
 
 
 def expand_short_years(part: pl.DataFrame, day_first: bool | None) -> pl.DataFrame:
-    """Days with the name of the month, of which a year in two digits may be the first or the last.
+    """Dates with month names, whose two-digit year may be the first or the last number.
 
     Raises:
-        TimeError: which one it is was not said.
+        TimeError: the order is ambiguous.
     """
     is_short = pl.col("y").str.len_chars() == 2
     if not part.select(is_short.any()).item():
@@ -220,7 +220,7 @@ def expand_short_years(part: pl.DataFrame, day_first: bool | None) -> pl.DataFra
 
 
 def _day_and_month(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.DataFrame:
-    """Which of two numbers is the day: the one that exceeds 12."""
+    """Decide which of two numbers is the day: the one above 12."""
     one, two = (part.get_column(n).cast(pl.Int64, strict=False) for n in ("one", "two"))
     short = part.get_column("y").drop_nulls().str.len_chars().to_list()
     example = "/".join(str(part.row(0, named=True)[n]) for n in ("one", "two", "y"))
@@ -252,7 +252,7 @@ def _day_and_month(part: pl.DataFrame, day_first: bool | None, notes: list[str])
 
 
 def _parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
-    """Times of day, which go on over midnight."""
+    """Times of day, which continue over midnight."""
     if re.fullmatch(_SINCE, first):
         part = _match_groups(text, f"^{_SINCE}$")
         day = part.select(_parse_whole_numbers(pl.col("days"))).to_series()
@@ -272,7 +272,7 @@ def _parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[s
     back = frame.select(step).to_series()
     twelve = ((back < -_TWELVE_NS[0]) & (back > -_TWELVE_NS[1])).any()
     if twelve and not has_halves:
-        raise TimeError("it goes back by twelve hours: a clock without AM and PM is ambiguous")
+        raise TimeError("it jumps back by twelve hours, as of a clock without AM and PM")
     days = frame.select((step < -_HALF_DAY_NS).fill_null(value=False).cum_sum()).to_series()
     note = "its times have no date: they are counted from midnight"
     return (stamps + days.cast(pl.Int64) * DAY_NS).alias("log_time_ns"), (note,)

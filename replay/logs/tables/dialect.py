@@ -1,4 +1,4 @@
-"""The dialect of a table: separator, decimal sign, and where its names, units and data are.
+"""Dialect of a text table: separator, decimal sign, and rows of names, units and data.
 
 Every combination of separator and decimal sign is tried. One is impossible where its rows do not
 have the same number of cells, or where cells are made of digits and signs and are yet no number.
@@ -15,7 +15,12 @@ from typing import Final
 from replay.logs.tables.cells import classify_cell, common_unit, is_numeric, is_signed
 from replay.logs.tables.dates import is_clock, is_date
 from replay.logs.tables.header import ColumnName, column_names, refuse_two_units
-from replay.logs.tables.header_rows import TextRow, header_row, rows_behind_words, rows_of_names
+from replay.logs.tables.header_rows import (
+    TextRow,
+    find_labelled_header_rows,
+    header_row,
+    rows_of_names,
+)
 from replay.logs.tables.hints import DialectError, TableHints
 
 SEPARATORS: Final = (",", ";", "\t", "|")
@@ -36,18 +41,18 @@ _NEXT_SHARE: Final = 2 / 3
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """How a text is a table.
+    """How a text represents a table.
 
     Attributes:
-        separator: of cells; a blank stands for any number of them.
-        decimal: sign.
-        columns: in order.
-        data_line: lines before the data.
-        rows: some first rows of the data.
-        has_tail: whether each row ends in a separator, with no cell behind it.
-        is_grouped: whether the sign that is not the decimal is known to separate thousands.
-        cell_units: what stands behind the numbers of each column; None for nothing.
-        notes: what was recognised.
+        separator: separator of cells; a blank stands for any number of blanks.
+        decimal: decimal sign.
+        columns: columns in order.
+        data_line: number of lines before the data.
+        rows: first rows of the data.
+        has_tail: whether each row ends in a separator without a cell.
+        is_grouped: whether the other sign is a thousands separator.
+        cell_units: text after the numbers of each column; None without any.
+        notes: notes on what was detected.
         preamble: lines above the names.
     """
 
@@ -64,12 +69,12 @@ class Dialect:
 
     @property
     def names(self) -> list[str]:
-        """The columns' names."""
+        """Names of the columns."""
         return [column.name for column in self.columns]
 
     @property
     def is_empty(self) -> bool:
-        """Whether there are names alone."""
+        """Whether there are names but no data."""
         return not self.rows
 
 
@@ -87,11 +92,11 @@ class _Reading:
 
 
 def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
-    """Find the one reading of a text that is possible.
+    """Find the only possible dialect of a text.
 
     Args:
-        lines: its first lines.
-        hints: what is given.
+        lines: first lines of the text.
+        hints: properties given by the user.
 
     Raises:
         DialectError: there is none, or there are several.
@@ -135,7 +140,7 @@ def _given_separators(hints: TableHints) -> tuple[str, ...]:
 
 
 def _decide_decimal(best: list[_Reading], hints: TableHints) -> _Reading:
-    """One of readings that differ by the decimal sign at most."""
+    """Choose among dialects that differ in the decimal sign only."""
     with_sign = [each for each in best if each.decimals]
     # where no cell has a sign, the signs mean the same
     reading = (with_sign or best)[0]
@@ -155,7 +160,7 @@ def _decide_decimal(best: list[_Reading], hints: TableHints) -> _Reading:
 
 
 def split_rows(lines: Sequence[str], separator: str) -> Iterator[TextRow]:
-    """The rows that are not empty, without blanks around their cells."""
+    """Rows that are not empty, with stripped cells."""
     if separator == BLANKS:
         for number, line in enumerate(lines):
             if cells := tuple(line.split()):
@@ -272,7 +277,7 @@ def _has_names_below(
     width: int,
     decimal: str,
 ) -> bool:
-    """Whether names stand closely below: then a row above them is of the preamble."""
+    """Whether names follow closely, so that a row above them is part of the preamble."""
     return any(
         len(row.cells) == width
         and all(classify_cell(row.cells[k], decimal) == "text" for k in numeric)
@@ -291,15 +296,15 @@ def _is_data(cells: Sequence[str], numeric: Sequence[int], width: int, decimal: 
 def _dialect_without_numbers(
     lines: Sequence[str], separators: Sequence[str], hints: TableHints
 ) -> Dialect:
-    """A header without data, or nothing that is a table."""
+    """Dialect of a header without data; raises an error if it is not a table."""
     for separator in separators:
         rows = list(split_rows(lines, separator))
         if rows and len(rows) <= 2 and all(len(row.cells) > 1 for row in rows):
             reading = _Reading(separator, ".", rows, len(rows), len(rows[0].cells), 0.0, 0, 0)
             return _find_head_rows(reading, lines, hints)
     raise DialectError(
-        "its lines are no rows of cells with numbers; [log] separator, decimal and header_row say "
-        "how they are written"
+        "its lines are not rows of cells with numbers; set [log] separator, decimal or header_row "
+        "if they are written in another way"
     )
 
 
@@ -309,9 +314,9 @@ def _find_head_rows(reading: _Reading, lines: Sequence[str], hints: TableHints) 
     above = [header_row(row, separator, width, lines) for row in rows[: reading.first]]
     data = [row.cells for row in rows[reading.first :]]
     is_blank_first = bool(data) and not any(row[0] for row in data)
-    behind_words = rows_behind_words(above, width, is_blank_first=is_blank_first)
+    labelled = find_labelled_header_rows(above, width, is_blank_first=is_blank_first)
     is_given = hints.header_row is not None or hints.units_row is not None
-    named = None if is_given else behind_words
+    named = None if is_given else labelled
     names, units = named or rows_of_names(above, width, hints)
     cells = list(names.cells) if names else [""] * width
     # a separator at the end of each line
@@ -326,9 +331,9 @@ def _find_head_rows(reading: _Reading, lines: Sequence[str], hints: TableHints) 
         cells = ["Date", "Time", *cells[1:]]
     if names is not None and len(cells) < width:
         raise DialectError(
-            f"its header (line {names.line + 1}) has {len(cells)} cells, its rows {width}: "
-            f"separated by {_NAMED.get(separator, separator)}; set [log] separator and decimal, "
-            "or header_row"
+            f"its header (line {names.line + 1}) has {len(cells)} cells, but its rows have "
+            f"{width}: separated by {_NAMED.get(separator, separator)}; set [log] separator and "
+            "decimal, or header_row"
         )
     if units is not None and hints.units_row is None:
         refuse_two_units(cells, units.cells, units.line + 1)
@@ -374,6 +379,6 @@ def _describe_dialect(
 
 
 def first_cells_of_column(dialect: Dialect, column: int, count: int = 50) -> list[str]:
-    """Some first cells of a column that are not empty."""
+    """First cells of a column that are not empty."""
     cells = (row[column] for row in dialect.rows if column < len(row) and row[column])
     return list(islice(cells, count))

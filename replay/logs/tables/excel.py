@@ -1,4 +1,4 @@
-"""A sheet of an Excel file as a text table: the values that were kept, no formula is run."""
+"""A sheet of an Excel file as a text table of its stored values."""
 
 import csv
 import re
@@ -31,12 +31,12 @@ def write_sheet_as_csv(path: Path, sheet: str | None, copies: ExitStack) -> Path
 
     Args:
         path: an `.xlsx` file.
-        sheet: its name, where there are several with data.
-        copies: removes the CSV when it closes.
+        sheet: name of the sheet, needed if several have data.
+        copies: removes the CSV when closed.
 
     Raises:
-        BrokenBytesError: it is no workbook, or unpacks to more than a gigabyte.
-        DialectError: the library for it is missing, or the sheet has to be named.
+        BrokenBytesError: it is not a workbook, or unpacks to more than a gigabyte.
+        DialectError: the library is missing, or the sheet must be named.
     """
     try:
         from python_calamine import CalamineError, CalamineWorkbook
@@ -74,7 +74,7 @@ def _choose_sheet(book: Any, sheet: str | None) -> str:
 
 
 def _format_cell(value: Any) -> str:
-    """A value as a text table has it."""
+    """Value as a cell of a text table."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
@@ -89,13 +89,13 @@ def _format_cell(value: Any) -> str:
 
 
 class _Corner:
-    """The last row and column of a sheet: all cells before it are held in memory at once."""
+    """Last row and column of a sheet, whose cells must all fit into memory."""
 
     def __init__(self) -> None:
         self._row, self._column = 1, 1
 
     def add(self, text: bytes) -> None:
-        """Look for places of cells (`r="XFD12"`) and of rows (`r="12"`).
+        """Search for cell positions (`r="XFD12"`) and rows (`r="12"`).
 
         Raises:
             BrokenBytesError: the sheet is too large.
@@ -114,7 +114,7 @@ class _Corner:
 
 
 def _check_size(path: Path) -> None:
-    """Unpack it once, to nowhere: what a bomb says of its size is no proof."""
+    """Unpack the file once without storing it, since the declared size of a bomb may be false."""
     try:
         with ZipFile(path) as archive:
             left = _LARGEST
@@ -133,4 +133,4 @@ def _check_size(path: Path) -> None:
     except (BadZipFile, NotImplementedError, RuntimeError, OSError, *BROKEN_BYTES) as error:
         if isinstance(error, BrokenBytesError):
             raise
-        raise BrokenBytesError(f"it is no workbook: {error}") from error
+        raise BrokenBytesError(f"it is not a workbook: {error}") from error

@@ -1,4 +1,4 @@
-"""The names of a table's columns and their units, from the rows above its data."""
+"""Names and units of a table's columns, from the rows above its data."""
 
 import re
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ _LONGEST_UNIT: Final = 12
 
 @dataclass(frozen=True, slots=True)
 class ColumnName:
-    """A column's name as the table has it, without its unit, and the unit where one is stated."""
+    """Name of a column without its unit, and the unit if stated."""
 
     name: str
     bare: str
@@ -47,11 +47,11 @@ class ColumnName:
 
 
 def column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[ColumnName]:
-    """Names that are not empty and none twice, with the units that they or a row state.
+    """Distinct names that are not empty, with units from the names or the row of units.
 
     Args:
-        cells: of the header.
-        units: of the row of units, () where there is none.
+        cells: cells of the header.
+        units: cells of the row of units; () without one.
     """
     over = [_OVER.fullmatch(cell.strip()) for cell in cells]
     is_over = len(cells) > 1 and all(match and spelt_unit(match["unit"]) for match in over)
@@ -73,12 +73,12 @@ def column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[Column
 
 
 def refuse_two_units(cells: Sequence[str], units: Sequence[str], line: int) -> None:
-    """Refuse a column that is in one unit by its name, and in another by a row of units.
+    """Raise an error if a column's name and the row of units state different units.
 
-    A unit of another dimension was none: `v_N` in rpm is the speed of N.
+    Units of other dimensions are not compared: `v_N` in rpm is the speed of N.
 
     Raises:
-        DialectError: there is one.
+        DialectError: a column has two units.
     """
     for cell, stated in zip(cells, units, strict=False):
         name, row = split_unit(" ".join(cell.split()))[1], spelt_unit(stated)
@@ -93,7 +93,7 @@ def refuse_two_units(cells: Sequence[str], units: Sequence[str], line: int) -> N
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
-    """A name without its unit, and the unit; None where the name states none that is known.
+    """Name without its unit, and the unit; None if no known unit is stated.
 
     `Velocity [km/h]`, `torque (Nm)`, `Speed / km/h`, `speed_kmh`, `left_Mz_Nm`.
     """
@@ -116,24 +116,24 @@ def split_unit(name: str) -> tuple[str, str | None]:
 
 
 def name_by_last_part(column: ColumnName) -> ColumnName:
-    """A column by the last part of its name: payload.ts, /robot/time."""
+    """Column named by the last part of its name: payload.ts, /robot/time."""
     return replace(column, bare=re.split(r"[./]", column.bare)[-1])
 
 
 def name_before_dash(column: ColumnName) -> ColumnName:
-    """A column by what stands before the name of its channel: Time (s) - Speed (m/s)."""
+    """Column named by the part before its channel: Time (s) - Speed (m/s)."""
     bare, unit = split_unit(column.name.partition(" - ")[0])
     return replace(column, bare=bare, unit=unit)
 
 
 def states_multiple(name: str) -> bool:
-    """Whether a name states a multiple of a unit, in which its numbers are: `Time [0.1 ms]`."""
+    """Whether a name states a multiple of a unit: `Time [0.1 ms]`."""
     match = _MULTIPLE.fullmatch(name)
     return match is not None and spelt_unit(match["unit"]) is not None
 
 
 def zone_s(name: str) -> int | None:
-    """Seconds that the clock of a column's name is before UTC; None where it names no zone."""
+    """Offset of the time zone in a column's name in s; None without one."""
     match = _ZONE.search(name)
     if match is None:
         return None
@@ -142,7 +142,7 @@ def zone_s(name: str) -> int | None:
 
 
 def is_units(cells: Sequence[str], *, half: bool = False) -> bool:
-    """Whether a row holds nothing but units: most of them known, or `half`."""
+    """Whether a row contains only units, most of them known (half with `half`)."""
     said = [cell.strip() for cell in cells if cell.strip()]
     known = sum(spelt_unit(cell) is not None for cell in said)
     blank = sum(cell.strip("[]() ") in ("", "-", "–", "1", "bool", "none") for cell in said)

@@ -1,4 +1,4 @@
-"""The rows of names and of units above the data."""
+"""Rows of names and units above the data."""
 
 import csv
 import re
@@ -18,7 +18,7 @@ _COMMENT: Final = re.compile(r"^\s*(#+|%+|//)\s*")
 
 @dataclass(frozen=True, slots=True)
 class TextRow:
-    """Cells, and where they stand."""
+    """Cells of a row, and its position."""
 
     line: int  #: from 0
     after: int  #: the line behind it
@@ -26,7 +26,7 @@ class TextRow:
 
 
 def header_row(row: TextRow, separator: str, width: int, lines: Sequence[str]) -> TextRow:
-    """A row above the data without its comment sign; words in brackets belong to their name."""
+    """Row above the data without comment sign; words in brackets belong to their name."""
     text = _COMMENT.sub("", lines[row.line])
     if separator != " ":
         if text == lines[row.line] or not row.cells:
@@ -46,20 +46,22 @@ def header_row(row: TextRow, separator: str, width: int, lines: Sequence[str]) -
 def rows_of_names(
     above: list[TextRow], width: int, hints: TableHints
 ) -> tuple[TextRow | None, TextRow | None]:
-    """The row of the names and that of the units; None where there is none.
+    """Row of the names and row of the units; None for each that is missing.
 
     Args:
         above: rows above the data, in order.
-        width: columns of the data.
-        hints: what is given.
+        width: number of data columns.
+        hints: properties given by the user.
 
     Raises:
-        DialectError: the given line holds none, or two rows may be the units.
+        DialectError: the given line has no cells, or two rows may hold the units.
     """
     by_line = {row.line + 1: row for row in above}
     for key, line in (("header_row", hints.header_row), ("units_row", hints.units_row)):
         if line and line not in by_line:
-            raise DialectError(f"[log] {key} = {line}: that line holds no cells above the data")
+            raise DialectError(
+                f"[log] {key} = {line}: that line is not a row of cells above the data"
+            )
     given = by_line.get(hints.header_row or -1)
     stated = by_line.get(hints.units_row or -1)
     if hints.header_row == 0:
@@ -93,10 +95,10 @@ def rows_of_names(
 def _take_names_and_units(
     before: TextRow, last: TextRow, *, has_no_units: bool
 ) -> tuple[TextRow, TextRow | None]:
-    """Names, and units if one of the last rows above the data holds nothing else.
+    """Names, and units if one of the last two rows contains only units.
 
     Raises:
-        DialectError: both do.
+        DialectError: both contain only units.
     """
     if has_no_units:
         # there are none, and what looks like them holds no names either
@@ -105,7 +107,7 @@ def _take_names_and_units(
         return last, None
     if is_units(last.cells) and is_units(before.cells):
         raise DialectError(
-            f"lines {before.line + 1} and {last.line + 1} may both be its units; set [log] "
+            f"lines {before.line + 1} and {last.line + 1} may both hold the units; set [log] "
             "units_row and header_row"
         )
     if is_units(last.cells):
@@ -113,13 +115,13 @@ def _take_names_and_units(
     return last, before if is_units(before.cells) else None
 
 
-def rows_behind_words(
+def find_labelled_header_rows(
     above: list[TextRow], width: int, *, is_blank_first: bool
 ) -> tuple[TextRow, TextRow] | None:
-    """Names and units where a word stands before each: "SIGNAL", "TIME", "CH1".
+    """Rows of names and units that begin with a label: "SIGNAL", "TIME", "CH1".
 
-    No column is below those words: the data have a blank there, or a cell less. Where they have
-    a cell less, one word is about units: the header of a table that is short of cells has none.
+    There is no column below the labels: data rows have a blank there, or a cell less. In the latter
+    case one label must mention units, unlike the header of a table that lacks cells.
     """
     rows = [
         TextRow(row.line, row.after, ("",) * is_blank_first + row.cells[1:])
@@ -139,7 +141,7 @@ def rows_behind_words(
 def _find_wide_rows(
     above: list[TextRow], width: int, stated: TextRow | None, hints: TableHints
 ) -> tuple[TextRow | None, list[TextRow]]:
-    """The row of units, where one says that it is, and the rows that may be names or units."""
+    """Row of units if labelled as such, and candidate rows for names or units."""
     attributes = {row.line: found for row in above if (found := _parse_attribute_row(row))}
     if not any(
         _has_cell_for_each_column(row, width) and row.line not in attributes for row in above
@@ -157,7 +159,7 @@ def _find_wide_rows(
 
 
 def _parse_attribute_row(row: TextRow) -> tuple[str, TextRow] | None:
-    """Attribute that a row states for each column, and its cells; None for another row."""
+    """Attribute that a row states for each column, and its cells; None for other rows."""
     said = [_ATTRIBUTE.fullmatch(cell) for cell in row.cells if cell]
     keys = {match["key"].lower() if match else None for match in said}
     if len(said) < len(row.cells) // 2 or len(keys) != 1 or None in keys or len(row.cells) < 3:
@@ -167,5 +169,5 @@ def _parse_attribute_row(row: TextRow) -> tuple[str, TextRow] | None:
 
 
 def _has_cell_for_each_column(row: TextRow, width: int) -> bool:
-    """Whether a row is about all columns: one of a preamble has few cells."""
+    """Whether a row has enough cells for the columns, unlike one of a preamble."""
     return len(row.cells) > 1 and len(row.cells) * 2 > width

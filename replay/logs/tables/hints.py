@@ -1,23 +1,23 @@
-"""What a person says of a table: the keys of `[log]`, and the question where one is missing."""
+"""Properties of a table given by the user: the keys of `[log]`."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class TableHints:
-    """The dialect of a table, as far as it is given. None: recognised.
+    """Dialect of a table as given by the user; None for what is detected.
 
     Attributes:
-        separator: of the cells: `,` `;` `|`, a tab, or a blank for any number of them.
+        separator: separator of cells: `,` `;` `|`, a tab, or a blank for any number of blanks.
         decimal: `.` or `,`.
-        encoding: of the text, as Python names it: `utf-8`, `utf-16`, `latin-1`.
-        header_row: line of the names, from 1; 0 where there are none.
-        units_row: line of the units, from 1; 0 where there are none.
-        time_fraction: column of the fractions of a second, beside times without.
-        sort_times: whether rows are sorted whose time falls back as in a second record.
+        encoding: encoding in Python's name: `utf-8`, `utf-16`, `latin-1`.
+        header_row: line of the names, from 1; 0 for none.
+        units_row: line of the units, from 1; 0 for none.
+        time_fraction: column of the fractions of a second, if separate.
+        sort_times: whether to sort rows whose time falls back as in a second record.
         day_first: whether 03/04/2026 is the third of April.
-        rate_hz: of the rows, where the table has no time.
-        sheet: of an Excel file.
+        rate_hz: rate of the rows, for a table without time.
+        sheet: sheet of an Excel file.
     """
 
     separator: str | None = None
@@ -34,9 +34,9 @@ class TableHints:
 
 @dataclass(frozen=True, slots=True)
 class TimeAxis:
-    """Where a table keeps its time: the column, its unit (s, ms, us, ns), and its dialect.
+    """Time of a table: column, unit (s, ms, us, ns) and dialect.
 
-    A column or a unit that is None is recognised.
+    A column or unit of None is detected.
     """
 
     column: str | None
@@ -45,4 +45,4 @@ class TimeAxis:
 
 
 class DialectError(Exception):
-    """Why the dialect is not known, and the key that says it, in a line."""
+    """The dialect is ambiguous; one line with the reason and the key to set."""

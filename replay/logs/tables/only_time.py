@@ -1,4 +1,4 @@
-"""The time of a table whose names tell none, and times of a table that do not agree."""
+"""Time columns without a telling name, and contradictions between time columns."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -20,9 +20,9 @@ _APART: Final = 0.1
 def find_only_time_column(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
 ) -> list[int]:
-    """The place of the one column that holds times; empty where none does, or several.
+    """Index of the only column that contains times; empty if there is none or several.
 
-    It holds times of day to the second, or its unit is one of time and it rises with each row.
+    It contains times of day to the second, or has a unit of time and increases with each row.
     """
     clocks = [k for k in range(len(columns)) if _is_clock_column(cells(k))]
     if clocks:
@@ -34,7 +34,7 @@ def find_only_time_column(
 
 
 def _is_clock_column(cells: list[str]) -> bool:
-    """Whether cells are times of day to the second, which go on: the ends of a query do not."""
+    """Whether cells are times of day to the second that advance."""
     return (
         len(set(cells)) > 1
         and is_clock(cells[0])
@@ -54,16 +54,16 @@ def describe_disagreement(
     name: str,
     stamps: pl.Series,
 ) -> str | None:
-    """How long the first rows last by another column of times, where it is not as long.
+    """Sentence on another time column with a different duration of the first rows.
 
     Args:
-        columns: of the table.
-        cells: the first cells of a column by its place.
-        name: the column that is taken as the time.
-        stamps: of the first rows by it, in ns.
+        columns: columns of the table.
+        cells: returns the first cells of a column, by index.
+        name: detected time column.
+        stamps: times of the first rows by it, in ns.
 
     Returns:
-        A sentence, None where the times agree.
+        The sentence; None if the times agree.
     """
     taken_s = _rising_span_s(stamps)
     if taken_s is None:
@@ -99,7 +99,7 @@ def _rising_span_of_column_s(column: ColumnName, cells: list[str]) -> float | No
 
 
 def _rising_span_s(stamps: pl.Series) -> float | None:
-    """Seconds from the first to the last; None where they do not rise."""
+    """Seconds from first to last stamp; None if they do not increase."""
     there = stamps.drop_nulls()
     if there.len() < _FEWEST or (there.diff() < 0).any():
         return None

@@ -1,4 +1,4 @@
-"""Columns of a Parquet file, read with Arrow: polars' own reader can end the process on damage."""
+"""Columns of Parquet and Arrow files, read by Arrow since polars may crash on damage."""
 
 import json
 from collections.abc import Generator, Iterator, Mapping, Sequence
@@ -31,18 +31,18 @@ _UNIT_KEYS: Final = (b"unit", b"units", b"Unit", b"Units", b"UNIT", b"unit_strin
 
 
 def open_arrow(path: Path) -> "ParquetColumns":
-    """Columns of a Parquet file, or of an Arrow (Feather) file."""
+    """Open the columns of a Parquet file, or of an Arrow (Feather) file."""
     return ParquetColumns(path) if path.suffix.lower() == ".parquet" else ArrowColumns(path)
 
 
 class ParquetColumns:
-    """The flat columns of one file, each read when it is asked for. Nothing stays open."""
+    """Flat columns of one file, read on demand. The file is not kept open."""
 
     def __init__(self, path: Path) -> None:
         """Read the footer.
 
         Raises:
-            BrokenBytesError: it is no Parquet file, or a damaged one.
+            BrokenBytesError: it is not a Parquet file, or damaged.
         """
         self._path = path
         self.notes: tuple[str, ...] = ()
@@ -61,19 +61,19 @@ class ParquetColumns:
             return file.schema_arrow
 
     def first_text_cells(self, place: int) -> list[str]:  # noqa: ARG002 as of a text
-        """None: a column of a Parquet file has a type."""
+        """Empty, since columns of a Parquet file have types."""
         return []
 
     @property
     def rows(self) -> int:
-        """How many rows the file has."""
+        """Number of rows."""
         return int(self._footer.num_rows)
 
     def read(self, names: Sequence[str]) -> dict[str, pl.Series]:
         """Columns, (rows,) each.
 
         Raises:
-            BrokenBytesError: the pages of one are damaged.
+            BrokenBytesError: the pages of a column are damaged.
         """
         return {name: self._read(name) for name in names}
 
@@ -95,7 +95,7 @@ class ParquetColumns:
 
 
 class ArrowColumns(ParquetColumns):
-    """The flat columns of an Arrow file (Feather 2), likewise."""
+    """Flat columns of an Arrow file (Feather 2), read on demand."""
 
     def _read_schema(self) -> Any:
         with _library_call(), pa.OSFile(str(self._path)) as source:
@@ -106,7 +106,7 @@ class ArrowColumns(ParquetColumns):
 
     @property
     def rows(self) -> int:
-        """How many rows the file has."""
+        """Number of rows."""
         return self._height
 
     def _read_column(self, name: str) -> Any:
@@ -119,7 +119,7 @@ class ArrowColumns(ParquetColumns):
 
 
 def _decode_texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
-    """What of the metadata is text."""
+    """Metadata entries that are text."""
     return {
         key.decode(errors="replace"): text.decode(errors="replace")
         for key, text in metadata.items()
@@ -135,7 +135,7 @@ def _library_call() -> Generator[None]:
 
 
 def _name_column(name: str, metadata: dict[bytes, bytes], of_schema: str | None) -> ColumnName:
-    """A column with the unit that its metadata, those of the schema, or its name states."""
+    """Column with the unit from its metadata, the schema's metadata, or its name."""
     stated = next((metadata[key] for key in _UNIT_KEYS if key in metadata), b"")
     bare, unit = split_unit(name)
     own = spelt_unit(stated.decode("utf-8", "replace"))
@@ -143,11 +143,11 @@ def _name_column(name: str, metadata: dict[bytes, bytes], of_schema: str | None)
 
 
 def units_of_schema(metadata: Mapping[str, str], names: Sequence[str]) -> dict[str, str]:
-    """The units that a file's metadata state, by column, as pint calls them.
+    """Units stated in a file's metadata, by column, in pint's names.
 
     Args:
-        metadata: of the file, as text.
-        names: of its columns.
+        metadata: metadata of the file, as text.
+        names: names of its columns.
     """
     found: dict[str, str] = {}
     for name, text in _stated_unit(metadata, names):
@@ -169,7 +169,7 @@ def _stated_unit(metadata: Mapping[str, str], names: Sequence[str]) -> Iterator[
 
 
 def _iter_units_of_attributes(attributes: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
-    """A map of units among them, a map a column, or a list of columns with `metadata`."""
+    """Units in attributes: a map of units, a map per column, or columns with `metadata`."""
     if not isinstance(attributes, dict):
         return
     for key in _MAPS:
@@ -182,7 +182,7 @@ def _iter_units_of_attributes(attributes: Any, known: frozenset[str]) -> Iterato
 
 
 def _iter_units_of_map(units: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
-    """`{"speed": "km/h"}`, or `{"speed": {"unit": "km/h"}}`."""
+    """Units in `{"speed": "km/h"}`, or `{"speed": {"unit": "km/h"}}`."""
     for name, stated in units.items() if isinstance(units, dict) else ():
         if name not in known:
             continue
@@ -193,7 +193,7 @@ def _iter_units_of_map(units: Any, known: frozenset[str]) -> Iterator[tuple[str,
 
 
 def _parse_json(text: str | None) -> Any:
-    """Parse JSON; None if the text is no JSON, or nested too deeply."""
+    """Parsed JSON; None if invalid or nested too deeply."""
     try:
         return json.loads(text) if text else None
     except (ValueError, RecursionError):

@@ -1,4 +1,4 @@
-"""A table's text as UTF-8: its encoding, and a copy where polars cannot read it as it is."""
+"""Text of a table as UTF-8, by a copy if polars cannot read it directly."""
 
 import codecs
 import gzip
@@ -41,9 +41,9 @@ class Utf8Text:
     """A file that polars reads.
 
     Attributes:
-        path: the table's file, or a copy of it.
-        copy: the directory of the copy, which is removed with it; None where there is none.
-        notes: what was recognised.
+        path: file of the table, or a copy.
+        copy: directory of the copy; None without one.
+        notes: notes on what was detected.
     """
 
     path: Path
@@ -52,15 +52,15 @@ class Utf8Text:
 
 
 def convert_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
-    """The table in UTF-8, by a copy where it is in another encoding.
+    """The table in UTF-8, by a copy if it has another encoding.
 
     Args:
         path: a text file.
-        encoding: its encoding, where it is given.
+        encoding: its encoding, if given.
 
     Raises:
-        BrokenBytesError: an encoding that there is not, or that the text is not in.
-        DialectError: the encoding has to be given.
+        BrokenBytesError: unknown encoding, or the text is not in it.
+        DialectError: the encoding must be given.
     """
     with path.open("rb") as file:
         if file.read(2) == _GZIP:
@@ -118,15 +118,15 @@ def _ends_in_returns(path: Path) -> bool:
 
 
 def copy_with_tabs(text: Utf8Text) -> Utf8Text:
-    """A copy in which each run of blanks is a tab."""
+    """Copy with each run of blanks replaced by a tab."""
     lines = ("\t".join(line.split()) + "\n" for line in _iter_lines(text.path, "utf-8-sig"))
     return _copy_lines_to_file(text.path, lines, text.notes)
 
 
 def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
-    """A copy in which digits of other scripts are those of ASCII: ١٢٫٥, １２.５.
+    """Copy with digits of other scripts in ASCII: ١٢٫٥, １２.５.
 
-    None where most digits of its beginning are of ASCII: then the others are in names.
+    None if most digits at its begin are ASCII; others are then in names.
     """
     with text.path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
@@ -142,9 +142,9 @@ def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
 
 
 def drop_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
-    """A copy without a last row that ends behind an opening quote, at which polars panics.
+    """Copy without a last row that ends after an opening quote, on which polars panics.
 
-    None where there is no such row.
+    None if there is no such row.
     """
     with text.path.open("rb") as file:
         size = file.seek(0, 2)
@@ -195,7 +195,7 @@ def _recognise_encoding(path: Path) -> str:
         return "utf-8"
     if _OTHER_LETTERS.search(b"\n".join(head.split(b"\n", _NAMES_LINES)[:_NAMES_LINES])):
         raise DialectError(
-            "its names are in no Western letters; set [log] encoding, for example cp1251 or cp932"
+            "its names are not in Western letters; set [log] encoding, for example cp1251 or cp932"
         )
     # bytes that no name has are a fault of a cell, which polars takes as it is
     readable = re.sub(rb"[^\x20-\x7e\t\r\n]", b"", head)
@@ -212,7 +212,7 @@ _MOSTLY_TEXT: Final = 0.7
 
 
 def read_head_lines(path: Path) -> list[str]:
-    """The first lines of a text in UTF-8, without the one that is cut off, for the dialect."""
+    """First complete lines of a UTF-8 text, to detect its dialect."""
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
         while head.count(b"\n") < _FEWEST_LINES and len(head) < _LONGEST_HEAD_BYTES:

@@ -1,4 +1,4 @@
-"""Times that stand in several columns: year to second, or seconds with their fraction beside."""
+"""Times in several columns: year to second, or seconds with a separate fraction."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -32,14 +32,14 @@ _BEGINNINGS: Final = {"milli": "ms", "micro": "us", "nano": "ns"}
 
 
 def keep_letters(text: str) -> str:
-    """A name in lower case without what is no letter."""
+    """Name in lower case, letters only."""
     return "".join(each for each in text.lower() if each.isalpha())
 
 
 def calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
-    """The columns of year, month, day, hour, minute and second, or of the last three.
+    """Columns of year, month, day, hour, minute and second, or of the last three.
 
-    None of them where one is missing.
+    Empty if one of them is missing.
     """
     by_word = {keep_letters(column.name): column.name for column in reversed(columns)}
     found = [next((by_word[w] for w in words if w in by_word), None) for words in _CALENDAR]
@@ -51,7 +51,7 @@ def calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
 
 
 def calendar_times(parts: Sequence[pl.Series]) -> pl.Series:
-    """Log times of columns of year to second, or of hour to second; null where one is missing."""
+    """Log times from columns of year to second, or hour to second; null if one is missing."""
     numbers = [part.cast(pl.Float64, strict=False).alias(str(k)) for k, part in enumerate(parts)]
     frame = pl.DataFrame(numbers)
     hour, minute, second = (pl.col(str(len(parts) - k)) for k in (3, 2, 1))
@@ -67,7 +67,7 @@ def calendar_times(parts: Sequence[pl.Series]) -> pl.Series:
 def fraction_column(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], place: int
 ) -> str | None:
-    """The column that holds the fractions of a second, where the times have none."""
+    """Column of the fractions of a second, if the times have none; else None."""
     own = cells(place)
     if not own or any(re.search(r"[.,]\d|:\d+:\d+:", cell) for cell in own):
         return None
@@ -90,17 +90,17 @@ def fraction_column(
 
 
 def fraction_unit(name: str) -> str | None:
-    """The unit of fractions of a second that a name says: `nanosec`, `Millitm`."""
+    """Unit of fractions of a second in a name: `nanosec`, `Millitm`."""
     word = keep_letters(name)
     by_beginning = (unit for start, unit in _BEGINNINGS.items() if word.startswith(start))
     return _FRACTIONS.get(word) or next(by_beginning, None)
 
 
 def fractions_ns(cells: pl.Series) -> tuple[pl.Series, str]:
-    """The fractions of a second in ns, and their unit: by the name, or by how large they are.
+    """Fractions of a second in ns, and their unit, from the name or from their size.
 
     Raises:
-        TimeError: they are no fractions of a second.
+        TimeError: they are not fractions of a second.
     """
     numbers = cells.cast(pl.Float64, strict=False)
     largest, least = numbers.max(), numbers.min()

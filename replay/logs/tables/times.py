@@ -1,4 +1,4 @@
-"""The values of a time column as integer nanoseconds, by its unit or by the clock that it counts.
+"""Values of a time column as integer nanoseconds, by unit or by epoch.
 
 A clock that counts from another day than 1970 is told by how large its numbers are.
 """
@@ -18,21 +18,21 @@ _EXACT_NS: Final = 2.0**43
 
 
 class TimeError(Exception):
-    """Why a column is no time axis, in a line."""
+    """A column cannot be the time; one line with the reason."""
 
 
 def times_in_ns(values: pl.Series, unit: str) -> pl.Series:
-    """Times as Int64 ns; null where there is no time.
+    """Times as Int64 ns; null if missing.
 
-    Integers are multiplied as integers. A float is split into its whole and its fraction first,
-    so that the result is the float's own value rounded to the ns, however large it is.
+    Integers are multiplied as integers. A float is split into whole and fraction first, so that the
+    result is its own value rounded to the ns, however large it is.
 
     Args:
-        values: numbers in `unit`, or datetimes or durations, which have their own unit.
+        values: numbers in `unit`, or datetimes or durations with their own unit.
         unit: s, ms, us or ns.
 
     Raises:
-        TimeError: the column holds no times, or they do not fit into 64 bit.
+        TimeError: the column contains no times, or they do not fit into 64 bits.
     """
     if values.dtype == pl.String:
         values = _parse_text(values)
@@ -67,7 +67,7 @@ def _round_to_integers(number: pl.Expr) -> pl.Expr:
 
 
 def _parse_text(values: pl.Series) -> pl.Series:
-    """Numbers or ISO 8601 from the text of a CSV, whichever it mostly is."""
+    """Numbers or ISO 8601 times from text, whichever prevails."""
     text = values.str.strip_chars()
     present = text.filter(text.is_not_null() & (text != ""))
     numbers = present.cast(pl.Float64, strict=False)
@@ -78,7 +78,7 @@ def _parse_text(values: pl.Series) -> pl.Series:
     try:
         return text.str.to_datetime(time_unit="ns", strict=False)
     except pl.exceptions.PolarsError as error:
-        raise TimeError(f"its text is no time ('{present[0]}')") from error
+        raise TimeError(f"its text is not a time ('{present[0]}')") from error
 
 
 def _datetimes_to_ns(values: pl.Series) -> pl.Series:
@@ -107,14 +107,14 @@ _LOG_S: Final = (946_684_800, 2_240_611_200)
 
 @dataclass(frozen=True, slots=True)
 class Epoch:
-    """A clock: how it is called, ns in its unit, and what it shows at the beginning of 1970."""
+    """A clock: its name, ns per unit, and reading at the begin of 1970."""
 
     name: str
     unit_ns: int
     at_1970: float
 
     def covers_numbers(self, low: float, high: float) -> bool:
-        """Whether numbers from `low` to `high` are days of a log by this clock."""
+        """Whether numbers from `low` to `high` are plausible dates of a log by this clock."""
         begin, end = (s * 1e9 / self.unit_ns + self.at_1970 for s in _LOG_S)
         return begin <= low and high < end
 
@@ -144,13 +144,13 @@ _OTHERS: Final = (
 
 
 def find_epoch(low: float, high: float, step: float, steps_s: tuple[float, float]) -> Epoch | None:
-    """The clock of which numbers are days of a log; None where it is none of these.
+    """Clock by which numbers are plausible dates of a log; None without one.
 
     Args:
-        low: the least number.
-        high: the largest one.
+        low: smallest number.
+        high: largest number.
         step: from row to row.
-        steps_s: least and largest step of a log, in s.
+        steps_s: smallest and largest plausible step of a log, in s.
     """
     for epoch in _OTHERS:
         if (
@@ -162,7 +162,7 @@ def find_epoch(low: float, high: float, step: float, steps_s: tuple[float, float
 
 
 def correct_epoch_of_1904(stamps: pl.Series) -> tuple[pl.Series, str | None]:
-    """Stamps in ns since 1970 also where LabVIEW counted them from 1904, which is then said."""
+    """Stamps in ns since 1970, corrected if LabVIEW counted from 1904, and a note if so."""
     low, high = stamps.min(), stamps.max()
     if not isinstance(low, int) or not isinstance(high, int):
         return stamps, None

@@ -1,1 +1,1 @@
-"""Writers of simulated logs: a function a format, one file for the messages inside."""
+"""Writers of simulated logs: a function per format, and a shared serialiser of messages."""

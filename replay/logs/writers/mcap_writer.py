@@ -224,7 +224,7 @@ class ColumnMcap:
         return MetadataIndex(offset=at, length=self.file.tell() - at, name=metadata.name)
 
     def _write_summary(self, groups: Sequence[Sequence[McapRecord]]) -> None:
-        """What a reader begins with: definitions, statistics, indexes, and where each group is."""
+        """Write the summary: definitions, statistics, indexes, and offsets of the groups."""
         begins = self.file.tell()
         data = b""
         offsets: list[SummaryOffset] = []

@@ -21,11 +21,11 @@ Column: TypeAlias = (
 
 @dataclass(frozen=True, eq=False)
 class RaggedColumn:
-    """Lists or texts whose lengths differ.
+    """Column of lists or texts of different lengths.
 
     Attributes:
-        lengths: (n,) elements of each list; of a text its bytes in UTF-8.
-        content: the column of all elements, one list after the other; of texts (bytes,) uint8.
+        lengths: (n,) number of elements of each list, or of bytes in UTF-8 of each text.
+        content: column of all elements, list after list; for texts, uint8 (bytes,).
     """
 
     lengths: Ints
@@ -33,19 +33,19 @@ class RaggedColumn:
 
     @classmethod
     def from_texts(cls, values: Sequence[str]) -> "RaggedColumn":
-        """A text a message."""
+        """Column of texts, one per message."""
         encoded = [value.encode() for value in values]
         lengths = np.fromiter(map(len, encoded), np.int64, len(encoded))
         return cls(lengths, np.frombuffer(b"".join(encoded), np.uint8))
 
     @property
     def first_indices(self) -> Ints:
-        """(n,) where each list begins in the content."""
+        """Index (n,) in the content at which each list begins."""
         return np.cumsum(self.lengths) - self.lengths
 
 
 def shape_numbers(column: Column) -> Ints | None:
-    """Numbers (n,) that are equal where all lengths in a column are; None: they are everywhere."""
+    """Numbers (n,) that are equal for messages of equal lengths; None if all lengths are equal."""
     if isinstance(column, RaggedColumn):
         return _list_shape_ids(column)
     if isinstance(column, Mapping):

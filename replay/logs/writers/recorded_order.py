@@ -1,4 +1,4 @@
-"""The messages of several topics in the order in which they were recorded, in blocks of bytes."""
+"""Messages of several topics in recorded order, in blocks of bytes."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ BLOCK_ROWS: Final = 16_384
 
 @dataclass(frozen=True, eq=False)
 class RecordedTopic:
-    """The messages of one topic.
+    """Messages of one topic.
 
     Attributes:
-        connection: its number in the container.
-        log_time_ns: (n,) when they were recorded, ascending.
-        records: the records of some of them, `[first, last)`, by layout.
+        connection: number of the topic in the container.
+        log_time_ns: (n,) log times, ascending.
+        records: function that returns the records `[first, last)` by layout.
     """
 
     connection: int
@@ -31,7 +31,7 @@ class RecordedTopic:
 
 
 class RecordBlock(NamedTuple):
-    """Records that follow one another: their bytes, and of each (n,) where it ends in them."""
+    """Consecutive records: their bytes, and the offset (n,) at which each ends."""
 
     data: Bytes
     connections: Ints
@@ -46,7 +46,7 @@ def _scatter_rows(rows: Bytes, size: int, begins: Ints, target: Bytes) -> None:
 
 
 def blocks_in_order(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
-    """All messages by log time; what was recorded at the same time in the order of the topics."""
+    """Yield all messages in order of log time; ties are in the order of the topics."""
     times = np.concatenate([np.empty(0, np.int64), *(topic.log_time_ns for topic in topics)])
     sizes = [topic.log_time_ns.size for topic in topics]
     kinds = np.repeat(np.arange(len(topics)), sizes)
@@ -61,7 +61,7 @@ def blocks_in_order(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
 def _make_next_block(
     topics: Sequence[RecordedTopic], times: Ints, kinds: Ints, done: list[int]
 ) -> RecordBlock:
-    """The next messages, of which `done` counts those of each topic so far."""
+    """Next block of messages; `done` counts the messages of each topic that precede it."""
     lengths = np.empty(times.size, np.int64)
     made: list[tuple[Bytes, Ints]] = []
     for number, topic in enumerate(topics):
@@ -83,7 +83,7 @@ def _make_next_block(
 
 
 class FullChunk(NamedTuple):
-    """A chunk of a container: its bytes, and of each message (n,) where it begins in them."""
+    """Chunk of a container: its bytes, and the offset (n,) at which each message begins."""
 
     data: Bytes
     connections: Ints
@@ -91,7 +91,7 @@ class FullChunk(NamedTuple):
     offsets: Ints
 
     def split_by_connection(self) -> "Mapping[int, FullChunk]":
-        """The messages of each connection, in the order in which those first appear."""
+        """Messages of each connection, in the order of their first messages."""
         numbers, first = np.unique(self.connections, return_index=True)
         found: dict[int, FullChunk] = {}
         for number in numbers[np.argsort(first)].tolist():
@@ -107,12 +107,12 @@ class FullChunk(NamedTuple):
 def cut_chunks(
     blocks: Iterator[RecordBlock], preamble: bytes, threshold: int
 ) -> Iterator[FullChunk]:
-    """Cut records into chunks, each of which ends with the record that takes it beyond a size.
+    """Cut records into chunks, each ending with the record that exceeds the threshold.
 
     Args:
         blocks: the records.
-        preamble: what stands before the first record.
-        threshold: bytes of a chunk.
+        preamble: bytes before the first record.
+        threshold: size of a chunk in bytes.
     """
     pieces: list[RecordBlock] = []
     lead = np.frombuffer(preamble, np.uint8)

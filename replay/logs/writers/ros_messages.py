@@ -1,4 +1,4 @@
-"""The ROS messages of a simulated log: which topic carries what, in the signs of REP-103."""
+"""ROS messages of a simulated log: topics and their contents, with the signs of REP-103."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -24,7 +24,7 @@ _JOINTS: Final = ("boom", "bucket")
 
 
 class Topic(NamedTuple):
-    """Where a frame of a simulated log goes, and what its messages hold beside the header."""
+    """Topic of a simulated log: the frame that it carries, and the fields of its messages."""
 
     name: str
     msgtype: str
@@ -40,14 +40,14 @@ def recorded_topics(
     *,
     ros1: bool,
 ) -> list[RecordedTopic]:
-    """The topics of a log as records of a container.
+    """Convert a simulated log to the records of a container.
 
     Args:
         log: the simulated log.
-        store: the message definitions of a ROS distribution.
-        connections: by topic's key in `TOPICS` its number in the container.
-        envelope: what stands before messages of a connection recorded at times (n,).
-        ros1: whether that is a distribution of ROS 1.
+        store: message definitions of a ROS distribution.
+        connections: number in the container by the topic's key in `TOPICS`.
+        envelope: function that returns the bytes before messages of a connection at times (n,).
+        ros1: whether the distribution is one of ROS 1.
     """
 
     def topic(name: str, frame: pl.DataFrame) -> RecordedTopic:
@@ -73,13 +73,13 @@ def recorded_topics(
 def message_columns(
     name: str, frame: pl.DataFrame, scenario: Scenario, first: int = 0
 ) -> dict[str, Column]:
-    """The messages of a topic by columns.
+    """Columns of a topic's messages.
 
     Args:
-        name: its key in `TOPICS`.
-        frame: its rows.
-        scenario: that was simulated.
-        first: number of the first row, which the header of ROS 1 counts.
+        name: key of the topic in `TOPICS`.
+        frame: rows of the topic.
+        scenario: simulated scenario.
+        first: number of the first row, for the sequence counter in ROS 1 headers.
     """
     topic = TOPICS[name]
     stamp_ns = frame["header_stamp_ns"].to_numpy()
@@ -92,7 +92,7 @@ def message_columns(
 
 
 def _stack_pairs(frame: pl.DataFrame, *names: str) -> NDArray[np.float64]:
-    """Columns (n, names)."""
+    """Stack columns of a frame into an array (n, names)."""
     return np.column_stack([frame[name].to_numpy() for name in names])
 
 

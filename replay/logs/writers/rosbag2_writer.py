@@ -1,4 +1,4 @@
-"""Simulated logs as rosbag2 directories with MCAP storage, and as databases of rosbag2."""
+"""Writer of simulated logs as rosbag2 directories with MCAP storage, and as bare databases."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -58,12 +58,12 @@ def _write(log: SimulatedLog, path: Path, plugin: StoragePlugin) -> None:
 
 
 def make_empty_envelope(_connection: int, _times: Ints) -> Envelope:
-    """A database has nothing before a message."""
+    """Empty envelope: databases store nothing before a message."""
     return lambda _size: ()
 
 
 class _MessageCounts(NamedTuple):
-    """Messages by connection, and from when to when; unknown where there are none."""
+    """Message count by connection, and first and last time; unknown without messages."""
 
     counts: dict[int, int]
     start_ns: int
@@ -71,7 +71,7 @@ class _MessageCounts(NamedTuple):
 
 
 class _Storage:
-    """A storage of rosbags' writer that takes all messages at once."""
+    """Storage of rosbags' writer that receives all messages at once."""
 
     def __init__(self, path: Path, compression: "CompressionMode") -> None:
         del compression  # none is asked for
@@ -81,7 +81,7 @@ class _Storage:
         self._mcap = ColumnMcap(self._file, self._channels, packed=False)
 
     def add_msgtype(self, connection: "Connection") -> None:
-        """Nothing: each channel has a schema of its own."""
+        """Do nothing, since each channel has its own schema."""
 
     def add_connection(self, connection: "Connection", offered_qos_profiles: str) -> None:
         self._channels.append(
@@ -113,7 +113,7 @@ class _Storage:
 
 
 class _Database(Sqlite3Writer):
-    """rosbags' database, filled with all messages at once."""
+    """Database of rosbags that receives all messages at once."""
 
     def write_topics(self, topics: Sequence[RecordedTopic]) -> _MessageCounts:
         self.conn.executemany(
@@ -138,7 +138,7 @@ def _iter_rows(topics: Sequence[RecordedTopic]) -> Iterator[tuple[int, int, memo
 
 
 class _ColumnWriter(Writer):
-    """rosbags' writer of the directory and its metadata.yaml."""
+    """Writer of rosbags for the directory and its metadata.yaml."""
 
     STORAGE_PLUGINS = {  # noqa: RUF012 - as the class that it extends
         StoragePlugin.MCAP: _Storage,

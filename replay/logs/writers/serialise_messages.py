@@ -29,7 +29,7 @@ _ENCAPSULATION: Final = b"\0\1\0\0"
 
 
 class SameLayout(NamedTuple):
-    """Messages of one layout: which (k,) of all, or None for every one; their bytes (k, size)."""
+    """Messages of one layout: their indices (k,), None for all; and their bytes (k, size)."""
 
     chosen: Ints | None
     rows: Bytes
@@ -46,15 +46,15 @@ def serialise(
     """Serialise messages of one type.
 
     Args:
-        store: with the type's definition, of ROS 1 or 2 as the encoding demands.
-        msgtype: as in `sensor_msgs/msg/Imu`.
-        column: the messages, by field; arrays have a row a message.
-        count: how many messages.
-        wire: the encoding; numbers are little-endian.
-        envelope: what stands before each message; alignment counts from behind it.
+        store: store with the type's definition, of ROS 1 or 2 to match the encoding.
+        msgtype: type name, such as `sensor_msgs/msg/Imu`.
+        column: messages by field; arrays have one row per message.
+        count: number of messages.
+        wire: encoding; numbers are little-endian.
+        envelope: bytes before each message; alignment counts from their end.
 
     Returns:
-        The messages by layout, each with its envelope before it.
+        Messages by layout, each preceded by its envelope.
     """
     found = shape_numbers(column)
     numbers = np.empty(0, np.int64) if found is None else np.unique(found)
@@ -83,7 +83,7 @@ def _serialise_layout(
     wire: Wire,
     envelope: Envelope,
 ) -> Bytes:
-    """The messages (k, size) that are chosen, which have one layout."""
+    """Serialise the chosen messages, which share one layout, to bytes (k, size)."""
     count = chosen.stop if isinstance(chosen, slice) else chosen.size
     layout = _Layout(store, wire)
     if wire.cdr:
@@ -126,7 +126,7 @@ def _serialise_layout(
 
 @dataclass(eq=False)
 class _Layout:
-    """Where everything lies in messages of the same lengths."""
+    """Offsets and contents of the fields of messages of equal lengths."""
 
     store: "Typestore"
     wire: Wire
@@ -139,7 +139,7 @@ class _Layout:
     )
 
     def append_record(self, name: str, column: Column, chosen: _Chosen) -> None:
-        """A message inside or outside another."""
+        """Append a message or a nested message."""
         known = column if isinstance(column, Mapping) else {}
         for key, description in self.store.fielddefs[name][1]:
             if key == _PLACEHOLDER and not self.wire.cdr:
@@ -147,12 +147,12 @@ class _Layout:
             self._append_value(description, known.get(key), chosen)
 
     def put_bytes(self, data: bytes) -> None:
-        """Put the same bytes into every message."""
+        """Append the same bytes to every message."""
         self.constants.append((self.size, data))
         self.size += len(data)
 
     def append_numeric_column(self, dtype: np.dtype[Any], values: NDArray[Any]) -> None:
-        """Numbers (k,), or arrays of them (k, length), of every message."""
+        """Append numbers (k,), or arrays of numbers (k, length), to the messages."""
         if values.ndim == 2:
             dtype = np.dtype((dtype, values.shape[1:]))
         self.columns.append((self.size, dtype, values))
@@ -249,6 +249,6 @@ def _list_length(column: Column, chosen: _Chosen, fixed: int | None) -> int:
 
 
 def stack_elements_of_length(column: RaggedColumn, chosen: _Chosen, length: int) -> NDArray[Any]:
-    """The elements (k, length) of lists of one length."""
+    """Elements (k, length) of those lists that have this length."""
     assert isinstance(column.content, np.ndarray)
     return column.content[column.first_indices[chosen][:, None] + np.arange(length)]

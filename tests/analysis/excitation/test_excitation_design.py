@@ -53,7 +53,7 @@ def errors(made, drive, score, window_s, force_noise_N=None):
     samples = round(window_s * filters.rate_hz) + filters.margin
     longer = score.manoeuvre.model_copy(update={"duration_s": score.start_s + window_s + 1.0})
     motion = solve_motion(scenario_with_manoeuvres(made, longer), 0.0)
-    truth = MeasuredSignals.measure_motion(
+    truth = MeasuredSignals.from_motion(
         motion.sample_channels(score.start_s + np.arange(samples) / filters.rate_hz)
     )
     random = np.random.default_rng(5)
@@ -194,9 +194,9 @@ def test_coulomb_friction_that_the_model_leaves_out_is_part_of_the_predicted_err
 @pytest.mark.parametrize(
     ("sections", "options", "says"),
     [
-        ({"machine": {"friction_N_s_m": 0.0}}, {}, "machine.friction_N_s_m: without friction"),
+        ({"machine": {"friction_N_s_m": 0.0}}, {}, "machine.friction_N_s_m: is 0, so that a step"),
         ({"machine": {"coulomb_N": 4000.0}}, {}, "does not overcome Coulomb friction"),
-        ({"sensors": {"force_noise_N": 0.0}}, {}, "sensors.force_noise_N: without noise"),
+        ({"sensors": {"force_noise_N": 0.0}}, {}, "sensors.force_noise_N: is 0"),
         ({}, {"window_s": 1.0}, "give one between the response time T = 4.97 s and"),
         ({}, {"window_s": 20.0}, "the period 3 T = 14.92 s"),
     ],

@@ -130,11 +130,11 @@ def test_a_time_zone_must_exist():
         ),
         (
             {"derive": "d/dt speed_x_m_s", "delay_s": 0.1},
-            "a derived channel takes no 'delay_s'; its sources have theirs",
+            "a derived channel takes no 'delay_s'; set delay_s of its source channels",
         ),
         (
             {"derive": "pitch(q)", "topic": "/imu"},
-            "channels.acc_x_m_s2: 'pitch(q)' does not give acc_x_m_s2",
+            "channels.acc_x_m_s2: 'pitch(q)' does not compute acc_x_m_s2",
         ),
         (
             {"derive": "pitch(q)", "topic": "/imu", "scale": 2.0},
@@ -176,20 +176,20 @@ def test_derivations_are_read_with_any_spacing():
                 "speed_x_m_s": {"derive": "d/dt position_x_m"},
                 "position_x_m": {"derive": "d/dt speed_x_m_s"},
             },
-            "channels derived in a circle: speed_x_m_s, position_x_m",
+            "these channels are derived from each other in a circle: speed_x_m_s, position_x_m",
         ),
         (
             FORCE | IMU | {"speed_x_m_s": {"derive": "d/dt speed_x_m_s"}},
-            "channels derived in a circle: speed_x_m_s",
+            "these channels are derived from each other in a circle: speed_x_m_s",
         ),
         (
             SPEED | IMU,
-            "no force: give channels.force_x_N, or channels.torque_left_N_m and "
+            "no force channel: give channels.force_x_N, or channels.torque_left_N_m and "
             "channels.torque_right_N_m",
         ),
         (
             SPEED | IMU | {"torque_left_N_m": {"field": "x"}},
-            "no force: give channels.force_x_N, or channels.torque_left_N_m and "
+            "no force channel: give channels.force_x_N, or channels.torque_left_N_m and "
             "channels.torque_right_N_m",
         ),
         (
@@ -199,14 +199,14 @@ def test_derivations_are_read_with_any_spacing():
         ),
         (
             FORCE | IMU,
-            "no speed: give channels.speed_x_m_s, if need be derived: "
+            "no speed channel: give channels.speed_x_m_s, or derive it, for example "
             'derive = "d/dt position_x_m" or "mean(speed_left_m_s, speed_right_m_s)"',
         ),
         (
             FORCE | SPEED,
             "settings.forces.acceleration is 'specific_force', which needs "
-            "channels.specific_force_x_m_s2; give it, or choose the other of specific_force, "
-            "kinematic",
+            "channels.specific_force_x_m_s2; give that channel, or choose the other of "
+            "specific_force, kinematic",
         ),
     ],
     ids=[

@@ -9,7 +9,7 @@ import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.weighing import joint_fit
-from analysis.weighing.load_states import AlternativePartition, LoadStates, places
+from analysis.weighing.load_states import AlternativePartition, LoadStates, load_change_kinds
 from analysis.weighing.weigh import weigh
 from benchmarks.honesty_rows import LOADER, Task, row_log
 from benchmarks.load_states import ONE_LOAD, whole_states
@@ -129,7 +129,7 @@ def test_braking_is_compared_load_by_load():
 @pytest.mark.parametrize(
     ("span", "fault"),
     [
-        (("settings.loads.empty_from_s=3",), "go together"),
+        (("settings.loads.empty_from_s=3",), "must be given together"),
         (("settings.loads.empty_from_s=9", "settings.loads.empty_to_s=3"), "not before"),
     ],
 )
@@ -191,7 +191,7 @@ def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
         found = weigh(hinted, *rest, machine(POOLED))
         assert found is not None
         motion, states = found.fit.motion, found.fit.states
-        assert places(motion).tolist() == [HINTED if raised_rad else 1] * 4
+        assert load_change_kinds(motion).tolist() == [HINTED if raised_rad else 1] * 4
         assert states is not None
         probable[raised_rad] = states.single_probability
     # so few starts do not settle it: it then says "states or scatter"
@@ -207,7 +207,7 @@ def test_no_load_changes_while_the_machine_is_named_as_empty():
     named = (f"settings.loads.empty_to_s={empty_to_s}", "settings.loads.empty_from_s=0.0")
     found = weigh(aligned, *rest, machine((*POOLED, *named)))
     assert found is not None
-    assert places(found.fit.motion).tolist() == [0, NAMED, 1, 1]
+    assert load_change_kinds(found.fit.motion).tolist() == [0, NAMED, 1, 1]
 
 
 def test_where_the_log_cannot_tell_the_uncertainty_covers_both_readings():

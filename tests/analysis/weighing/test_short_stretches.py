@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.weighing.load_states import places, unit_of_each_stretch
+from analysis.weighing.load_states import load_change_kinds, unit_of_each_stretch
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.joint.group_effects import FILLED, HINTED, TURNED
 
@@ -65,9 +65,9 @@ def test_it_goes_with_the_one_behind_where_the_boom_dumps_before_it(
 
 
 def test_digging_between_manoeuvres_is_a_filling_and_a_boom_a_hint() -> None:
-    assert places(manoeuvres([0.8, 0.8], [False, True])).tolist() == [FILLED]
-    assert places(manoeuvres([0.8, 0.0], [False, False])).tolist() == [HINTED]
-    assert places(manoeuvres([0.0, 0.0], [False, False])).tolist() == [1]
+    assert load_change_kinds(manoeuvres([0.8, 0.8], [False, True])).tolist() == [FILLED]
+    assert load_change_kinds(manoeuvres([0.8, 0.0], [False, False])).tolist() == [HINTED]
+    assert load_change_kinds(manoeuvres([0.0, 0.0], [False, False])).tolist() == [1]
 
 
 @pytest.mark.parametrize(
@@ -87,4 +87,4 @@ def test_backing_out_of_where_it_arrived_is_a_hint_where_no_boom_is(
 ) -> None:
     motion = manoeuvres([0.0, boom_rad], [False, False])
     motion = replace(motion, direction=np.array(directions)[motion.unit])
-    assert places(motion).tolist() == [kind]
+    assert load_change_kinds(motion).tolist() == [kind]

@@ -202,5 +202,5 @@ def test_what_is_wrong_with_a_regressor_is_said_in_one_line():
     with pytest.raises(DataError, match="each above zero"):
         identify(A, planar_rows.PARAMETERS, 0.0 * LOADER)
     A[3, 1, 2] = np.nan
-    with pytest.raises(DataError, match="leave out the samples"):
+    with pytest.raises(DataError, match="exclude these samples"):
         identify(A, planar_rows.PARAMETERS)

@@ -40,7 +40,9 @@ def test_without_ends_it_is_the_recording(recording: Path):
 
 
 def test_a_stretch_outside_is_one_line_with_what_there_is(recording: Path):
-    with pytest.raises(RecordingError, match=r"nothing from 9000 s to the end; it has 0 to \S+ s$"):
+    with pytest.raises(
+        RecordingError, match=r"has no data from 9000 s to the end; it has 0 to \S+ s$"
+    ):
         read_window(recording, 9000.0, None)
 
 
@@ -58,7 +60,7 @@ def test_a_recording_without_samples_says_so(drives, tmp_path: Path):
     whole = drives(20.0)
     empty = Run({name: frame.clear() for name, frame in whole.frames.items()}, whole.provenance)
     path = write_recording(empty, tmp_path / "empty.rrd")
-    with pytest.raises(RecordingError, match=r"nothing from 1 s to 2 s; it has no samples$"):
+    with pytest.raises(RecordingError, match=r"has no data from 1 s to 2 s; it has no samples$"):
         read_window(path, 1.0, 2.0)
 
 

@@ -178,7 +178,7 @@ def test_nothing_is_chained_to_tampered_evidence_or_another_machine(
     before = Path(shutil.copytree(made.folder, tmp_path / "before"))
     (before / "note.txt").touch()
     words = ("calibrate", folder / "campaign.toml", "-o", tmp_path / "next", "--previous")
-    one_line(payscope(*words, before), "nothing can be chained to it", "note.txt")
+    one_line(payscope(*words, before), "cannot be used as --previous", "note.txt")
     other = campaign_folder(tmp_path / "other")
     other.write_text(other.read_text().replace("sledge-7", "sledge-8"))
     said = payscope("calibrate", other, "-o", tmp_path / "next", "--previous", made.folder)

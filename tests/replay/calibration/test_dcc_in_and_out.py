@@ -147,7 +147,10 @@ def test_a_signature_by_another_key_is_said(tmp_path: Path) -> None:
         ('masses = "none.xml#weight-1"', "none.xml: cannot be read"),
         ('masses = "weights.xml#weight-7"', "has no item 'weight-7'; its items: weight-1, w"),
         ('masses = [{ dcc = "weights.xml#weight-1", u_kg = 1e-6 }]', "u_kg of .* is read from"),
-        ('masses = [{ dcc = "weights.xml", id = "w" }]', "has 2 items, and 'w' is one"),
+        (
+            'masses = [{ dcc = "weights.xml", id = "w" }]',
+            "has 2 items, but 'w' names a single mass",
+        ),
         (
             'masses = [{ id = "w", certificate_signature = "PTB" }]',
             "is written by payscope; leave it out",

@@ -83,11 +83,11 @@ def test_evidence_keeps_what_each_log_calls_its_machine(
 
 def test_a_campaign_of_a_sisters_log_or_machine_file_is_refused(tmp_path: Path) -> None:
     campaign = campaign_of(tmp_path, SISTER)
-    with pytest.raises(LogError, match=f"of machine '{SISTER}', and machine.id is '{OWN}'"):
+    with pytest.raises(LogError, match=f"machine '{SISTER}', but machine.id is '{OWN}'"):
         calibrate_from_campaign(campaign, tmp_path / "evidence")
     file = tmp_path / "sledge.toml"
     file.write_text(file.read_text().replace("[machine]", f'[machine]\nid = "{SISTER}"', 1))
-    with pytest.raises(CampaignError, match=f"of machine '{OWN}', and its machine file of"):
+    with pytest.raises(CampaignError, match=f"is for machine '{OWN}', but its machine file is of"):
         calibrate_from_campaign(campaign, tmp_path / "evidence")
     assert not (tmp_path / "evidence").exists()
 
@@ -96,7 +96,7 @@ def test_a_sisters_log_is_refused_by_run_sweep_review_and_check(
     made: CalibrationOutcome, folder: Path, tmp_path: Path, payscope: Payscope
 ) -> None:
     """Test: settings and name are the same. Expected Result: exit 2, and both serial numbers."""
-    words = f"its metadata say that it is of machine '{SISTER}', and machine.id is '{OWN}'"
+    words = f"its metadata name machine '{SISTER}', but machine.id is '{OWN}'"
     ask = ("-m", folder / "sledge.toml", "--calibration", made.folder)
     log = folder / "sister.parquet"
     one_line(payscope("run", log, *ask), words)
@@ -143,7 +143,7 @@ def test_a_sisters_log_is_refused_in_a_fleet_and_the_others_are_not(
     assert did.made == 1
     refused = str(did)
     assert "other.parquet" in refused
-    assert f"of machine '{SISTER}', and machine.id is '{OWN}'" in refused
+    assert f"machine '{SISTER}', but machine.id is '{OWN}'" in refused
 
 
 def test_a_sisters_machine_file_is_refused_though_all_else_is_the_same(
@@ -295,4 +295,4 @@ def test_a_bare_database_has_the_metadata_of_its_directory(tmp_path: Path) -> No
 def test_logs_of_two_machines_are_no_time_line(folder: Path, payscope: Payscope) -> None:
     logs = (folder / "load-0.parquet", folder / "sister.parquet")
     said = payscope("run", *logs, "-m", folder / "sledge.toml")
-    one_line(said, f"machine '{SISTER}', and those of", f"of '{OWN}'")
+    one_line(said, f"machine '{SISTER}', but those of", f"name '{OWN}'")

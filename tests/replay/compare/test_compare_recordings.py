@@ -138,7 +138,7 @@ def test_a_recording_of_both_is_written_beside_what_is_printed(
     assert said.out == payscope("compare", a, b).out
     assert read_recording(both).frames == {}
     one_line(payscope("compare", a, b, "-o", both), "exists already")
-    one_line(payscope("compare", a, b, "-o", a, "--force"), "is the input itself")
+    one_line(payscope("compare", a, b, "-o", a, "--force"), "is also an input")
     one_line(payscope("compare", a, b, "-o", tmp_path / "ab.mcap"), ".rrd")
 
 
@@ -165,9 +165,7 @@ class TestRefused:
         other = tmp_path / "other.csv"
         sledge(mass_kg=130.0).write_csv(other)
         a, d = recorded("a.rrd"), recorded("d.rrd", of=other)
-        one_line(
-            payscope("compare", a, d), "different inputs", "sledge.csv", "other.csv", "--other"
-        )
+        one_line(payscope("compare", a, d), "different logs", "sledge.csv", "other.csv", "--other")
         said = payscope("compare", a, d, "--other-logs", "--json")
         assert said.status == 1
         found = json.loads(said.out)
@@ -205,7 +203,7 @@ def test_a_replay_of_a_recording_is_compared_with_it(
         found = json.loads(payscope("compare", *pair, "--json").out)
         assert {change["name"] for change in found["settings"]} == {"settings.gate.threshold_nat"}
         assert "gate" in {stage["name"] for stage in found["stages"]}
-    one_line(payscope("compare", recorded("b.rrd", "--set", THRESHOLD), again), "different inputs")
+    one_line(payscope("compare", recorded("b.rrd", "--set", THRESHOLD), again), "different logs")
 
 
 def test_the_shortest_of_what_both_have_is_compared_when_rows_are_lost(

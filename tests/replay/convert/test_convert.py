@@ -245,7 +245,7 @@ def test_topics_are_chosen_and_an_output_is_kept(
     assert payscope("convert", bag, "-o", out, "--force").status == 0
     assert open_log(out).topic_names() == ["/joints", "/rare one"]
     assert expand_log_folders([out]) == [out]
-    one_line(payscope("convert", bag, "-o", bag, "--force"), "input itself")
+    one_line(payscope("convert", bag, "-o", bag, "--force"), "is also an input")
     one_line(payscope("convert", bag, "-o", tmp_path / "no/where"), "create it first")
     one_line(payscope("convert", bag, "-o", tmp_path / "x", "--topic", "/joint"), "'/joints'?")
     (tmp_path / "mine").mkdir()
@@ -273,4 +273,4 @@ def test_a_folder_that_was_changed_says_so(bag: Path, tmp_path: Path, payscope: 
     part.unlink()
     one_line(payscope("info", folder), "rare_one/part-00000.parquet", "convert the log again")
     (folder / DESCRIPTION).write_text("{}")
-    one_line(payscope("info", folder), "is not as payscope wrote it")
+    one_line(payscope("info", folder), "was changed after payscope wrote it")

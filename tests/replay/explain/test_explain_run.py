@@ -56,7 +56,7 @@ def recovered(payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path)
 def test_what_a_recording_lost_is_not_taken_for_what_its_log_does_not_show(
     payscope: Payscope, recovered: Path, tmp_path: Path
 ) -> None:
-    one_line(payscope("explain", recovered), "is not whole", "rows", "replay its log")
+    one_line(payscope("explain", recovered), "is incomplete", "rows", "replay the log")
     assert payscope("plot", recovered, "-o", tmp_path / "some.png").status == 0
     both = tmp_path / "both.rrd"
     said = payscope("compare", tmp_path / "whole.rrd", recovered, "-o", both)
@@ -91,7 +91,7 @@ def test_a_moment_outside_of_the_run_is_one_line(
     picture = tmp_path / "why.png"
     for second in ("-5", "900"):
         said = payscope("explain", log, "-m", late, "--at", second, "-o", picture)
-        one_line(said, log.name, f"nothing at {second} s", "it has 0 to 39.9 s")
+        one_line(said, log.name, f"has no data at {second} s", "it has 0 to 39.9 s")
     assert not picture.exists()
 
 
@@ -259,7 +259,8 @@ class TestRefused:
         target = tmp_path / "mended.toml"
         one_line(payscope("explain", log, "-m", machine_file, "-o", target), "--apply")
         one_line(
-            payscope("explain", tmp_path / "out.rrd", "--apply", "-o", target), "name it with -m"
+            payscope("explain", tmp_path / "out.rrd", "--apply", "-o", target),
+            "name that file with -m",
         )
 
     def test_the_machine_file_itself_as_output(
@@ -267,7 +268,7 @@ class TestRefused:
     ) -> None:
         one_line(
             payscope("explain", log, "-m", machine_file, "--apply", "-o", machine_file, "--force"),
-            "is the input itself",
+            "is also an input",
         )
 
     def test_a_picture_of_no_format(

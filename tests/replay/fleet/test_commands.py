@@ -68,19 +68,19 @@ def test_a_run_with_a_recording_that_has_no_result_leaves_with_1(
     said = payscope("fleet", "run", log, "-m", tmp_path / "fleet.toml", "-o", tmp_path / "out")
     assert said.status == 1
     assert "without a result: " in said.out
-    assert "no rule of" in said.out
+    assert "no rule in" in said.out
 
 
 @pytest.mark.parametrize(
     ("words", "part"),
     [
-        (["run", "nowhere", "-m", "FLEET", "-o", "out"], "no log there"),
+        (["run", "nowhere", "-m", "FLEET", "-o", "out"], "contains no log"),
         (["run", "LOGS", "-m", "nowhere.toml", "-o", "out"], "no such fleet file"),
         (["run", "LOGS", "-m", "FLEET", "-o", "out", "--set", "settings.gate.x=1"], "unknown key"),
         (["query", "nowhere", SQL], "no such folder"),
         (["query", "KEPT", "SELECT 1 FROM nothing"], "no table 'nothing'"),
         (["report", "nowhere", "-o", "x.html"], "no such folder"),
-        (["compare", "KEPT"], "name other results, B, or settings, --set"),
+        (["compare", "KEPT"], "give either other results (B) or other settings"),
         (["compare", "KEPT", "KEPT", "--from", "monday"], "is not a day"),
         (["compare", "KEPT", "KEPT", "--from", "2030-01-01"], "no log in common"),
         (["open", "KEPT", "zzz"], "no result begins with 'zzz'"),

@@ -74,5 +74,5 @@ def test_a_machine_file_that_is_missing_is_a_fault_of_its_logs_alone(tmp_path: P
     fleet = load_fleet(write(tmp_path, rule))
     with pytest.raises(PayscopeError, match=r"unit-09.toml: no such machine file"):
         fleet.setups_of_log("/data/unit-09/a.mcap")
-    with pytest.raises(FleetError, match="no rule of"):
+    with pytest.raises(FleetError, match="no rule in"):
         fleet.setups_of_log("/data/a.bag")

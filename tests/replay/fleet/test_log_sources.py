@@ -30,7 +30,7 @@ def test_folders_globs_and_logs_are_each_log_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize("source", ["nowhere", "*.mcap", ""])
 def test_a_source_without_a_log_is_said(source: str, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    with pytest.raises(FleetError, match="no log there"):
+    with pytest.raises(FleetError, match="contains no log"):
         list_fleet_logs([str(tmp_path / "empty" / source)])
 
 

@@ -116,7 +116,7 @@ def test_a_log_that_is_none_is_refused_and_costs_nobody_else(
     assert did.made == 2
     assert [Path(source).name for source in did.refused] == ["broken.mcap"]
     assert [Path(source).name for source in did.failed] == ["stray.mcap"]
-    assert "no rule of" in str(did.failed)
+    assert "no rule in" in str(did.failed)
     again = run_in(
         tmp_path / "results", tmp_path / "logs", tmp_path / "fleet.toml", engine=Refusing
     )

@@ -193,7 +193,7 @@ def test_the_nearest_row_of_another_topic_is_joined(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("logs", "fault"),
     [
-        ("nowhere/*.bag", "no log has such a name"),
+        ("nowhere/*.bag", "no log matches this name"),
         ([], "no log is named"),
         ("nowhere.bag", "no such file"),
     ],

@@ -99,8 +99,8 @@ def test_tables_that_hold_some_in_common_are_refused_in_a_line_with_both_ways(
     assert "\n" not in said
     assert "whole.parquet" in said
     assert "part.parquet" in said
-    assert "follow one another hold the same" in said
-    assert "side by side none in common" in said
+    assert "consecutive logs with the same" in said
+    assert "parallel logs with no common" in said
 
 
 def test_tables_with_no_column_in_common_are_one_log(tmp_path: Path) -> None:

@@ -58,7 +58,7 @@ def test_it_is_not_replaced_by_its_own_replay_also_with_force(
 ) -> None:
     before = recorded.read_bytes()
     said = payscope("run", recorded, "-m", machine_file, "-o", recorded, "--force")
-    one_line(said, recorded.name, "is the input itself")
+    one_line(said, recorded.name, "is also an input")
     assert recorded.read_bytes() == before
 
 
@@ -74,7 +74,7 @@ def test_a_field_that_was_not_recorded_and_a_recording_without_channels_are_one_
     whole = read_recording(recorded)
     frames = {name: frame for name, frame in whole.frames.items() if not name.startswith("raw/")}
     bare = write_recording(type(whole)(frames, whole.provenance), tmp_path / "bare.rrd")
-    with pytest.raises(LogError, match="keeps no channels of its log"):
+    with pytest.raises(LogError, match="does not contain the channels of its log"):
         open_log(bare)
 
 

@@ -112,7 +112,9 @@ def by_container(path: Path) -> tuple[list[Message], list[str]]:
     container = Db3File(path)
     ids = [connection.id for connection in container.connections]
     found: list[Message] = []
-    for batch in chain.from_iterable(g.batches for g in container.groups(ids, None, None)):
+    for batch in chain.from_iterable(
+        g.batches for g in container.read_message_groups(ids, None, None)
+    ):
         times = batch.log_times.tolist()
         found += [(batch.connection_id, *m) for m in zip(times, batch.iter_messages(), strict=True)]
     counts = sum(container.log_times(key).size for key in ids)
@@ -212,7 +214,9 @@ def test_only_wanted_topics_and_times_are_given(tmp_path: Path) -> None:
     container = Db3File(path)
     found = [
         (batch.connection_id, *message)
-        for batch in chain.from_iterable(g.batches for g in container.groups([1, 2], 100, 250))
+        for batch in chain.from_iterable(
+            g.batches for g in container.read_message_groups([1, 2], 100, 250)
+        )
         for message in zip(batch.log_times.tolist(), batch.iter_messages(), strict=True)
     ]
     container.close()

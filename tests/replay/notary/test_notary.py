@@ -198,14 +198,17 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     ),
     "a key more": (replace(2, b'{"begins"', b'{"aa":1,"begins"'), "line 3"),
     "spaces": (replace(2, b'{"begins"', b'{ "begins"'), "not in the canonical form"),
-    "a name twice": (replace(2, b'{"begins"', b'{"begins":"","begins"'), "comes twice"),
-    "no JSON": (lambda lines: [*lines[:2], b"nonsense", *lines[3:]], "no JSON"),
-    "an empty line": (lambda lines: [*lines[:3], b"", *lines[3:]], "no JSON"),
+    "a name twice": (replace(2, b'{"begins"', b'{"begins":"","begins"'), "appears twice"),
+    "no JSON": (lambda lines: [*lines[:2], b"nonsense", *lines[3:]], "not valid JSON"),
+    "an empty line": (lambda lines: [*lines[:3], b"", *lines[3:]], "not valid JSON"),
     "null": (lambda lines: [*lines[:3], b"null", *lines[3:]], "not a signed line"),
     "a list": (lambda lines: [*lines[:3], b"[]", *lines[3:]], "not a signed line"),
     "nested": (lambda lines: [*lines[:3], b"[" * 90_000, *lines[3:]], "nested deeper"),
     "very long": (lambda lines: [*lines[:3], b" " * (2 << 20), *lines[3:]], "is longer than"),
-    "carriage returns": (lambda lines: [line + b"\r" for line in lines], "canonical|no JSON"),
+    "carriage returns": (
+        lambda lines: [line + b"\r" for line in lines],
+        "canonical|not valid JSON",
+    ),
 }  # fmt: skip
 
 
@@ -351,10 +354,10 @@ def test_a_list_that_was_cut_or_taken_away_is_not_gone_on_with(
 ) -> None:
     whole = listed.path.read_bytes().splitlines(keepends=True)
     listed.path.write_bytes(b"".join(whole[:-1]))
-    with pytest.raises(EvidenceError, match="written up to number 6: it was cut or written anew"):
+    with pytest.raises(EvidenceError, match="written up to number 6, so it was cut or replaced"):
         notarise_folder(folder, key_file=keys[0])
     listed.path.unlink()
-    with pytest.raises(EvidenceError, match="the list was taken away"):
+    with pytest.raises(EvidenceError, match="so the list was removed"):
         notarise_folder(folder, key_file=keys[0])
     listed.path.write_bytes(b"".join([*whole[:3], *whole[4:]]))
     with pytest.raises(EvidenceError, match="does not follow the line before"):
@@ -375,7 +378,7 @@ def test_a_list_has_one_key_one_machine_and_one_notary(
 
     with listed.path.open("rb+") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
-        with pytest.raises(EvidenceError, match="another process writes it"):
+        with pytest.raises(EvidenceError, match="another process is writing this list"):
             notarise_folder(folder, key_file=keys[0])
 
 
@@ -413,12 +416,12 @@ def test_a_clock_that_was_set_back_is_said_and_found(
 
 
 def test_wrong_use_is_one_line(folder: Path, keys: tuple[Path, Path], payscope: Payscope) -> None:
-    one_line(payscope("notarise", folder), "a notary signs: give --key")
+    one_line(payscope("notarise", folder), "a notary needs a signing key; give --key")
     one_line(payscope("notarise", folder / "none", "--key", keys[0]), "no such folder")
     one_line(payscope("notarise", folder, "--key", keys[1]), "recorder.pub.pem")
     (folder / "list").write_text("x\n")
     said = payscope("notarise", folder, "--key", keys[0], "--list", folder / "list")
-    one_line(said, "line 1: is no JSON")
+    one_line(said, "line 1: is not valid JSON")
 
 
 def killed_at(folder: Path, key: Path, after_s: float, environment: dict[str, str]) -> None:

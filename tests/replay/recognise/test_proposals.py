@@ -202,7 +202,7 @@ def test_every_column_is_in_the_draft_and_the_draft_says_what_is_missing(tmp_pat
         text, lacking = draft_machine_file(log, None)
     assert all(f"#   column_{k}, 50 Hz: 0 … " in text for k in range(40))
     assert lacking[0].startswith("a force")
-    with pytest.raises(ValueError, match=r"no force: give channels\.force_x_N"):
+    with pytest.raises(ValueError, match=r"no force channel: give channels\.force_x_N"):
         Machine.model_validate(tomllib.loads(text))
 
 

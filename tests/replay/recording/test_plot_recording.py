@@ -36,7 +36,7 @@ def test_a_moment_beyond_all_time_or_beside_the_stretch_is_one_line(
 ) -> None:
     words = ("plot", recording, "-o", tmp_path / "page.png")
     one_line(payscope(*words, "--at", "1e300"), "it has 0 to 40 s")
-    one_line(payscope(*words, "--at", 5, "--from", 20, "--to", 30), "--at 5", "leave one of them")
+    one_line(payscope(*words, "--at", 5, "--from", 20, "--to", 30), "--at 5", "change one of them")
     assert not (tmp_path / "page.png").exists()
 
 

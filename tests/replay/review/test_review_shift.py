@@ -104,7 +104,7 @@ def test_a_second_review_does_not_replay_unless_something_that_counts_has_change
     assert (folder / "ledger.parquet").read_bytes() == before
     page = (folder / "review.html").read_text(encoding="utf-8")
     assert '<th scope="row">target_kg</th><td>700.0</td><td>600.0</td>' in page
-    # a recording that is not the one that was written is not believed
+    # a recording that was replaced by another recording is not believed
     with (folder / RECORDING).open("ab") as recording:
         recording.write(b"x")
     assert review_shift(logs, machine, folder, ReviewOptions()).replayed
@@ -164,7 +164,7 @@ def test_a_second_review_into_the_folder_at_once_is_one_line(
     logs, machine, _ = driven
     with (folder / ".lock").open("a") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
-        with pytest.raises(ReviewError, match="another review is being written there"):
+        with pytest.raises(ReviewError, match="another process is writing a review"):
             review_shift(logs, machine, folder, ReviewOptions())
 
 

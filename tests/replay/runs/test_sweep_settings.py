@@ -128,7 +128,7 @@ def test_the_suffix_says_the_format_and_nothing_is_overwritten(
     read = {".csv": pl.read_csv, ".json": pl.read_json, ".parquet": pl.read_parquet}[suffix]
     assert read(out).height == 2
     one_line(payscope(*words, out), out.name, "--force")
-    one_line(payscope(*words, log, "--force"), "is the input itself")
+    one_line(payscope(*words, log, "--force"), "is also an input")
 
 
 def test_keys_that_end_alike_and_lists_have_their_columns_in_a_file(

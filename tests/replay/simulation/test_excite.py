@@ -59,9 +59,9 @@ def test_an_accuracy_that_no_waveform_reaches_leaves_with_one(excite):
 def test_a_yard_that_nothing_fits_leaves_with_one_and_writes_nothing(excite, designed, tmp_path):
     answer = excite("--yard", "0.5", "-o", "best.toml")
     assert answer.status == 1
-    assert "No waveform fits the yard" in answer.out
+    assert "No waveform stays within the yard" in answer.out
     assert not list(tmp_path.iterdir())
-    with pytest.raises(DataError, match="fits the yard"):
+    with pytest.raises(DataError, match="stays within the yard"):
         write_scenario(replace(designed, best=None).to_scenario(BASE), tmp_path / "best.toml")
 
 

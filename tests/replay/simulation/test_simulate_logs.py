@@ -198,7 +198,7 @@ def test_force_does_not_replace_a_folder_that_is_no_log(tmp_path):
     home = tmp_path / "home"
     home.mkdir()
     (home / "letter.txt").touch()
-    with pytest.raises(OutputError, match="is a folder and no rosbag2 directory"):
+    with pytest.raises(OutputError, match="is a folder, but not a rosbag2 directory"):
         simulate_scenario(ONE, home, force=True)
     assert (home / "letter.txt").exists()
 

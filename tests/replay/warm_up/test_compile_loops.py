@@ -106,4 +106,4 @@ def test_where_nothing_can_be_kept_it_says_so_at_once(tmp_path: Path) -> None:
     )
     assert said.returncode == 2
     assert said.stderr.count("\n") == 1
-    assert "set NUMBA_CACHE_DIR to one that can" in said.stderr
+    assert "set NUMBA_CACHE_DIR to a writable folder" in said.stderr

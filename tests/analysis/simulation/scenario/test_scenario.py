@@ -56,7 +56,7 @@ def test_a_value_that_no_scenario_may_have_is_refused_when_it_is_made(sections, 
         ({"drivetrain": {"relaxation_length_m": 0.4}}, "give machine.slip_stiffness_N"),
         (
             {"starts": {"turn_rad_s": 0.04}, "terrain": {"slope_deg": 1.0}},
-            "starts.turn_rad_s: starts turn on level ground alone",
+            "starts.turn_rad_s: turning starts need level ground",
         ),
         (
             {"loading": {"change_kg": -50.0, "alternating": True}},

@@ -229,9 +229,12 @@ def test_what_is_recorded_besides_says_where_the_machine_and_its_boom_are() -> N
     ("sections", "says"),
     [
         ({"shift": {"turn_rad_s": 2.0}}, "shift.turn_rad_s: takes up to"),
-        ({"loading": {"fill_kg_s": 5.0}}, "loading.fill_kg_s: is for campaigns"),
-        ({"starts": {"turn_rad_s": 0.1}}, "starts.turn_rad_s: is for campaigns"),
-        ({"campaign": {"manoeuvres": [{"kind": "rest"}]}}, "campaign.manoeuvres: is for campaigns"),
+        ({"loading": {"fill_kg_s": 5.0}}, "loading.fill_kg_s: applies to campaigns only"),
+        ({"starts": {"turn_rad_s": 0.1}}, "starts.turn_rad_s: applies to campaigns only"),
+        (
+            {"campaign": {"manoeuvres": [{"kind": "rest"}]}},
+            "campaign.manoeuvres: applies to campaigns only",
+        ),
         ({"terrain": {"slope_deg": 9.0}}, "starts.throttle_least: reaches 6000 N"),
         ({"machine": {"mass_kg": 50.0}}, "shift.fuel_tank_kg: is part of machine.mass_kg"),
     ],
@@ -249,11 +252,11 @@ def test_a_shift_that_cannot_be_driven_is_refused(
     ("keys", "says"),
     [
         ({"load_kg": 5000.0}, "'load_kg' is not between"),
-        ({"carry_back_most_kg": 300.0}, "'carry_back_most_kg' is not less than"),
-        ({"damaged_logs": 2}, "'damaged_logs' are more than 'logs'"),
+        ({"carry_back_most_kg": 300.0}, "'carry_back_most_kg' must be less than"),
+        ({"damaged_logs": 2}, "'damaged_logs' is larger than 'logs'"),
         ({"topics": ["boom", "boom"]}, "appears twice"),
-        ({"logs": 50, "restart_s": 60.0}, "'restart_s' leaves hardly anything"),
-        ({"duration_h": 12.0, "refuel_share": 0.0}, "'fuel_tank_kg' does not last"),
+        ({"logs": 50, "restart_s": 60.0}, "'restart_s' is nearly as long as a log"),
+        ({"duration_h": 12.0, "refuel_share": 0.0}, "'fuel_tank_kg' runs empty"),
     ],
 )
 def test_values_that_contradict_each_other_are_refused(keys: dict[str, Any], says: str) -> None:

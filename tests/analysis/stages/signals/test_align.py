@@ -256,13 +256,15 @@ def test_channels_that_share_no_time_are_an_error_that_gives_their_spans(channel
     with pytest.raises(DataError) as error:
         align(channels, machine())
     assert_one_line(error.value)
-    assert str(error.value).startswith("the channels share no stretch of time: force_x_N 17000000")
+    assert str(error.value).startswith(
+        "the channels do not overlap in time; check their topics and clocks: force_x_N 17000000"
+    )
     assert "speed_x_m_s 1700000005.000…1700000005.990 s" in str(error.value)
 
 
 def test_a_slow_channel_that_shares_no_time_is_the_same_error(channels_of, machine):
     channels = three(channels_of, ticks(10, 100), ticks(100, 10, 5000))
-    with pytest.raises(DataError, match="share no stretch of time"):
+    with pytest.raises(DataError, match="do not overlap in time"):
         align(channels, machine())
 
 

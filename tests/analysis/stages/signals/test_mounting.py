@@ -84,8 +84,8 @@ def test_a_rotated_sensor_needs_all_three_axes(names):
     with pytest.raises(DataError) as error:
         turned({names[0]: np.ones(3)}, ImuMounting(pitch_deg=5))
     assert str(error.value) == (
-        "machine.imu is rotated, so all three axes are needed: "
-        f"add channels.{names[1]}, channels.{names[2]}"
+        "machine.imu is rotated, which needs all three axes; add "
+        f"channels.{names[1]}, channels.{names[2]}"
     )
 
 

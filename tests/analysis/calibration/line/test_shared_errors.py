@@ -6,7 +6,7 @@ import pytest
 
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
-from analysis.calibration.line.unlike_driving import RunResponse, Unlike
+from analysis.calibration.line.shared_errors import RunResponse, SharedErrors
 from analysis.calibration.use.apply_calibration import LaterLog, calibrate_loads
 from analysis.calibration.use.mass_differences import difference_on_line
 from tests.analysis.calibration.campaigns import readings, references
@@ -32,7 +32,7 @@ def calibration(level_kg=-48.0, slope_1=0.0, **more):
 
 
 def log(moved_kg, error_1=0.0, std_1=1.0, of=("mass", 0), scale_kg=0.0, told=False):
-    return Unlike(
+    return SharedErrors(
         (TERM,),
         np.array([error_1]),
         np.array([[std_1**2]]),
@@ -61,7 +61,7 @@ def loads(**more):
 def test_a_log_driven_as_its_campaign_was_pays_nothing_for_what_they_share():
     line = calibration()
     alone = calibrate_loads(loads(), line).row(0, named=True)
-    alike = calibrate_loads(loads(), line, LaterLog(unlike=log(-48.0))).row(0, named=True)
+    alike = calibrate_loads(loads(), line, LaterLog(shared_errors=log(-48.0))).row(0, named=True)
     assert alike["calibrated_kg"] == pytest.approx(alone["calibrated_kg"])
     assert alike["calibrated_u_kg"] == pytest.approx(alone["calibrated_u_kg"])
     assert alike["calibrated_unlike_u_kg"] == pytest.approx(0.0, abs=1e-6)
@@ -69,7 +69,7 @@ def test_a_log_driven_as_its_campaign_was_pays_nothing_for_what_they_share():
 
 def test_a_log_driven_otherwise_pays_for_the_difference_of_the_responses():
     line = calibration()
-    found = calibrate_loads(loads(), line, LaterLog(unlike=log(2.0))).row(0, named=True)
+    found = calibrate_loads(loads(), line, LaterLog(shared_errors=log(2.0))).row(0, named=True)
     assert found["calibrated_unlike_u_kg"] == pytest.approx(50.0, rel=0.01)
     half = (found["calibrated_high_kg"] - found["calibrated_low_kg"]) / 2.0
     assert half > 1.9 * 50.0
@@ -77,9 +77,9 @@ def test_a_log_driven_otherwise_pays_for_the_difference_of_the_responses():
 
 def test_what_the_log_says_of_the_error_is_taken_off_and_narrows():
     line = calibration()
-    plain = calibrate_loads(loads(), line, LaterLog(unlike=log(2.0))).row(0, named=True)
+    plain = calibrate_loads(loads(), line, LaterLog(shared_errors=log(2.0))).row(0, named=True)
     told = log(2.0, error_1=0.4, std_1=0.1)
-    found = calibrate_loads(loads(), line, LaterLog(unlike=told)).row(0, named=True)
+    found = calibrate_loads(loads(), line, LaterLog(shared_errors=told)).row(0, named=True)
     assert found["calibrated_kg"] == pytest.approx(plain["calibrated_kg"] - 0.4 * 50.0, abs=0.2)
     assert found["calibrated_unlike_u_kg"] == pytest.approx(5.0, rel=0.01)
 
@@ -89,9 +89,9 @@ def test_masses_that_have_an_error_off_already_lack_what_the_line_has_of_it():
     # as what the log says is taken off masses that have it: 3739 - 0.4 (2 - -48), both ways
     fixed = log(2.0, error_1=0.4, std_1=0.1)
     told = log(2.0, error_1=0.4, std_1=0.1, told=True)
-    one = calibrate_loads(loads(), line, LaterLog(unlike=fixed)).row(0, named=True)
+    one = calibrate_loads(loads(), line, LaterLog(shared_errors=fixed)).row(0, named=True)
     off = loads(mass_kg=3739.0 - 0.4 * 2.0)
-    other = calibrate_loads(off, line, LaterLog(unlike=told)).row(0, named=True)
+    other = calibrate_loads(off, line, LaterLog(shared_errors=told)).row(0, named=True)
     assert other["calibrated_kg"] == pytest.approx(one["calibrated_kg"], abs=0.1)
     assert other["calibrated_u_kg"] == pytest.approx(one["calibrated_u_kg"], rel=0.01)
 
@@ -199,6 +199,6 @@ def test_evidence_of_one_day_says_so_unless_the_log_has_an_empty_part():
 
 def test_an_interval_that_says_less_than_the_range_is_no_calibrated_mass():
     line = calibration()
-    wide = calibrate_loads(loads(), line, LaterLog(unlike=log(200.0))).row(0, named=True)
+    wide = calibrate_loads(loads(), line, LaterLog(shared_errors=log(200.0))).row(0, named=True)
     assert wide["calibrated_kg"] is None
     assert "is more than the calibrated range" in wide["calibrated_reason"]

@@ -1,4 +1,4 @@
-"""Error of a log weighed with learnt priors but driven unlike the campaign.
+"""Errors that a log shares with its calibration through learnt priors.
 
 Means of learnt priors are wrong by ε, in their standard uncertainties. That moved the campaign's
 points by R(m) ε, and the line has taken it with it; it moves a later mass by r ε. What is left is
@@ -34,12 +34,12 @@ class RunResponse(BaseModel):
 def line_responses(
     said: Sequence[RunResponse], reference_kg: Mapping[str, float], centre_kg: float
 ) -> tuple[LineResponse, ...]:
-    """Change of a line's level and slope by errors of learnt means.
+    """Responses of a line's level and slope to errors of learnt means.
 
     Args:
-        said: by run and term; runs without a point count for nothing.
-        reference_kg: of each run with a point.
-        centre_kg: where the line has its level.
+        said: responses by run and term; runs without a point are ignored.
+        reference_kg: reference of each run with a point.
+        centre_kg: mass at which the line has its level.
     """
     found: list[LineResponse] = []
     by_term: dict[LearnableTerm, list[RunResponse]] = {}
@@ -58,16 +58,17 @@ def line_responses(
 
 
 @dataclass(frozen=True)
-class Unlike:
-    """Estimate by a log of the errors that it shares with its calibration.
+class SharedErrors:
+    """A log's estimate of the errors that it shares with its calibration.
 
     Attributes:
-        terms: whose means they are of.
-        error_1: (terms,) in their standard uncertainties.
-        covariance_1: (terms, terms).
-        told: (terms,) whether the log's masses have that error off already.
-        moved_kg: (terms,) what they move each thing by: of `MOVED`, and its number.
-        scale_kg: uncertainty of the scale in it, likewise.
+        terms: terms with learnt means.
+        error_1: (terms,) errors of the means, in their standard uncertainties.
+        covariance_1: (terms, terms) covariance of the errors.
+        told: (terms,) whether the log's masses are already corrected for the error.
+        moved_kg: (terms,) responses of each load, payload or manoeuvre, by its kind (`MOVED`) and
+            number.
+        scale_kg: uncertainty due to the scale, by the same keys.
     """
 
     terms: tuple[LearnableTerm, ...]
@@ -79,7 +80,7 @@ class Unlike:
 
     @classmethod
     def from_frames(cls, frames: Mapping[str, pl.DataFrame]) -> Self | None:
-        """Read it from a replay's frames; None if no calibration has learnt priors."""
+        """Read the estimate from a replay's frames; None without learnt priors."""
         if "responses" not in frames:
             return None
         known, moved = frames["learnt_errors"], frames["responses"]
@@ -103,12 +104,12 @@ class Unlike:
     def line_shifts(
         self, responses: Sequence[LineResponse], level_1: float, away_kg: float
     ) -> Floats:
-        """(terms,) what they moved the line by.
+        """(terms,) shifts of the line by one unit of each error.
 
         Args:
-            responses: of the line.
-            level_1: how often its level counts: once in a mass, not in a difference of two.
-            away_kg: how far from its centre.
+            responses: responses of the line.
+            level_1: factor of the line's level: 1 for a mass, 0 for a difference of two.
+            away_kg: distance from the line's centre.
         """
         by_term = {each.term: each for each in responses}
         return np.array(
@@ -121,20 +122,20 @@ class Unlike:
         )
 
     def off_kg(self, moved_kg: Floats, line_kg: Floats) -> tuple[float, float]:
-        """Offset of an estimate from its line, with its uncertainty.
+        """Offset of an estimate from its line, with its standard uncertainty.
 
         Args:
-            moved_kg: (terms,) what the errors move it by.
-            line_kg: (terms,) what they moved the line by.
+            moved_kg: (terms,) responses of the estimate.
+            line_kg: (terms,) shifts of the line.
         """
         left = np.where(self.told, 0.0, moved_kg) - line_kg
         return float(left @ self.error_1), self.u_kg(moved_kg - line_kg)
 
     def u_kg(self, moved_kg: Floats) -> float:
-        """Uncertainty of an estimate by shared errors that the log does not determine."""
+        """Standard uncertainty of an estimate due to the shared errors."""
         return float(np.sqrt(max(float(moved_kg @ self.covariance_1 @ moved_kg), 0.0)))
 
     def learnt_part_kg(self, moved_kg: Floats) -> float:
-        """The part of the log's own uncertainty that is of the errors."""
+        """Part of the log's own standard uncertainty due to these errors."""
         told = np.where(self.told, moved_kg, 0.0)
         return float(np.hypot(self.u_kg(told), np.linalg.norm(moved_kg - told)))
