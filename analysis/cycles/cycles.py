@@ -240,8 +240,7 @@ def _payload_uncertainty(
 ) -> dict[str, object]:
     """Common, shared and total uncertainty of a payload.
 
-    Values of the log alone are kept beside those by the empty machine, since a calibration needs
-    them.
+    A calibration needs the values of the log alone, beside those by the empty machine.
     """
     own_kg, random_kg = row["payload_kg"], row["payload_u_random_kg"]
     assert isinstance(own_kg, float)

@@ -194,9 +194,8 @@ def _subtract_squat(
 ) -> WheelKinematics:
     """Correct the accelerometer for a squat that wheels of known radius show.
 
-    An accelerometer that says more than wheels of a known radius sees gravity through a body that
-    pitches as it gains speed. Grades that come back with every start bend the comparison as much,
-    and leave the two in disagreement.
+    A body that pitches as it gains speed makes the accelerometer read more than the wheels. Grades
+    that come back with every start do so as well, but leave the two in disagreement.
     """
     share, radius_u_1 = -found.gain[0], motion.wheel_radius_u_1
     if radius_u_1 is None or not found.gain_counts:

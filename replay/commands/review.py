@@ -172,7 +172,7 @@ def command(
         if any(needs_logs):
             raise typer.BadParameter(
                 "--calibration, --target, --set, --full, --decimal-comma and --label count the "
-                "loads again; give the logs, -m and -o as well"
+                "loads again and need the logs; give them, with -m and -o"
             )
         made = recount_review(logs[0], given)
     elif machine is None or output is None:

@@ -81,7 +81,7 @@ def test_a_review_that_is_refused_leaves_nothing_behind(machine: Path, tmp_path:
         review_shift([tmp_path / "empty"], machine, tmp_path / "new", ReviewOptions())
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine/notes.txt").touch()
-    with pytest.raises(ReviewError, match=r"mine: holds other files \(notes.txt\) and no review"):
+    with pytest.raises(ReviewError, match=r"mine: holds other files \(notes.txt\) but no review"):
         review_shift([tmp_path / "empty"], machine, tmp_path / "mine", ReviewOptions())
     left = {each.relative_to(tmp_path).as_posix() for each in tmp_path.rglob("*")}
     assert left == {"empty", "mine", "mine/notes.txt"}

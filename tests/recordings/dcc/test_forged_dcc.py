@@ -113,7 +113,7 @@ FORGED: dict[str, tuple[Forge, str]] = {
         lambda data: data.replace(b"weight-1", b"weight-9"),
         "has no item 'weight-1'",
     ),
-    "two items of one number": (put("SN-weight-2", "weight-1"), "2 items 'weight-1'"),
+    "two items of one number": (put("SN-weight-2", "weight-1"), "2 items named 'weight-1'"),
     "result of another item": (put('refId="weight-1"', 'refId="weight-2"'), "refType"),
     "one mass for two items": (
         put('<dcc:result refId="weight-1"', '<dcc:result refId="weight-1 weight-2"'),
@@ -138,7 +138,7 @@ FORGED: dict[str, tuple[Forge, str]] = {
     "two values": (put(VALUE, VALUE * 2), "single si:value"),
     "no number": (put(VALUE, "<si:value>NaN</si:value>"), "decimal number"),
     "infinite": (put(VALUE, "<si:value>1e999</si:value>"), "not finite"),
-    "negative": (put(VALUE, "<si:value>-20.0</si:value>"), "no mass of a weight"),
+    "negative": (put(VALUE, "<si:value>-20.0</si:value>"), "not a possible mass of a weight"),
     "comma": (put(VALUE, "<si:value>20,0005</si:value>"), "decimal number"),
     "value cut by an element": (
         put(VALUE, "<si:value>20<si:x/>.0005</si:value>"),
@@ -178,7 +178,7 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
     "no number": (put(LIST, "<si:valueXMLList>19.9991 NaN"), "'NaN' is not a decimal number"),
     "no number, of another weight": (put(LIST, "<si:valueXMLList>NaN 20.0005"), "decimal number"),
     "infinite": (put(LIST, "<si:valueXMLList>19.9991 1e999"), "not finite"),
-    "negative": (put(LIST, "<si:valueXMLList>19.9991 -20.0005"), "no mass of a weight"),
+    "negative": (put(LIST, "<si:valueXMLList>19.9991 -20.0005"), "not a possible mass of a weight"),
     "decimal commas": (put(LIST, "<si:valueXMLList>19,9991 20,0005"), "decimal number"),
     "separated by semicolons": (
         put(LIST, "<si:valueXMLList>19.9991;20.0005"),

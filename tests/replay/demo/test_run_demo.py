@@ -38,5 +38,5 @@ def test_no_file_of_an_earlier_demo_is_found_only_at_the_end(tmp_path: Path, nam
 def test_a_folder_of_others_is_not_taken_for_the_demos_review(tmp_path: Path) -> None:
     (tmp_path / "review").mkdir()
     (tmp_path / "review/thesis.md").touch()
-    with pytest.raises(ReviewError, match=r"holds other files \(thesis.md\) and no review"):
+    with pytest.raises(ReviewError, match=r"holds other files \(thesis.md\) but no review"):
         begin(tmp_path, force=True)

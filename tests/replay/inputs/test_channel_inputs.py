@@ -81,7 +81,7 @@ def test_tables_of_one_time_are_refused_not_shuffled_into_one(machine_file: Path
     first = sledge().with_columns(pl.col("time_s") + 5000.0)
     other = sledge(mass_kg=200.0).with_columns(pl.col("time_s") + 5000.005)
     with pytest.raises(
-        LogError, match=r"part_1\.csv.* begins 39\.985 s before it ends in .*0\.csv"
+        LogError, match=r"part_1\.csv.* begins 39\.985 s before its end in .*0\.csv"
     ):
         read(machine_file, first, other)
 

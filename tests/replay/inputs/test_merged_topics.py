@@ -70,7 +70,7 @@ def test_a_second_recorder_that_stamps_arrivals_later_and_misses_some_adds_what_
 def test_other_messages_at_one_time_are_refused_not_shuffled_in() -> None:
     whole = messages()
     other = whole.with_columns(pl.col("value") + 0.5, pl.col("header_stamp_ns") + 1)
-    with pytest.raises(LogError, match=r"part_1\.mcap.* with other messages.*one by one"):
+    with pytest.raises(LogError, match=r"part_1\.mcap.* with different messages.*separately"):
         of(whole, other)
 
 

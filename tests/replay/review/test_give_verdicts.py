@@ -237,4 +237,4 @@ def test_a_folder_that_is_no_review_needs_a_machine(tmp_path: Path, payscope: Pa
 def test_a_review_whose_recording_was_changed_is_refused(folder: Path, payscope: Payscope) -> None:
     with (folder / "shift.rrd").open("ab") as recording:
         recording.write(b"x")
-    one_line(payscope("review", folder), "review its logs once more")
+    one_line(payscope("review", folder), "review its logs again")

@@ -111,7 +111,7 @@ def test_exact_abscissae_are_weighted_least_squares():
 @pytest.mark.parametrize(
     ("x", "y_cov", "said"),
     [
-        (np.ones(5), np.eye(5), "two different abscissae"),
+        (np.ones(5), np.eye(5), "two different masses"),
         (X, np.zeros((5, 5)), "not positive definite"),
         (X, -np.eye(5), "not positive definite"),
     ],

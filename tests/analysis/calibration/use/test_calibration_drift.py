@@ -82,5 +82,5 @@ def test_nothing_is_said_where_nothing_can_be_compared(reference_kg, point, why)
 
 @pytest.mark.parametrize("u", [-1.0, float("nan")])
 def test_an_uncertainty_that_is_no_size_is_refused(u):
-    with pytest.raises(DataError, match="no size"):
+    with pytest.raises(DataError, match="must be a number of at least 0 kg"):
         check_drift_against(fitted(), KNOWN_KG, u, said(KNOWN_KG))
