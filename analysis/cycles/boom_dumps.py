@@ -79,8 +79,8 @@ def find_boom_dumps(
     Args:
         aligned: frame with `boom_rad`, if measured.
         excitation: frame with phases and speed.
-        known: spans that each contain a dump according to the masses; None if unknown, which takes
-            the farthest reach as dumps.
+        known: spans that each contain a dump according to the masses; None if unknown, and the
+            boom dumps where it reaches up.
     """
     t_ns, boom = excitation["t_ns"].to_numpy(), values(aligned, "boom_rad")
     slow = is_creeping(excitation)
@@ -90,8 +90,7 @@ def find_boom_dumps(
         return NO_DUMPS
     away = boom - float(np.median(boom[driving]))
     if known is None:
-        reached = np.quantile(away[slow & whole], LIMITS.boom_reach_quantiles)
-        reached = reached[[np.argmax(np.abs(reached))]]
+        reached = np.array([_dumping_reach(away[slow & whole])])
     else:
         reached = np.array([_farthest_reach(away, slow & whole, t_ns, span) for span in known])
     typical_rad = float(np.median(reached)) if reached.size else 0.0
@@ -128,6 +127,18 @@ def is_creeping(excitation: pl.DataFrame) -> Bools:
 def find_standing_samples(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands, (n,)."""
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
+
+
+def _dumping_reach(away: Floats) -> float:
+    """Signed reach of a boom that dumps: upwards, unless it reaches far less that way.
+
+    A boom that moves while driving is far from its usual position at the dump and at the pile.
+
+    Args:
+        away: (n,) angle of the boom from its usual position, while slow.
+    """
+    low, high = np.quantile(away, LIMITS.boom_reach_quantiles)
+    return float(high if high > LIMITS.boom_upward_fraction * abs(low) else low)
 
 
 def _farthest_reach(away: Floats, slow: Bools, t_ns: Ints, span: Span) -> float:

@@ -33,6 +33,9 @@ class CycleLimits:
     boom_change_fraction: float = 0.7
     #: Quantiles of the boom's angle that are its reach on either side.
     boom_reach_quantiles: tuple[float, float] = (0.01, 0.99)
+    #: Reach upwards over that downwards from which a boom dumps by going up: 0.45 in a shift whose
+    #: boom moves while driving, next to 0 where the angle's sign is wrong.
+    boom_upward_fraction: float = 0.4
     #: Fraction of its reach in a middling dump beyond which a boom is out,
     boom_out_fraction: float = 0.5
     #: and from which it is as far out as it gets.

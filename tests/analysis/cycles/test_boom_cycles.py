@@ -28,6 +28,17 @@ def test_the_boom_alone_shows_every_cycle_without_a_mass(digs: bool) -> None:
     assert table["dig_t_ns"].null_count() == (0 if digs else len(LOADS))
 
 
+def test_a_boom_dumps_where_it_is_up_although_it_goes_down_farther() -> None:
+    """Moved while it drives, it is halfway up most of the time; down it waits for a while."""
+    frames = of_one_mass(boom=True, digs=False)
+    seconds = pl.col("t_ns") / NS % PERIOD_S
+    angle = pl.when(seconds.is_between(*OUT_S)).then(0.95).when(seconds.is_between(87.0, 90.0))
+    boom_rad = angle.then(-0.4).otherwise(0.45)
+    table = found(frames | {"aligned": frames["aligned"].with_columns(boom_rad=boom_rad)})
+    begin_s = [number * PERIOD_S + OUT_S[0] for number in range(len(LOADS))]
+    assert table["dump_t_ns"].to_list() == pytest.approx([s * NS for s in begin_s], abs=5 * NS)
+
+
 def test_digging_alone_shows_every_cycle_and_the_longest_stand_between_two_the_dump() -> None:
     table = found(of_one_mass())
     assert table.height == len(LOADS)
