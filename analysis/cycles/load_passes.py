@@ -331,10 +331,9 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
         if not _class_means_differ(mass_kg[light], mass_kg[heavy], least_kg):
             return None
         # a load between others that is not seen to be dug is told by its mass
-        middle = float(np.median(mass_kg[light]) + np.median(mass_kg[heavy])) / 2.0
-        undug = np.flatnonzero((label[1:-1] < 0) & (mass_kg[1:-1] > middle)) + 1
-        heavy[undug] = True
-        return heavy
+        undug = (label < 0) & (mass_kg > (a + b) / 2.0)
+        undug[[0, -1]] = False
+        return heavy | undug
     low = max(spread_kg, LIMITS.min_empty_spread * (b - a))
     high = max(robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
     border = (a * high + b * low) / (low + high)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
+from analysis.weighing.fitted_stretches import stretch_spans
 from analysis.weighing.motion_samples import Floats, MotionSamples, rolling_fraction
 from analysis.weighing.pitch_squat import fit_instrumental_variables, pitch_squat_cross_products
 from analysis.weighing.weighing_limits import LIMITS
@@ -132,12 +132,8 @@ def _stretch_rows(
     in_time = motion.shift_speed(delay_s)
     ground = in_time.speed * rolling_fraction(in_time.speed, motion.force, slip_1_N)
     relative = loads.relative_load_of(motion.unit)
-    first, last = (
-        np.flatnonzero(first_of_stretch(motion.group)),
-        np.flatnonzero(last_of_stretch(motion.group)),
-    )
     found: list[_Stretch] = []
-    for begin, end in zip(first.tolist(), (last + 1).tolist(), strict=True):
+    for begin, end in stretch_spans(motion.group).tolist():
         means = (end - begin) // LIMITS.squat_mean_samples
         if means < LIMITS.squat_min_means:
             continue

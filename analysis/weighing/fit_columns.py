@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
 from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.motion_samples import (
@@ -15,8 +16,6 @@ from analysis.weighing.motion_samples import (
     Floats,
     Ints,
     MotionSamples,
-    first_of_stretch,
-    last_of_stretch,
     rolling_fraction,
 )
 from analysis.weighing.nuisances import Moments, Nuisance

@@ -102,6 +102,12 @@ def last_of_stretch(group: Ints) -> Bools:
     return (group >= 0) & (np.append(group[1:], -1) != group)
 
 
+def stretch_spans(group: Ints) -> Ints:
+    """First sample of each stretch, and the one behind its last, (stretches, 2)."""
+    first, last = (np.flatnonzero(of(group)) for of in (first_of_stretch, last_of_stretch))
+    return np.column_stack([first, last + 1])
+
+
 def cut_stretches(group: Ints, unit: Ints) -> Ints:
     """Split stretches at manoeuvre borders and number them again, (n,)."""
     used = group >= 0

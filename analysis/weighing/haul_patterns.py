@@ -9,9 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from analysis.weighing.fitted_stretches import first_of_stretch
 from analysis.weighing.haul_route import add_missed_visits
 from analysis.weighing.load_states import load_change_kinds, unit_of_each_sample
-from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples, first_of_stretch
+from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
 from estimators.joint.group_effects import HINTED
 
 #: Two stands are at one place within this share of the usual way between turns: piles creep by a

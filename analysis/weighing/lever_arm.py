@@ -24,7 +24,7 @@ from typing import Final, Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
-from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
+from analysis.weighing.fitted_stretches import stretch_spans
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.pitch_squat import fit_instrumental_variables
 from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping
@@ -164,10 +164,8 @@ class _WheelComparison:
         """Prepare the stretches that are long enough; None if there are too few."""
         lag = max(rows_in_duration(LIMITS.lever_lag_s, motion.rate_hz) // EVERY, 1)
         shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
-        flags = (each(motion.group) for each in (first_of_stretch, last_of_stretch))
-        first, last = (np.flatnonzero(each).tolist() for each in flags)
-        spans = [slice(begin, end + 1) for begin, end in zip(first, last, strict=True)]
-        spans = [part for part in spans if part.stop - part.start >= shortest]
+        bounds = stretch_spans(motion.group)
+        spans = [slice(*each) for each in bounds[np.diff(bounds)[:, 0] >= shortest].tolist()]
         if len(spans) < LIMITS.squat_min_stretches:
             return None
         shared: list[Floats] = []

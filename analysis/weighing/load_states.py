@@ -10,12 +10,11 @@ from typing import Final
 import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
 from analysis.weighing.motion_samples import (
     Floats,
     Ints,
     MotionSamples,
-    first_of_stretch,
-    last_of_stretch,
 )
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.changepoints import Partitions, find_partitions

@@ -24,14 +24,13 @@ from analysis.weighing.fitted_stretches import (
     cut_stretches,
     driving_directions,
     drop_standing_runs,
-    first_of_stretch,
     fitted_manoeuvres,
-    last_of_stretch,
     make_centred_progress,
     mark_missing_rows,
     number_runs,
     path_positions,
     running_standstill_count,
+    stretch_spans,
     trim_to_break_away,
 )
 from analysis.weighing.weighing_limits import LIMITS
@@ -170,13 +169,12 @@ class MotionSamples:
     @cached_property
     def pieces(self) -> tuple["MotionSamples", ...]:
         """Split into pieces of whole stretches, with the samples around that their means need."""
-        first = np.flatnonzero(first_of_stretch(self.group))
-        last = np.flatnonzero(last_of_stretch(self.group))
-        whole = np.flatnonzero(np.diff(first // _PIECE)) + 1
+        spans = stretch_spans(self.group)
+        whole = np.flatnonzero(np.diff(spans[:, 0] // _PIECE)) + 1
         reach = math.ceil(LIMITS.piece_margin_s * self.rate_hz)
         found: list[MotionSamples] = []
-        for stretches in np.split(np.arange(first.size), whole):
-            begin, end = int(first[stretches[0]]), int(last[stretches[-1]]) + 1
+        for stretches in np.split(np.arange(len(spans)), whole):
+            begin, end = int(spans[stretches[0], 0]), int(spans[stretches[-1], 1])
             piece = self._select_samples(slice(max(begin - reach, 0), end + reach))
             own = (piece.group >= stretches[0]) & (piece.group <= stretches[-1])
             found.append(replace(piece, group=np.where(own, piece.group, -1)))

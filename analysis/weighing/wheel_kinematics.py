@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
+from analysis.weighing.fitted_stretches import stretch_spans
 from analysis.weighing.lever_arm import NO_SWING, BodySwing, estimate_swing, subtract_swing
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
@@ -343,9 +343,8 @@ def _make_comparison_rows(
     measured: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
 ) -> _Rows | None:
     """Columns and response without each manoeuvre's line, and the noise in them."""
-    group = motion.group
-    first, last = np.flatnonzero(first_of_stretch(group)), np.flatnonzero(last_of_stretch(group))
-    spans = np.column_stack([first, last + 1])[last + 1 - first >= 10 * MEAN]
+    spans = stretch_spans(motion.group)
+    spans = spans[np.diff(spans)[:, 0] >= 10 * MEAN]
     if not spans.size:
         return None
     X, y, group, ground = centred_means(

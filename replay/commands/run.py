@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from estimators.errors import counted
 from replay.commands import print_tables
 from replay.commands.common_options import Calibration, RequireSigned, SignerKey, read_calibration
 from replay.commands.print_checks import make_check_table, print_remedies
@@ -224,8 +223,8 @@ def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
         for load in shown:
             loads.add_row(*load)
         print_table(screen, loads)
-        if left := len(rows) - len(shown):
-            print_line(screen, f"{counted(left, 'more load')} (-v)")
+        for line in _count_left(len(rows) - len(shown), "load", "loads"):
+            print_line(screen, line)
     most = uncertainty_advice(answer)
     if most:
         print_line(screen, most)
@@ -268,7 +267,11 @@ def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
 def _limit_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterator[str]":
     """The first `most` lines, and a line that counts the others."""
     yield from lines[:most]
-    left = len(lines) - most
+    yield from _count_left(len(lines) - most, one, several)
+
+
+def _count_left(left: int, one: str, several: str) -> "Iterator[str]":
+    """Say how many are not printed; nothing if none are left."""
     if left > 0:
         yield f"{left} more {one if left == 1 else several} (-v)"
 

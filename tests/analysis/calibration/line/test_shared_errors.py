@@ -14,9 +14,9 @@ from tests.analysis.calibration.campaigns import readings, references
 TERM = "load_transfer"
 
 
-def calibration(level_kg=-48.0, slope_1=0.0, **more):
+def calibration(level_kg=-48.0, slope_1=0.0, line=(0.0, 1.0), random_kg=5.0, **more):
     """A line whose points one uncertainty of a learnt mean moved by level and slope."""
-    table = readings(deviations=(5.0, 0.0, 0.0), line=(0.0, 1.0), **more)
+    table = readings(deviations=(random_kg, 0.0, 0.0), line=line, **more)
     masses = dict(references().iter_rows())
     said = [
         RunResponse(
@@ -113,10 +113,7 @@ def test_of_a_difference_the_line_takes_scale_and_shared_errors_by_its_slope():
 
 def test_a_slope_that_has_rolling_resistance_in_it_is_no_gain_of_a_difference():
     # the gain is right: what the line has at its centre is the mass there
-    table = readings(deviations=(1.0, 0.0, 0.0), line=(-0.1 * 3739.0, 1.1))
-    said = [RunResponse(run_id=run, term=TERM, response_kg=5.0) for run in table["run_id"].unique()]
-    options = CalibrationOptions("joint_mass")
-    line = fit_calibration(table, references(), np.zeros((6, 6)), options, said)
+    line = calibration(5.0, line=(-0.1 * 3739.0, 1.1), random_kg=1.0)
     of = ("payload", 0)
     found = difference_on_line(line, log(0.0, of=of), [of], np.array([200.0]))
     assert found.payload_kg[0] == pytest.approx(200.0, abs=1.0)
@@ -124,10 +121,7 @@ def test_a_slope_that_has_rolling_resistance_in_it_is_no_gain_of_a_difference():
 
 
 def test_a_gain_of_the_force_is_in_level_and_slope_alike():
-    table = readings(deviations=(1.0, 0.0, 0.0), line=(0.0, 1.03))
-    said = [RunResponse(run_id=run, term=TERM, response_kg=5.0) for run in table["run_id"].unique()]
-    options = CalibrationOptions("joint_mass")
-    line = fit_calibration(table, references(), np.zeros((6, 6)), options, said)
+    line = calibration(5.0, line=(0.0, 1.03), random_kg=1.0)
     of = ("payload", 0)
     found = difference_on_line(line, log(0.0, of=of), [of], np.array([206.0]))
     assert found.payload_kg[0] == pytest.approx(200.0, abs=0.5)
@@ -135,11 +129,7 @@ def test_a_gain_of_the_force_is_in_level_and_slope_alike():
 
 def test_a_slope_far_from_any_gain_is_the_machine_s_own():
     # behind a torque chain that sees one axle, alpha is 0.14 and beta nearly all
-    steep = readings(deviations=(1.0, 0.0, 0.0), line=(-22434.0, 7.0))
-    said = [RunResponse(run_id=run, term=TERM, response_kg=5.0) for run in steep["run_id"].unique()]
-    line = fit_calibration(
-        steep, references(), np.zeros((6, 6)), CalibrationOptions("joint_mass"), said
-    )
+    line = calibration(5.0, line=(-22434.0, 7.0), random_kg=1.0)
     of = ("payload", 0)
     found = difference_on_line(line, log(0.0, of=of), [of], np.array([700.0]))
     assert found.payload_kg[0] == pytest.approx(100.0, rel=0.01)
