@@ -78,18 +78,22 @@ def fitted_force(
     wrong_1 = min((wrong_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
-    # what of either grows with the load is in neither, so in what is uncertain of both
+    # none of them has what grows with the load, which is therefore uncertain
     loaded_1 = float(np.quantile(mass_kg, 0.9) / np.quantile(mass_kg, 0.1)) - 1.0
-    const_u, direction_u = (
+    const_u, direction_u, viscous_u = (
         float(np.hypot(std, loaded_1 * np.hypot(*of(f"weight_{name}"))))
-        for name, std in (("const", const_u), ("direction", of("direction")[1]))
+        for name, std in (
+            ("const", const_u),
+            ("direction", of("direction")[1]),
+            ("viscous", viscous[1]),
+        )
     )
     pairs = {
         "transfer": of("load_transfer"),
         "gain_drift": of("gain_drift"),
         "const": (const, const_u),
         "offset": _combine_offsets((wrong_1 * const + offset, offset_u), excitation, mass_kg),
-        "viscous": viscous,
+        "viscous": (viscous[0], viscous_u),
         **{name: of(name) for name in WARMING},
         "direction": (of("direction")[0], direction_u),
         "quadratic": of("quadratic"),

@@ -60,6 +60,12 @@ class PriorSettings(BaseModel):
     direction_weight_share: float = Field(
         0.02, gt=0, description="and as a share of the machine's weight"
     )
+    viscous_weight_share_s_m: float = Field(
+        0.001,
+        gt=0,
+        description="prior of viscous friction that is proportional to the weight (rolling "
+        "resistance that grows with the speed), as a share of the weight per m/s",
+    )
     ground_share: float = Field(
         0.01,
         gt=0,

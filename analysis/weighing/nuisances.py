@@ -366,6 +366,17 @@ NUISANCES: Final = (
         applies=lambda e: e.drives_both_ways,
         by_load=True,
     ),
+    Nuisance(
+        "weight_viscous",
+        "N·s/m",
+        lambda m: m.speed * m.relative_load,
+        lambda e, s: s.viscous_weight_share_s_m * e.weight,
+        "viscous friction that is proportional to the weight with its load: rolling resistance "
+        "that grows with the speed",
+        "cruising at several speeds with each load",
+        by_speed=lambda m: m.relative_load,
+        by_load=True,
+    ),
 )
 
 #: What a check adds to see whether the force is linear in the acceleration; all but free.

@@ -25,6 +25,10 @@ PHYSICS = {
         "rolling": {"coefficient": 0.02},
         "starts": {"directions": "alternating"},
     },
+    "rolling resistance 4 % that grows with the speed": {
+        "rolling": {"coefficient": 0.04, "growth_s_m": 0.05},
+        "starts": {"directions": "alternating"},
+    },
     "offset of 300 N": {"sensors": {"force_bias_N": 300.0}},
     "Coulomb friction of 300 N": {"machine": {"coulomb_N": 300.0}},
     "a body that sags by 0.25°": {"chassis": {"pitch_deg_kg": -0.001}},
@@ -33,9 +37,9 @@ PHYSICS = {
 
 
 @cache
-def weighed(sections: str, settings: tuple[str, ...] = ()):
+def weighed(sections: str, settings: tuple[str, ...] = (), load_kg: float = LOAD_KG):
     """Row of the load, and the frame of the nuisances, of five empty and five loaded starts."""
-    plan = {"campaign": {"loads_kg": [0.0, LOAD_KG], "runs": 5}, "sensors": {"seed": 5}}
+    plan = {"campaign": {"loads_kg": [0.0, load_kg], "runs": 5}, "sensors": {"seed": 5}}
     whole = join_designs(
         LOADER, plan, {"log": {"load_change_s": 5.0}}, dict(PHYSICS.get(sections, {}))
     )
@@ -59,6 +63,13 @@ def test_the_payload_holds_its_uncertainty_with(name: str):
     assert load["payload_u_kg"] < 20.0
 
 
+def test_a_heavy_payload_holds_its_uncertainty_where_rolling_resistance_grows_with_the_speed():
+    load, terms = weighed("rolling resistance 4 % that grows with the speed", load_kg=1000.0)
+    # -2.8 u with one viscous friction for both loads
+    assert abs(load["payload_kg"] - 1000.0) < 2.0 * load["payload_u_kg"]
+    assert terms["weight_viscous"] > 0.0
+
+
 def test_without_any_of_it_the_payload_is_little_wider_for_it():
     load, _ = weighed("none")
     assert abs(load["payload_kg"] - LOAD_KG) < 2.5 * load["payload_u_kg"]
@@ -71,7 +82,8 @@ def test_one_load_has_no_terms_that_differ_by_load():
     logs = list(simulate_campaign(scenario))
     own = machine((POOLED,))
     found = run([MemoryLog(log) for log in logs], reading_memory(own, logs[0]))
-    assert not {"weight_const", "weight_direction"} & set(found.frames["nuisances"]["term"])
+    by_load = {"weight_const", "weight_direction", "weight_viscous"}
+    assert not by_load & set(found.frames["nuisances"]["term"])
 
 
 def test_a_log_without_a_drift_has_none_in_its_fit():
