@@ -98,16 +98,21 @@ def find_boom_dumps(
         known is not None and len(known) < LIMITS.boom_min_changes
     ):
         return NO_DUMPS
-    out = whole & (away / typical_rad > LIMITS.boom_out_fraction)
-    spans = _join_dumps(
-        t_ns, out & slow, t_ns[whole & ~out], t_ns[out & find_standing_samples(excitation)]
-    )
+    reach = away / typical_rad
+    out = whole & (reach > LIMITS.boom_out_fraction)
+    stands = out & find_standing_samples(excitation)
+    inside_ns = t_ns[whole & ~out]
+    spans = [
+        _trim_to_stands(span, t_ns[stands], reach[stands])
+        for span in _join_dumps(t_ns[out & slow], inside_ns)
+    ]
+    spans = _drop_cut_short(spans, inside_ns, int(t_ns[-1]))
     if (
         np.mean(reached / typical_rad > LIMITS.boom_out_fraction) < LIMITS.boom_change_fraction
         or len(spans) < LIMITS.boom_min_changes
     ):
         return NO_DUMPS
-    dumps = [BoomDump(*span, _emptying_time_ns(away / typical_rad, t_ns, span)) for span in spans]
+    dumps = [BoomDump(*span, _emptying_time_ns(reach, t_ns, span)) for span in spans]
     return BoomDumps(tells=True, dumps=tuple(dumps))
 
 
@@ -156,37 +161,45 @@ def _emptying_time_ns(out: Floats, t_ns: Ints, span: Span) -> int:
     return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
-def _join_dumps(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> list[Span]:
+def _join_dumps(when: Ints, inside_ns: Ints) -> list[Span]:
     """Spans of dumping samples, joined over moments in which the bucket is shaken.
 
-    If the boom does not return in between, it is driven away from the dump. It may be out long
-    before, on the way there; a machine that stands then dumps while it stands. A bucket that is
-    still full when the recording ends has not been dumped.
+    If the boom does not return in between, it is driven to the dump or away from it.
 
     Args:
-        t_ns: (n,) times of the samples.
-        dumps: (n,) whether the boom is out while the machine hardly moves.
+        when: (n,) times at which the boom is out while the machine hardly moves.
         inside_ns: times with the boom in.
-        stands_ns: times with the boom out at a stand.
     """
-    when = t_ns[dumps]
     if not when.size:
         return []
     load_returns = np.diff(np.searchsorted(inside_ns, when)) > 0
     parts = np.split(when, np.flatnonzero((np.diff(when) > ONE_DUMP_NS) & load_returns) + 1)
-    spans = [_trim_to_stands((int(part[0]), int(part[-1])), stands_ns) for part in parts]
-    returns = inside_ns.size > 0 and int(inside_ns[-1]) > spans[-1][1]
-    return spans if returns else _drop_cut_short(spans, int(t_ns[-1]))
+    return [(int(part[0]), int(part[-1])) for part in parts]
 
 
-def _drop_cut_short(spans: list[Span], ends_ns: int) -> list[Span]:
+def _drop_cut_short(spans: list[Span], inside_ns: Ints, ends_ns: int) -> list[Span]:
     """Drop the last dump where the recording ends before its bucket is half empty."""
+    if not spans or (inside_ns.size and inside_ns[-1] > spans[-1][1]):
+        return spans
     usual_ns = float(np.median([end - start for start, end in spans]))
     half_empty = ends_ns - spans[-1][0] >= LIMITS.emptied_fraction * usual_ns
     return spans if half_empty else spans[:-1]
 
 
-def _trim_to_stands(span: Span, stands_ns: Ints) -> Span:
-    """First to last stand within a span; the whole span without stands."""
+def _trim_to_stands(span: Span, stands_ns: Ints, reach: Floats) -> Span:
+    """First to last stand with the boom up within a span; the whole span without stands.
+
+    The boom may be out long before, on the way to the dump; a machine that stands then dumps while
+    it stands. Where the boom only begins to rise, it does not dump yet.
+
+    Args:
+        span: times with the boom out.
+        stands_ns: (n,) times with the boom out at a stand.
+        reach: (n,) how far it is out.
+    """
     first, end = np.searchsorted(stands_ns, span[0]), np.searchsorted(stands_ns, span[1], "right")
-    return span if first == end else (int(stands_ns[first]), int(stands_ns[end - 1]))
+    if first == end:
+        return span
+    inside = reach[first:end]
+    up_ns = stands_ns[first:end][inside > LIMITS.boom_up_fraction * inside.max()]
+    return int(up_ns[0]), int(up_ns[-1])

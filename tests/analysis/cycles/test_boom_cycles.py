@@ -39,6 +39,19 @@ def test_a_boom_dumps_where_it_is_up_although_it_goes_down_farther() -> None:
     assert table["dump_t_ns"].to_list() == pytest.approx([s * NS for s in begin_s], abs=5 * NS)
 
 
+def test_a_boom_that_begins_to_rise_on_the_way_dumps_where_the_machine_arrives() -> None:
+    frames = of_one_mass(boom=True, digs=False)
+    seconds = pl.col("t_ns") / NS % PERIOD_S
+    rises = seconds.is_between(60.0, 62.0)
+    angle = pl.when(rises).then(0.6).when(seconds.is_between(62.0, OUT_S[1])).then(0.9)
+    phase = pl.when(rises).then(pl.lit("standstill")).otherwise("phase")
+    excitation = frames["excitation"].with_columns(phase=phase)
+    aligned = frames["aligned"].with_columns(boom_rad=angle.otherwise(0.2))
+    table = found(frames | {"aligned": aligned, "excitation": excitation})
+    arrives_s = [number * PERIOD_S + 77.0 for number in range(len(LOADS))]
+    assert table["dump_t_ns"].to_list() == pytest.approx([s * NS for s in arrives_s], abs=5 * NS)
+
+
 def test_digging_alone_shows_every_cycle_and_the_longest_stand_between_two_the_dump() -> None:
     table = found(of_one_mass())
     assert table.height == len(LOADS)
