@@ -35,7 +35,7 @@ from analysis.cycles.energy_terms import (
 from analysis.cycles.fitted_drive import FittedDrive, fit_drive
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
-from analysis.weighing.nuisances import WARMING
+from analysis.weighing.friction_warming import WARMING
 
 #: What an energy is split into, in the order of all tables.
 PARTS: Final = ("work", "kinetic", "slope", "friction", "digging", "braking")

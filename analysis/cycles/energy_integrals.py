@@ -15,8 +15,8 @@ from analysis.model.machine import Body, Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
+from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import rolling_fraction
-from analysis.weighing.nuisances import WARMING
 from estimators.arrays import Bools, Floats, Ints
 
 

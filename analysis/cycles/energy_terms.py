@@ -14,7 +14,8 @@ from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.settings import PriorSettings
 from analysis.model.windows import runs_of_flagged_samples
-from analysis.weighing.nuisances import WARMING, coulomb_std
+from analysis.weighing.friction_warming import WARMING
+from analysis.weighing.nuisances import coulomb_std
 from estimators.arrays import Floats
 
 #: Columns of `nuisances` that are a value and its uncertainty.

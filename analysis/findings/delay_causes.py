@@ -21,7 +21,7 @@ from analysis.model.schema import values
 from analysis.model.windows import flagged_windows
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in_duration
-from analysis.weighing.nuisances import WARMING
+from analysis.weighing.friction_warming import WARMING
 from estimators.arrays import Bools, Floats
 
 #: Causes that a long delay alone makes show.

@@ -16,8 +16,8 @@ from analysis.findings.refit import refit_corrected
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.gating.digging import SURELY
+from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import MotionSamples
-from analysis.weighing.nuisances import WARMING
 from estimators.errors import counted
 
 

@@ -11,8 +11,8 @@ from functools import lru_cache
 import numpy as np
 
 from analysis.findings.finding_limits import LIMITS
+from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
-from analysis.weighing.nuisances import WARMING
 from estimators.arrays import Floats, Ints
 from estimators.numerics.fit_loss import group_rows
 

@@ -15,9 +15,10 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.force_by_place import BY_PLACE, PLACE
+from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.low_gears import BY_GEAR, LOW_GEARS
 from analysis.weighing.motion_samples import Floats
-from analysis.weighing.nuisances import WARMING, Nuisance
+from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.prior_fit import MapFit

@@ -4,13 +4,14 @@ Each has a column, a prior whose width scales with the machine, and a sentence. 
 where no calibration learnt another (`settings.priors.learnt`).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
 
@@ -187,40 +188,6 @@ def weight_const_prior_std(motion: MotionSamples, priors: PriorSettings) -> floa
     """Prior standard deviation of `weight_const` in N: its split, and a sagging body."""
     sags = priors.sag_weight_share * motion.weight
     return float(np.hypot(split_const_by_weight(motion, priors).std_N, sags))
-
-
-@dataclass(frozen=True)
-class WarmingShape:
-    """Change of viscous friction over a log, as an orthogonal polynomial of time.
-
-    Attributes:
-        degree: degree of the polynomial; it needs more manoeuvres than that.
-        share: computes its value (n,) from the progress (n,), from -1/2 to 1/2.
-        meaning: description in words.
-    """
-
-    degree: int
-    share: Callable[[Floats], Floats]
-    meaning: str
-
-
-#: By the name of the term. Oil warms like 1 - exp(-t): without the cubic, payloads of five starts
-#: were 5 to 12 % off where friction fell by a quarter.
-WARMING: Final[Mapping[str, WarmingShape]] = {
-    "viscous_drift": WarmingShape(
-        1, lambda x: x, "how much viscous friction changes over the log: oil that warms"
-    ),
-    "viscous_bend": WarmingShape(
-        2,
-        lambda x: x**2 - LIMITS.progress_mean_square,
-        "how much of that change comes early or late: oil warms fast at first",
-    ),
-    "viscous_cubic": WarmingShape(
-        3,
-        lambda x: x * (x**2 - LIMITS.progress_cube_slope),
-        "how that change levels off: oil that is warm stays so",
-    ),
-}
 
 
 def _warming_term(name: str) -> Nuisance:
