@@ -42,8 +42,8 @@ _COMPILED, _UNCOUNTED, _INLINED = "compiled", "uncounted", "inlined"
 
 
 def is_compiler_loaded() -> bool:
-    """Whether this process has loaded numba, so that compiled loops start at once."""
-    return "estimators.compiled" in sys.modules
+    """Whether this process has imported numba, as every replay does: it will compile anyway."""
+    return "numba" in sys.modules
 
 
 class _InterpreterBudget:
@@ -122,8 +122,9 @@ class Loop:
     def __call__(self, *arguments: Any) -> Any:
         """Run the form that suits the amount of work."""
         if (
-            _InterpreterBudget.seconds > 0
-            and self._at_first
+            self._at_first
+            and _InterpreterBudget.seconds > 0
+            and not is_compiler_loaded()
             and self._turns(*arguments) <= MOST_TURNS
         ):
             begin = thread_time()
