@@ -2,7 +2,8 @@
 
 Numba takes 0.6 s of the processor before the first compiled loop runs, though it was compiled
 before: as long as a million turns of a loop in Python. So a process that reads a log begins by
-interpreting small work, of which it has so many seconds, and is then done with it.
+interpreting small work, of which it has so many seconds, and is then done with it. A replay imports
+numba before it opens a log: it interprets nothing that is kept.
 
 Where nothing is kept of a loop yet, compiling it takes half a second, and all that a run needs
 45 s. Until `payscope warm-up` or a longer log has compiled it, a loop interprets a short log.
