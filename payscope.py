@@ -12,6 +12,7 @@ folders is named when an import fails.
 """
 
 import gc
+import os
 import sys
 from importlib import import_module
 from importlib.util import find_spec
@@ -104,6 +105,8 @@ def _run(module: str) -> None:
     if fault := _shadowed():
         _refuse(fault)
     gc.set_threshold(_OBJECTS_A_COLLECTION, *gc.get_threshold()[1:])
+    # a replay gives the same bits with any number, and threads that wait cost processor time
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         import_module(module).main()
     except ImportError as error:
@@ -125,6 +128,9 @@ def _run(module: str) -> None:
             f"{_OURS / package}: files of another distribution lie among payscope's own ({error}); "
             "install payscope anew, in an environment of its own (pipx install)"
         )
+    finally:
+        # what was imported goes with the process: Python need not look for cycles in it
+        gc.freeze()
 
 
 def _is_installed() -> bool:

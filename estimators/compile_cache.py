@@ -17,7 +17,7 @@ import tempfile
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 #: Holds the packages.
 _HOUSE: Final = Path(__file__).parent.parent
@@ -115,35 +115,51 @@ def _make_temporary_folder() -> Path:
     return Path(folder)
 
 
+class _Source(NamedTuple):
+    """A module as it goes into the name of a folder."""
+
+    #: of its file, from the packages' folder
+    name: str
+    package: str
+    sha256: bytes
+    #: files of its imports from the packages
+    imports: tuple[Path, ...]
+
+
 def _sources_digest(source: Path) -> str:
     """Hash the sources of a module and of its imports from its own package and this one."""
-    packages = {Path(__file__).parent.name, source.relative_to(_HOUSE).parts[0]}
-    found: set[Path] = set()
+    packages = {Path(__file__).parent.name, _read_source_and_imports(source).package}
+    found: dict[Path, _Source] = {}
     # how it is compiled, which a loop that may be interpreted does not import
     left = [source, _HOUSE / Path(__file__).parent.name / "compiled.py"]
     while left:
         path = left.pop()
-        if path not in found and path.relative_to(_HOUSE).parts[0] in packages:
-            found.add(path)
-            left += _read_source_and_imports(path)[1]
+        if path not in found and (read := _read_source_and_imports(path)).package in packages:
+            found[path] = read
+            left += read.imports
     digest = hashlib.sha256()
-    for path in sorted(found):
-        digest.update(
-            path.relative_to(_HOUSE).as_posix().encode() + b"\0" + _read_source_and_imports(path)[0]
-        )
+    for each in sorted(found.values()):
+        digest.update(each.name.encode() + b"\0" + each.sha256)
     return digest.hexdigest()[:16]
 
 
 @cache
-def _read_source_and_imports(source: Path) -> tuple[bytes, tuple[Path, ...]]:
-    """Source of a module, and the files of its imports from the same package."""
-    text = source.read_bytes()
+def _read_source_and_imports(source: Path) -> _Source:
+    """Hash the source of a module, and find the files of its imports."""
+    text, inside = source.read_bytes(), source.relative_to(_HOUSE)
     modules: set[Path] = set()
     for package, names in _IMPORT.findall(text):
         home = _HOUSE.joinpath(*package.decode().split("."))
-        modules |= {home, *(home / name for name in re.findall(r"\w+", names.decode()))}
+        modules.add(home)
+        if home.is_dir():  # of a module they are what it defines
+            modules |= {home / name for name in re.findall(r"\w+", names.decode())}
     files = (path for each in modules for path in (each.with_suffix(".py"), each / "__init__.py"))
-    return text, tuple(path for path in files if path.is_file())
+    return _Source(
+        inside.as_posix(),
+        inside.parts[0],
+        hashlib.sha256(text).digest(),
+        tuple(path for path in files if path.is_file()),
+    )
 
 
 def _is_writable(folder: Path) -> bool:

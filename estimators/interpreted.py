@@ -2,7 +2,8 @@
 
 Numba takes 0.6 s of the processor before the first compiled loop runs, though it was compiled
 before: as long as a million turns of a loop in Python. So a process that reads a log begins by
-interpreting small work, of which it has so many seconds, and is then done with it.
+interpreting small work, of which it has so many seconds, and is then done with it. A replay imports
+numba before it opens a log: it interprets nothing that is kept.
 
 Where nothing is kept of a loop yet, compiling it takes half a second, and all that a run needs
 45 s. Until `payscope warm-up` or a longer log has compiled it, a loop interprets a short log.
@@ -42,8 +43,8 @@ _COMPILED, _UNCOUNTED, _INLINED = "compiled", "uncounted", "inlined"
 
 
 def is_compiler_loaded() -> bool:
-    """Whether this process has loaded numba, so that compiled loops start at once."""
-    return "estimators.compiled" in sys.modules
+    """Whether this process has imported numba, as every replay does: it will compile anyway."""
+    return "numba" in sys.modules
 
 
 class _InterpreterBudget:
@@ -122,8 +123,9 @@ class Loop:
     def __call__(self, *arguments: Any) -> Any:
         """Run the form that suits the amount of work."""
         if (
-            _InterpreterBudget.seconds > 0
-            and self._at_first
+            self._at_first
+            and _InterpreterBudget.seconds > 0
+            and not is_compiler_loaded()
             and self._turns(*arguments) <= MOST_TURNS
         ):
             begin = thread_time()

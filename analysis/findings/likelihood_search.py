@@ -17,9 +17,16 @@ from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import renumber_stretches
-from analysis.findings.whitened_rows import ProjectedEquation, force_system, wheel_system
+from analysis.findings.whitened_rows import (
+    EquationRows,
+    ProjectedEquation,
+    force_system,
+    wheel_system,
+)
 from analysis.weighing.motion_samples import MotionSamples
 
+#: Rows of the force, and of wheels against accelerometer.
+Equations = tuple[EquationRows, EquationRows | None]
 #: Parameters below these are no causes.
 _LEAST: Final = {
     **{f"delay:{channel}": 0.002 for channel in ("force", "speed", "imu")},
@@ -75,8 +82,9 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
         motion, found = remove_delay_iteratively(inputs, motion, taken, late)
         out[late.name] = replace(found, gain=late.gain)
         taken.append(late.name)
+    equations = build_equations(inputs, motion)
     for _ in range(LIMITS.max_picked_causes):
-        tried = score_causes(inputs, motion, taken)
+        tried = score_causes(equations, taken)
         if not tried:
             break
         best = _best_candidate(tried)
@@ -95,13 +103,14 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
             if best.name in _BESIDE and _BESIDE[best.name] in tried:
                 motion, found, other = _attribute_delay(inputs, begun, taken, (motion, found))
                 rivals = rivals - {*_BESIDE} | {*other}
+            equations = build_equations(inputs, motion)
         rivals -= {found.name, *out}
         out[found.name] = replace(
             found, gain=best.gain, rivals=tuple(n for n in tried if n in rivals)
         )
         taken.append(found.name)
     else:
-        out.update({n: p for n, p in score_causes(inputs, motion, taken).items() if n not in out})
+        out.update({n: p for n, p in score_causes(equations, taken).items() if n not in out})
     return out
 
 
@@ -145,7 +154,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
     if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
         return None
     late = correct_channel_delay(motion, "force", fit.lag_s)
-    before, after = (remaining_motion(inputs, of)[0] for of in (motion, late))
+    before, after = (remaining_motion(build_equations(inputs, of))[0] for of in (motion, late))
     if (
         before.square_left * before.variance
         < (1.0 + LIMITS.long_delay_residual_ratio) * after.square_left * after.variance
@@ -153,7 +162,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
         return None
     # the wheels tell whether it is the accelerometer that is early or late
     turned = correct_channel_delay(motion, "imu", -fit.lag_s)
-    without, with_it = (remaining_motion(inputs, of)[1] for of in (motion, turned))
+    without, with_it = (remaining_motion(build_equations(inputs, of))[1] for of in (motion, turned))
     by_imu = (
         without is not None
         and with_it is not None
@@ -178,7 +187,7 @@ def remove_delay_iteratively(
             )
         )
         motion = correct_channel_delay(begun, channel, total)
-        again = score_causes(inputs, motion, taken).get(pick.name)
+        again = score_causes(build_equations(inputs, motion), taken).get(pick.name)
         if again is None:
             break
         step, std = again.value, again.std
@@ -211,7 +220,9 @@ def _attribute_delay(
     turned = replace(own, name=_BESIDE[own.name], value=-own.value)
     other = correct_channel_delay(begun, turned.name.partition(":")[2], turned.value)
     # tried whole: noise of the force makes its derivative too large, and a delay too small
-    left, left_other = (remaining_motion(inputs, each, taken)[0] for each in (motion, other))
+    left, left_other = (
+        remaining_motion(build_equations(inputs, each), taken)[0] for each in (motion, other)
+    )
     apart = left.square_left * left.variance - left_other.square_left * left_other.variance
     apart /= min(left.variance, left_other.variance)
     near = abs(apart) < LIMITS.indistinguishable_gain
@@ -220,11 +231,12 @@ def _attribute_delay(
     return motion, own, (turned.name,) if near else ()
 
 
-def score_causes(
-    inputs: FindingInputs, motion: MotionSamples, taken: list[str]
-) -> dict[str, PickedCause]:
+def score_causes(equations: Equations, taken: list[str]) -> dict[str, PickedCause]:
     """Score every remaining cause beside those already picked."""
-    parts = _build_systems(inputs, motion, taken)
+    force, wheels = remaining_motion(equations, taken)
+    # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
+    together = wheels is not None and wheels.variance < LIMITS.wheel_noise_ratio
+    parts = [force, wheels] if wheels is not None and together else [force]
     names = list(dict.fromkeys(name for part in parts for name in part.information))
     out: dict[str, PickedCause] = {}
     for name in names:
@@ -238,20 +250,8 @@ def score_causes(
     return out
 
 
-def _build_systems(
-    inputs: FindingInputs, motion: MotionSamples, taken: list[str]
-) -> list[ProjectedEquation]:
-    """Both equations with the picked causes projected out; that of the wheels only if usable."""
-    force, wheels = remaining_motion(inputs, motion, taken)
-    # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
-    together = wheels is not None and wheels.variance < LIMITS.wheel_noise_ratio
-    return [force, wheels] if wheels is not None and together else [force]
-
-
-def remaining_motion(
-    inputs: FindingInputs, motion: MotionSamples, taken: Sequence[str] = ()
-) -> tuple[ProjectedEquation, ProjectedEquation | None]:
-    """Force and wheel equations with the picked causes projected out."""
+def build_equations(inputs: FindingInputs, motion: MotionSamples) -> Equations:
+    """Rows of the force and of the wheels; those of the wheels need an accelerometer."""
     fit, noise = inputs.fit, inputs.column_noise
     assert fit is not None
     assert noise is not None
@@ -262,7 +262,14 @@ def remaining_motion(
         max(fit.viscous, 0.0),
         brakes=not inputs.machine.settings.gate.exclude_braking,
     )
-    wheels = wheel_system(motion, noise)
+    return force, wheel_system(motion, noise)
+
+
+def remaining_motion(
+    equations: Equations, taken: Sequence[str] = ()
+) -> tuple[ProjectedEquation, ProjectedEquation | None]:
+    """Force and wheel equations with the picked causes projected out."""
+    force, wheels = equations
     return ProjectedEquation.project_out(
         force, taken
     ), None if wheels is None else ProjectedEquation.project_out(wheels, taken)

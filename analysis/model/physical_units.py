@@ -1,6 +1,7 @@
 """Conversion of units that users write to the SI unit of a column."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from functools import cache
 from tokenize import TokenError
@@ -124,10 +125,10 @@ _SPELLINGS: Final[Mapping[str, str]] = {
 }
 _EXACT: Final = {each: unit for unit, text in _SPELLINGS.items() for each in text.split()}
 #: Without capitals where no two units are told apart by them.
+_FOLDED: Final = {(each.lower(), unit) for each, unit in _EXACT.items()}
+_UNITS_OF_FOLDED: Final = Counter(each for each, _ in _FOLDED)
 _LOWER: Final[Mapping[str, str]] = {
-    each.lower(): unit
-    for each, unit in _EXACT.items()
-    if len({u for e, u in _EXACT.items() if e.lower() == each.lower()}) == 1
+    each: unit for each, unit in _FOLDED if _UNITS_OF_FOLDED[each] == 1
 }
 _MILLI_OR_MEGA: Final = frozenset({"mN*m", "mA", "mV", "MPa"})
 _SIGNS: Final = str.maketrans(

@@ -1,7 +1,7 @@
 """`payscope info`: what is in a log."""
 
 from collections.abc import Iterator
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from datetime import datetime, tzinfo
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -46,7 +46,6 @@ def command(
     from estimators.errors import LogError
     from replay.commands.common_options import time_axis_from_options
     from replay.commands.print_tables import print_json, stdout_console
-    from replay.commands.progress_bar import Stages
     from replay.init.describe_log import describe_log
     from replay.logs import open_log
 
@@ -62,10 +61,7 @@ def command(
     is_whole = True
     for path in logs:
         try:
-            with (
-                open_log(path, time=axis) as log,
-                Stages(1) if check else nullcontext(),
-            ):
+            with open_log(path, time=axis) as log, _show_progress(check=check):
                 shown = describe_log(log, check=check, fields=fields)
         except LogError as error:
             # the other logs are still worth describing
@@ -85,6 +81,15 @@ def command(
         raise faults[-1]
     if not is_whole:
         raise typer.Exit(1)
+
+
+def _show_progress(*, check: bool) -> AbstractContextManager[object]:
+    """Progress of reading everything; an index alone is read before it is seen."""
+    if not check:
+        return nullcontext()
+    from replay.commands.progress_bar import Stages
+
+    return Stages(1)
 
 
 def show(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:

@@ -6,17 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+import recordings  # its names are imported when first used
 from analysis.model.answer import Answer, answer
 from estimators.errors import DataError, LogError
-from recordings import check_recording, write_recording
 from recordings.report.atomic_output import refuse_input_as_output
-from recordings.rrd.viewer import start_viewer
-from recordings.rrd.writer import LiveView
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, time_axis
 from replay.pipeline import STAGES, run
 
 if TYPE_CHECKING:
+    from recordings.rrd.writer import LiveView
     from replay.calibration.apply_evidence import CalibrationRequest, MachineCalibration
 
 
@@ -34,7 +33,7 @@ class RecordTo:
     path: Path | None = None
     force: bool = False
     live: bool = False
-    viewer: LiveView | None = None
+    viewer: "LiveView | None" = None
 
 
 #: What `on_stage` is told, in order, of a replay that is recorded.
@@ -77,10 +76,10 @@ def replay_logs(
         by = load_calibration(calibration)
         machine = by.require_machine(by.weighing_machine(machine), machine_file)
     if output.path is not None:
-        check_recording(output.path, force=output.force)
+        recordings.check_recording(output.path, force=output.force)
         refuse_input_as_output(output.path, (path for path in logs if path.exists()))
     # before the work: without a screen there is nothing to wait for
-    viewer = output.viewer or (LiveView(start_viewer()) if output.live else None)
+    viewer = open_live_view(output)
     with ExitStack() as stack:
         on_stage("open")
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
@@ -99,5 +98,15 @@ def replay_logs(
             result = by.calibrate_run(result)
         if output.path is not None:
             on_stage("record")
-            write_recording(result, output.path, force=output.force, viewer=viewer)
+            recordings.write_recording(result, output.path, force=output.force, viewer=viewer)
     return answer(result, str(output.path) if output.path else None)
+
+
+def open_live_view(output: RecordTo) -> "LiveView | None":
+    """The viewer that shows the recording: the open one, or a new one where it is asked for."""
+    if output.viewer is not None or not output.live:
+        return output.viewer
+    from recordings.rrd.viewer import start_viewer
+    from recordings.rrd.writer import LiveView
+
+    return LiveView(start_viewer())

@@ -10,10 +10,9 @@ from analysis.compare.run_comparison import ValueChange, changed_settings
 from analysis.model.answer import Answer
 from analysis.model.machine import Machine
 from estimators.errors import PayscopeError
-from recordings.rrd.viewer import list_shown_recordings, replace_recording, start_viewer
-from recordings.rrd.writer import LiveView
+from recordings.rrd.viewer import list_shown_recordings, replace_recording
 from replay.machines.machine_file import load_machine, machine_path
-from replay.runs.run_logs import RecordTo
+from replay.runs.run_logs import RecordTo, open_live_view
 
 #: A look at one file costs nothing; an editor writes within one such step.
 _LOOK_S: Final = 0.2
@@ -51,7 +50,7 @@ def watch_machine_file(
     """
     # a file that is gone is not the shipped one of its name
     path = machine_path(machine_file).absolute()
-    view = output.viewer or (LiveView(start_viewer()) if output.live else None)
+    view = open_live_view(output)
     last: Machine | None = None
     failed = False
     for _ in machine_file_changes(path):

@@ -60,6 +60,7 @@ def read(path: Path) -> list[Any]:
 def both_ways(path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[list[Any], list[Any]]:
     monkeypatch.setattr(interpreted._InterpreterBudget, "seconds", 0.0)
     compiled = read(path)
+    monkeypatch.setattr(interpreted, "is_compiler_loaded", lambda: False)
     monkeypatch.setattr(interpreted._InterpreterBudget, "seconds", float("inf"))
     monkeypatch.setattr(interpreted, "MOST_TURNS", 2**62)
     return compiled, read(path)
@@ -102,9 +103,24 @@ def test_large_work_is_compiled_though_there_is_time_left(monkeypatch: pytest.Mo
     called: list[str] = []
     loop.__dict__["compiled"] = lambda _: called.append("compiled")
     loop.__dict__["interpreted"] = lambda _: called.append("interpreted")
+    monkeypatch.setattr(interpreted, "is_compiler_loaded", lambda: False)
     monkeypatch.setattr(interpreted._InterpreterBudget, "seconds", 1.0)
     for turns in (interpreted.MOST_TURNS, interpreted.MOST_TURNS + 1):
         loop(turns)
     monkeypatch.setattr(interpreted._InterpreterBudget, "seconds", 0.0)
     loop(1)
     assert called == ["interpreted", "compiled", "compiled"]
+
+
+def test_small_work_is_compiled_where_a_replay_needs_numba_anyway(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loop = interpreted.Loop(len, "compiled", lambda size: size)
+    loop.__dict__["is_cached"] = True
+    loop.__dict__["compiled"] = lambda _: "compiled"
+    loop.__dict__["interpreted"] = lambda _: "interpreted"
+    monkeypatch.setattr(interpreted._InterpreterBudget, "seconds", 1.0)
+    monkeypatch.delitem(sys.modules, "numba", raising=False)
+    assert loop(1) == "interpreted"
+    monkeypatch.setitem(sys.modules, "numba", interpreted)
+    assert loop(1) == "compiled"
