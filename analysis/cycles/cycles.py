@@ -186,7 +186,7 @@ def _cycle_complete_ns(part: CycleParts) -> int:
 def _reason_for_no_mass(part: CycleParts) -> str:
     """Why a cycle has no mass; empty if it has one."""
     if part.loaded is None:
-        return "no start with this load tells a mass"
+        return "no usable start with this load"
     if part.before is None and part.after is None:
         return "no empty pass to compare with"
     return ""
@@ -194,7 +194,7 @@ def _reason_for_no_mass(part: CycleParts) -> str:
 
 def _remark_on_cycle(row: dict[str, object]) -> str:
     return {
-        "weak": "uncertain: more than a quarter of the payload",
+        "weak": "uncertainty above a quarter of the payload",
         "not dumped": "the recording ends before it is dumped",
     }.get(str(row["quality"]), "")
 

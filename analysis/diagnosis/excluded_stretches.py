@@ -49,13 +49,13 @@ class ExcludedStretches:
     def text(self) -> str:
         """The outcome as text."""
         if not self.fitted_s:
-            return "none of it is in what is weighed"
-        part = f"{self.fitted_s:.1f} s of it in what is weighed"
+            return "none of it is among the weighed samples"
+        part = f"{self.fitted_s:.1f} s of it among the weighed samples"
         if self.is_harmless:
-            return f"{part}, left out: that moves the mass by {self.moved_u:.1f} u"
+            return f"{part}, excluded: this moves the mass by {self.moved_u:.1f} u"
         if not np.isfinite(self.moved_u):
-            return f"{part}: without that nothing is left"
-        return f"{part}: without that the mass moves by {self.moved_u:.1f} u"
+            return f"{part}: without it no sample is left"
+        return f"{part}: without it the mass moves by {self.moved_u:.1f} u"
 
 
 @dataclass(frozen=True)

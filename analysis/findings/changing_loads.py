@@ -137,7 +137,7 @@ def _excluded_growths(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             abs(worst.kg) / worst.std_kg / 4.0 * float(np.sqrt(len(weighing.growing))),
             f"in {counted(len(weighing.growing), 'manoeuvre')} the load changes, by up to "
-            f"{worst.kg:+.0f} ± {worst.std_kg:.0f} kg; they are left out",
+            f"{worst.kg:+.0f} ± {worst.std_kg:.0f} kg; these manoeuvres are excluded",
             span_ns=(begin, begin),
         )
     ]

@@ -85,7 +85,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             total_s[name] / _FROZEN_S,
-            f"it repeats one reading {times} {total_s[name]:.1f} s in all, while others "
+            f"the channel repeats one reading {times} {total_s[name]:.1f} s in all, while others "
             f"change{_refit_text(found)}",
             channel=name,
             span_ns=inputs.since_first_sample_ns(*spans[0]),
@@ -150,7 +150,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             share / _CLIPPED,
-            f"{share:.1%} of its readings are {extreme:.4g}, a limit{_refit_text(found)}",
+            f"{share:.1%} of its readings are clipped at {extreme:.4g}{_refit_text(found)}",
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",

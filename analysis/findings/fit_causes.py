@@ -50,7 +50,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
                 abs(gain) / LIMITS.trusted_gain_1,
             ),
             f"the wheels' speed changes by {gain:+.2%} ± {std:.2%} more than the accelerometer "
-            "says: their radius, or the accelerometer's scale",
+            "measures: the wheel radius or the accelerometer's scale is wrong",
             channel=next(iter(inputs.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
@@ -91,7 +91,8 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             float(strength),
-            f"standing, it reads {rest:+.0f} ± {std:.0f} N, and driving has it",
+            f"at standstill the force reads {rest:+.0f} ± {std:.0f} N, and driving has the same "
+            "offset",
             channel=inputs.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(
@@ -127,7 +128,7 @@ def _constant_force_symptom(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             abs(const) / (LIMITS.term_min_std * std),
-            f"driving has {_newtons_text(const, std, sign='+')} besides mass and friction",
+            f"driving shows {_newtons_text(const, std, sign='+')} besides mass and friction",
             channel=inputs.force_channel,
             alternatives=("imu_misaligned", "imu_bias", "slope", "coulomb"),
         )
@@ -296,7 +297,7 @@ def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
                 abs(found.value) / LIMITS.trusted_share_change_s2_m,
             ),
             f"{_share_change_text(found.value, found.std)}, and there is one load, or there are "
-            f"{found.loads} that go with the direction: this log does not tell",
+            f"{found.loads} that go with the direction: this log cannot distinguish the two",
             channel=inputs.force_channel,
         )
     ]
@@ -321,7 +322,8 @@ def find_too_little_excitation(inputs: FindingInputs) -> list[Symptom]:
     share = relative_mass_u(inputs)
     return [
         Symptom(
-            share / LIMITS.poor_answer_u, f"the answer's standard uncertainty is {share:.1%} of it"
+            share / LIMITS.poor_answer_u,
+            f"the standard uncertainty of the mass is {share:.1%} of it",
         )
     ]
 
@@ -362,8 +364,8 @@ def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             strength,
-            f"braking moves the mass by {weighing.braking_kg:+.0f} kg: the force does not see all "
-            f"of the brakes{share}",
+            f"braking moves the mass by {weighing.braking_kg:+.0f} kg: the force sensor does not "
+            f"measure all of the braking{share}",
             setting="settings.gate.exclude_braking",
             value="true",
             change=lambda: MassChange(left, LIMITS.braking_u_ratio * weighing.fit.u_kg),
@@ -387,8 +389,8 @@ def find_external_force(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             float(growth[worst] / std[worst]) / SURELY * np.sqrt(digs.height),
-            f"in {counted(digs.height, 'start')} a resistance grows, by up to "
-            f"{growth[worst]:.0f} ± {std[worst]:.0f} N; they are left out",
+            f"in {counted(digs.height, 'start')} a resistance grows, by up to {growth[worst]:.0f} "
+            f"± {std[worst]:.0f} N; these starts are excluded",
             channel=inputs.force_channel,
             span_ns=(begin, end),
         )

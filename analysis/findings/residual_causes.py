@@ -121,8 +121,8 @@ def find_resonance(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             peak / LIMITS.resonance_peak_ratio,
-            f"at {hz[at]:.1f} Hz what the fit leaves swings {np.sqrt(peak):.1f} times as much as "
-            "its noise",
+            f"at {hz[at]:.1f} Hz the residual of the fit oscillates with {np.sqrt(peak):.1f} "
+            "times the amplitude of its noise",
         )
     ]
 
@@ -140,7 +140,7 @@ def find_heteroscedasticity(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             ratio / LIMITS.driving_noise_ratio,
-            f"what the fit leaves has {np.sqrt(ratio):.1f} times the noise of standing",
+            f"the residual of the fit has {np.sqrt(ratio):.1f} times the noise at standstill",
         )
     ]
 
@@ -156,7 +156,7 @@ def find_coloured_residuals(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             ratio / LIMITS.slow_noise_ratio,
-            f"below {LIMITS.slow_noise_hz:g} Hz the noise has {ratio:.1f} times the power that "
-            "white noise has",
+            f"below {LIMITS.slow_noise_hz:g} Hz the noise has {ratio:.1f} times the power of "
+            "white noise",
         )
     ]

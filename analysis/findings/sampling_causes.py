@@ -58,8 +58,8 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
             found.append(
                 Symptom(
                     uneven[0] / LIMITS.uneven_steps_wrong_stamps,
-                    f"the steps of its header stamps scatter by {uneven[0]:.0%} of the period, "
-                    f"those of log time by {uneven[1]:.0%}: log time places it",
+                    f"the intervals of its header stamps scatter by {uneven[0]:.0%} of the "
+                    f"period, those of log time by {uneven[1]:.0%}: log time is used instead",
                     channel=name,
                 )
             )
@@ -74,7 +74,8 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
         found.append(
             Symptom(
                 scatter / least,
-                f"its steps scatter by {scatter:.0%} of the period of {period / 1e6:.1f} ms{says}",
+                f"the intervals between its samples scatter by {scatter:.0%} of the period of "
+                f"{period / 1e6:.1f} ms{says}",
                 channel=name,
             )
         )
@@ -98,11 +99,14 @@ def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
         return LIMITS.uneven_steps, ""
     share, std = weighted / weight, weight**-0.5
     if share - LIMITS.stamp_fidelity_std * std > 0.5:
-        return LIMITS.uneven_steps_right_stamps, "; its readings were taken when their stamps say"
+        return (
+            LIMITS.uneven_steps_right_stamps,
+            "; the readings were taken at the times of their stamps",
+        )
     if share + LIMITS.stamp_fidelity_std * std < 0.5:
         return (
             LIMITS.uneven_steps_wrong_stamps,
-            "; its readings were taken evenly: the stamps are wrong",
+            "; the readings were taken at even intervals: the stamps are wrong",
         )
     return LIMITS.uneven_steps, ""
 

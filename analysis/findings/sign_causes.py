@@ -111,7 +111,7 @@ def _flipped_side(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             LIMITS.sign_rank * abs(together),
-            f"left and right torque correlate by {together:+.2f} while it drives straight",
+            f"left and right torque correlate by {together:+.2f} while the machine drives straight",
             channel=wrong,
             setting=setting,
             value=value,
@@ -190,7 +190,8 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             10.0 * abs(together) / LIMITS.signed_correlation,
-            f"turns by the wheels correlate by {together:+.2f} with the gyroscope's",
+            f"the yaw rate from the wheels correlates by {together:+.2f} with that of the "
+            "gyroscope",
             channel=sides[0],
             setting=keys,
             value=fields,
@@ -224,7 +225,8 @@ def _unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             10.0 * abs(float(np.log(share))) / LIMITS.signed_correlation,
-            f"standing, it reads {reads:.4g} m/s² of gravity along z: {_ACC_UNITS[near[0]]}",
+            f"at standstill the accelerometer reads {reads:.4g} m/s² of gravity along z: "
+            f"{_ACC_UNITS[near[0]]}",
             channel=ACC,
             setting=setting,
             value=value,

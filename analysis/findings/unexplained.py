@@ -45,7 +45,7 @@ def unexplained_symptom(judged: pl.DataFrame, shown: Collection[str]) -> Symptom
         return None
     said = "; ".join(f"{row['check']} {_check_value(row)}: {row['meaning']}" for row in failed)
     return Symptom(
-        max(map(_excess_over_limit, failed)), f"no known cause accounts for what disagrees: {said}"
+        max(map(_excess_over_limit, failed)), f"no known cause explains the failed checks: {said}"
     )
 
 

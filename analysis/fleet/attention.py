@@ -85,7 +85,12 @@ def concerns_of_results(results: pl.DataFrame) -> list[pl.DataFrame]:
             "without_at_s",
         ),
         (10.0, pl.col("losses") > 0, pl.format("lost: {}", "first_loss"), ""),
-        (8.0, pl.col("accepted_1") < _LOW, pl.lit("the gate accepted less than a fiftieth"), ""),
+        (
+            8.0,
+            pl.col("accepted_1") < _LOW,
+            pl.lit("the gate accepted less than 2 % of the time"),
+            "",
+        ),
         (5.0, pl.col("can_weigh") & (failed != ""), pl.format("checks failed: {}", failed), ""),
     )
     return [

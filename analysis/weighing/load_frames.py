@@ -19,8 +19,8 @@ from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.weighing_limits import LIMITS
 
 _NOT_EMPTY: Final = (
-    "settings.loads.empty_from_s and empty_to_s name no load of several: payloads are to the "
-    "machine's empty mass"
+    "settings.loads.empty_from_s and empty_to_s select none of the loads: payloads are "
+    "differences to the machine's empty mass"
 )
 
 
@@ -258,7 +258,7 @@ def _note_on_states(fit: JointFit, machine: Machine) -> str:
             for count, scatter_kg in readings
         ]
         said.append(
-            f"states or scatter: {texts[0]}, or {texts[1]}; one load with a probability of "
+            f"states or scatter: {texts[0]}, or {texts[1]}; a single load has a probability of "
             f"{states.single_probability:.0%}"
         )
     if machine.machine.repeatability_kg is None and not states.scatter_known:
@@ -271,7 +271,7 @@ def _note_growing_loads(weighing: Weighing, excitation: pl.DataFrame) -> str:
     t_ns = excitation["t_ns"].to_numpy()
     told = [
         f"the load changes within the manoeuvre at {t_ns[each.first] / 1e9:,.1f} s, by about "
-        f"{each.kg:+,.0f} ± {each.std_kg:,.0f} kg: it is left out"
+        f"{each.kg:+,.0f} ± {each.std_kg:,.0f} kg: this manoeuvre is excluded"
         for each in weighing.growing
     ]
     more = (

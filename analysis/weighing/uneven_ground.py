@@ -66,7 +66,7 @@ class _DrivingDirection:
         column: Callable[[Moments], Floats],
         width: Callable[[MotionSamples, PriorSettings], float],
     ) -> Nuisance:
-        meaning = "by how much loaded starts are on other ground than empty ones"
+        meaning = "difference of the ground under loaded and empty starts"
         return self._term(f"{name}_by_load", lambda m: column(m) * m.load_contrast, width, meaning)
 
     def _term(

@@ -60,8 +60,8 @@ if TYPE_CHECKING:
 #: Of entries that are no bundle's.
 _MOST_NAMED: Final = 20
 _UNKNOWN_KEY: Final = (
-    "{}: whoever made this folder may have made the key as well, and any name; get the key from "
-    "the signer by another way, then give it with --key, or keep it: {}"
+    "{}: whoever made this folder may have made the key as well, and any name; get the key "
+    "from the signer through another channel, then give it with --key, or keep it: {}"
 )
 
 

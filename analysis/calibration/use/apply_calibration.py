@@ -220,6 +220,6 @@ def reason_of_change(check: DriftCheck | None, log: LaterLog) -> str:
     assert check.mass_kg is not None
     return (
         f"its empty part weighs {check.mass_kg:,.0f} kg by the calibration, and the empty machine "
-        f"{log.empty_kg:,.0f} kg; up to {check.limit_kg:,.0f} kg apart is chance: the machine, the "
-        "ground or its empty mass is another"
+        f"{log.empty_kg:,.0f} kg; up to {check.limit_kg:,.0f} kg apart can be chance: the "
+        "machine, the ground or the empty mass has changed"
     )

@@ -101,14 +101,15 @@ class SimulatedBrakes(BaseModel):
         default=0.0,
         ge=0,
         le=5,
-        description="deceleration that brakes no force sensor sees add to friction's, down to the "
-        "stand, in place of campaign.braking_m_s2; 0: those",
+        description="deceleration by brakes that no force sensor measures, besides friction, "
+        "down to standstill, in place of campaign.braking_m_s2; 0: "
+        "campaign.braking_m_s2",
     )
     gentle_lead_s: float = Field(
         default=0.5,
         ge=0,
         le=60,
-        description="how long before the throttle is shut these begin, within the cruise",
+        description="time from the onset of these brakes to the closing of the throttle, in the cruise",
     )
 
 
@@ -162,20 +163,23 @@ class SimulatedRolling(BaseModel):
         default=0.0,
         ge=-0.5,
         le=0.5,
-        description="what the coefficient is more on a second ground, which alternates with the "
+        description="increase of the coefficient on a second ground, which alternates with the "
         "first along the way",
     )
     ground_length_m: float = Field(
         default=15.0,
         ge=2.5,
         le=10_000,
-        description="length of each of both; the first begins where a log or a shift begins",
+        description="length of each ground; the first begins where a log or a shift begins",
     )
     growth_s_m: float = Field(
-        default=0.0, ge=0, le=1, description="part by which it grows a m/s of speed"
+        default=0.0, ge=0, le=1, description="relative increase of the coefficient per m/s of speed"
     )
     growth_s_rad: float = Field(
-        default=0.0, ge=0, le=100, description="part by which it grows a rad/s of yaw rate"
+        default=0.0,
+        ge=0,
+        le=100,
+        description="relative increase of the coefficient per rad/s of yaw rate",
     )
 
     @model_validator(mode="after")

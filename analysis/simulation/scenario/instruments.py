@@ -53,7 +53,7 @@ class SimulatedSensors(BaseModel):
     )
     imu_y_m: float = Field(default=0.0, ge=-10, le=10, description="and to the left")
     force_delay_s: float = Field(
-        default=0.0, ge=0, le=10, description="the torque sensors report what was so long ago"
+        default=0.0, ge=0, le=10, description="delay of the torque sensors"
     )
     speed_delay_s: float = Field(
         default=0.0,
@@ -141,7 +141,7 @@ class SimulatedDefects(BaseModel):
         default=0.0,
         ge=-0.2,
         le=0.2,
-        description="load transfer: part of the measured share that is lost a m/s² of forward "
+        description="load transfer: part of the measured share that is lost per m/s² of forward "
         "acceleration",
     )
     force_share_1_kg: float = Field(
@@ -169,7 +169,10 @@ class SimulatedDefects(BaseModel):
     )
     frozen_s: float = Field(default=1.0, gt=0, le=3600, description="how long they repeat")
     frozen_every_s: float = Field(
-        default=30.0, gt=0, le=1e6, description="how often, first after so long"
+        default=30.0,
+        gt=0,
+        le=1e6,
+        description="time between such repetitions, and before the first",
     )
 
     @property

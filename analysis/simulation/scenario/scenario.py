@@ -51,9 +51,11 @@ class SimulatedStarts(BaseModel):
         default=0.0,
         ge=0,
         le=1,
-        description="part of the throttle by which the stick swings back and forth",
+        description="amplitude of the oscillation of the stick, as a part of the throttle",
     )
-    stick_hz: float = Field(default=0.7, gt=0, le=50, description="how often it swings, as a sine")
+    stick_hz: float = Field(
+        default=0.7, gt=0, le=50, description="frequency of that oscillation, a sine"
+    )
     turn_rad_s: float = Field(
         default=0.0, ge=-1, le=1, description="yaw rate of a start, reached above 0.1 m/s"
     )
@@ -77,7 +79,7 @@ class SimulatedLoading(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     change_kg: float = Field(
-        default=0.0, ge=-1e6, le=1e6, description="what the load of some starts differs by"
+        default=0.0, ge=-1e6, le=1e6, description="difference of the load of some starts"
     )
     change_before_start: int = Field(
         default=0,
@@ -101,8 +103,8 @@ class SimulatedLoading(BaseModel):
         default=0.0,
         ge=0,
         le=1,
-        description="part of the load that falls off a second of driving, exponentially; what is "
-        "lost stays lost until the load changes",
+        description="part of the load that falls off per second of driving, exponentially; what "
+        "is lost stays lost until the load changes",
     )
 
     def added_kg(self, start: int) -> float:
@@ -218,7 +220,7 @@ class SimulatedCampaign(BaseModel):
         default=1.5, gt=0, le=20, description="deceleration that the brakes add to friction's"
     )
     brake_measured_share: float = Field(
-        default=0.4, ge=0, le=1, description="share of the braking force that the sensors see"
+        default=0.4, ge=0, le=1, description="share of the braking force that the sensors measure"
     )
     valve_deadband_share: float = Field(
         default=0.0, ge=0, lt=1, description="share of the throttle that the valves ignore"

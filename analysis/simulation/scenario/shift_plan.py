@@ -53,7 +53,7 @@ class SimulatedShift(BaseModel):
         default=0.0,
         ge=0,
         le=1,
-        description="part of a load that falls off a second of its haul, while it drives",
+        description="part of a load that falls off per second of driving in its haul",
     )
     pour_cycles: float = Field(
         default=0.0,
@@ -70,7 +70,10 @@ class SimulatedShift(BaseModel):
     )
     empty_starts_most: int = Field(default=2, ge=1, le=20, description="likewise of an empty drive")
     reverse_share: float = Field(
-        default=0.2, ge=0, le=1, description="share of hauls that are driven backwards, not turned"
+        default=0.2,
+        ge=0,
+        le=1,
+        description="share of hauls that are driven backwards, without a turn",
     )
     pause_s: float = Field(
         default=2.5, ge=0.2, le=60, description="mean stand between starts, uniform, half to 1.5"
@@ -97,7 +100,7 @@ class SimulatedShift(BaseModel):
     fuel_tank_kg: float = Field(
         default=60.0, ge=0, le=1e4, description="fuel in machine.mass_kg when the shift begins"
     )
-    fuel_kg_h: float = Field(default=8.0, ge=0, le=1e3, description="what is burnt of it")
+    fuel_kg_h: float = Field(default=8.0, ge=0, le=1e3, description="fuel burnt per time")
     refuel_share: float = Field(
         default=0.25, ge=0, lt=1, description="part of the tank at which it is filled again"
     )

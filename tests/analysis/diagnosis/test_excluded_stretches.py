@@ -77,7 +77,10 @@ class TestFrozen:
         _, found = a_moment
         check = found.check("frozen")
         assert (check.passed, check.consequence) == (False, "tell")
-        assert "0.7 s of it in what is weighed, left out: that moves the mass by" in check.meaning
+        assert (
+            "0.7 s of it among the weighed samples, excluded: this moves the mass by"
+            in check.meaning
+        )
         assert found.verdict.can_weigh
         assert abs(found.error_u) <= 2.0
 
