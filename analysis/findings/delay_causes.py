@@ -224,7 +224,7 @@ def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     against = " and ".join(_SHOWN[each] for each in _SHOWN if each != channel)
     said = f"{abs(1e3 * late_s):.1f} ± {1e3 * std_s:.1f} ms {words} against {against}"
     if rivals:
-        said += f"; equally likely the {' or '.join(_SHOWN[each] for each in rivals)} is wrong"
+        said += f"; equally likely, the {' or '.join(_SHOWN[each] for each in rivals)} is wrong"
     smooth = channel == "imu" and late_s > 0
     others = [n for n in pick.rivals if not n.startswith("delay") and n not in WARMING]
     # what is early against an accelerometer may be in time, and the accelerometer filtered
@@ -256,11 +256,11 @@ def _long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
     words = "late" if late.late_s > 0.0 else "early"
     rest = [late.rival] if late.rival else [each for each in _SHOWN if each != late.channel]
     against = " and ".join(_SHOWN[each] for each in rest)
-    others = f"; equally likely the {_SHOWN[late.rival]} is wrong" if late.rival else ""
+    others = f"; equally likely, the {_SHOWN[late.rival]} is wrong" if late.rival else ""
     return Symptom(
         LIMITS.long_delay_rank,
-        f"{abs(late.late_s):.2f} s {words} against {against}: so they correlate by "
-        f"{late.correlation[0]:.2f}, as they are by {late.correlation[1]:.2f}{others}",
+        f"{abs(late.late_s):.2f} s {words} against {against}: the correlation is "
+        f"{late.correlation[0]:.2f}with this shift, without it {late.correlation[1]:.2f}{others}",
         channel=next(iter(names), None),
         setting=setting if names and not late.rival else None,
         value=value if names and not late.rival else None,

@@ -166,7 +166,9 @@ def add_masked_findings(
     if not hiding:
         return found
     names = " and ".join(each["cause"][0].replace("_", " ") for each in hiding)
-    seen = seen.with_columns(evidence=pl.format("once {} is mended: {}", pl.lit(names), "evidence"))
+    seen = seen.with_columns(
+        evidence=pl.format("once {} is corrected: {}", pl.lit(names), "evidence")
+    )
     both = pl.concat(
         [*hiding, seen] if whole else [*hiding, seen, drop_repeated_findings(found, hiding, seen)]
     )

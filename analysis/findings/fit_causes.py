@@ -282,7 +282,7 @@ def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _share_change_text(value: float, std: float) -> str:
-    return f"the measured share of the force changes by {value:+.2%} ± {std:.2%} a m/s²"
+    return f"the measured share of the force changes by {value:+.2%} ± {std:.2%} per m/s²"
 
 
 def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
@@ -297,7 +297,7 @@ def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
                 abs(found.value) / LIMITS.trusted_share_change_s2_m,
             ),
             f"{_share_change_text(found.value, found.std)}, and there is one load, or there are "
-            f"{found.loads} that go with the direction: this log cannot distinguish the two",
+            f"{found.loads} that depend on the direction:  this log cannot distinguish the two",
             channel=inputs.force_channel,
         )
     ]
@@ -340,7 +340,8 @@ def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             share / LIMITS.open_mass_fraction,
-            f"the motion leaves {share:.1%} of the mass to priors, most of it to {worst}",
+            f"the motion does not determine {share:.1%} of the mass; priors do, mostly that of "
+            f"{worst}",
         )
     ]
 

@@ -58,7 +58,7 @@ def _is_unexplained(row: Mapping[str, Any], shown: set[str]) -> bool:
 
 def _check_value(row: Mapping[str, Any]) -> str:
     if row["value"] is None:
-        return "has no number"
+        return "has no value"
     low, high = row["minimum"], row["maximum"]
     beyond = low is not None and row["value"] < low
     limit = f"< {low:g}" if beyond or high is None else f"> {high:g}"

@@ -144,7 +144,7 @@ def concerns_of_findings(findings: pl.LazyFrame) -> pl.DataFrame:
             pl.when(pl.col("severity") == "withhold").then(20.0).otherwise(6.0).alias("weight"),
             pl.when(change.is_null())
             .then(pl.format("likely {}", "cause"))
-            .otherwise(pl.format("likely {}, {} kg of mass", "cause", change))
+            .otherwise(pl.format("likely {}, which changes the mass by {} kg", "cause", change))
             .alias("why"),
             (pl.col("start_t_ns") / NS_PER_S).alias("at_s"),
         )

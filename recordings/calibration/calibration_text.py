@@ -148,13 +148,13 @@ def _describe_outcome(document: EvidenceDocument) -> list[str]:
         found.append(f"{_capitalise_first_letter(document.limits.statement)}. {_NO_CONFORMITY}")
     drift = document.drift
     if drift is not None and drift.drifted is None:
-        found.append(f"Whether the machine has drifted cannot be told: {drift.reason}.")
+        found.append(f"It cannot be decided whether the machine has drifted: {drift.reason}.")
     elif drift is not None and drift.difference_kg is not None and drift.limit_kg is not None:
         risk = (
             f"A machine that has not drifted would be as far off with a probability of "
             f"{drift.p_1:.2g}."
             if drift.drifted
-            else f"A drift of {drift.matters_kg:,.1f} kg would have been missed with a probability "
+            else f"A drift of {drift.matters_kg:,.1f} kg would have gone undetected with a probability "
             f"of {drift.missed_1:.2g}."
         )
         found.append(

@@ -49,7 +49,7 @@ def pdf_fault(folder: Path, sha256: str, html: str) -> tuple[str, str]:
     if isinstance(found, str):
         return found, ""
     if isinstance(wanted, str):
-        return "", f"the PDF that is made here {wanted}"
+        return "", f"the PDF that this payscope makes {wanted}"
     heads = table_heads(html)
     fault = describe_first_difference(
         text_without_spaces(wanted, heads), text_without_spaces(found, heads)

@@ -17,7 +17,7 @@ _PATIENCE_S: Final = 900.0
 _READER: Final = "recordings.calibration.digest_process"
 #: Bytes of JSON that a process may answer with.
 _MOST_OUTPUT: Final = 64 << 20
-_DAMAGED: Final = "is damaged so that no reader survives it"
+_DAMAGED: Final = "is so damaged that it crashes the reader"
 
 
 @dataclass(frozen=True, slots=True)

@@ -244,8 +244,8 @@ def comparison_text(found: Comparison, a: str, b: str) -> str:
     """
     parts = [
         "# A and B" if not found.equal else "# A and B are equal",
-        f"- A: {a}\n- B: {b}\n\n"
-        "Times are those of A. What has no panel in any tab does not differ.",
+        f"- A: {a}\n- B: {b}\n\nTimes are those of A. Columns without a panel in any tab do not "
+        "differ.",
     ]
     for title, changes in (
         ("Settings", found.settings),

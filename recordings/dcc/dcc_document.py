@@ -84,7 +84,7 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
     version = root.get("schemaVersion", "none")
     if version != VERSION:
         raise EvidenceError(
-            f"{what}: is of DCC version {version[:20]}, and only {VERSION} is read; ask the "
+            f"{what}: is of DCC version {version[:20]}, but only {VERSION} is supported; ask the "
             f"laboratory for one of {VERSION}, or state the masses by value_kg and u_kg"
         )
     fault = next(schema_faults(root), None)

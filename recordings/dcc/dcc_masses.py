@@ -123,8 +123,8 @@ class _CertificateMasses:
             }
         )[:_MOST_NAMED]
         raise EvidenceError(
-            f"{what}: no quantity of it is a mass by its refType ({', '.join(_KINDS)}); "
-            f"there {'are ' + ', '.join(kinds) if kinds else 'is none'}"
+            f"{what}: no quantity of it is a mass by its refType ({', '.join(_KINDS)}); it has "
+            f"{'only ' + ', '.join(kinds) if kinds else 'none at all'}"
         )
 
     def _may_quantity_be_of_item(
@@ -196,14 +196,15 @@ def weights_of_list(
         return by_name
     if len(scope) != count:
         raise EvidenceError(
-            f"{what}: a list of masses names no weights, and has {count} values for a result whose "
-            f"number of items is {len(scope)}, so which mass is whose is not said; {_REMEDY}"
+            f"{what}: a list of masses names no weights, and has {count} values for a result "
+            f"whose number of items is {len(scope)}, so it is not clear which mass belongs to "
+            f"which weight; {_REMEDY}"
         )
     order = [each.get("id") for each, _ in scope]
     if named_by is not None and [each for each in named_by if each in order] != order:
         raise EvidenceError(
-            f"{what}: a list of masses names no weights, and its refId has another order than "
-            f"the items, so which mass is whose is not said; {_REMEDY}"
+            f"{what}: a list of masses names no weights, and its refId has another order than the "
+            f"items, so it is not clear which mass belongs to which weight; {_REMEDY}"
         )
     return [each for each, _ in scope]
 

@@ -121,7 +121,7 @@ def determined_parameter_lines(found: DeterminedParameters | None) -> Iterator[s
         yield f"determined together only: {said}"
     if found.lost:
         names = ", ".join(_PARAMETERS[name] for name in found.lost)
-        yield f"not determined: {names}; what is said of them comes from priors"
+        yield f"not determined: {names}; their estimates come from priors"
     for a, b, correlation in found.trade_offs:
         yield (
             f"{_PARAMETERS[a]} and {_PARAMETERS[b]} trade off: their estimates are correlated by "

@@ -158,7 +158,7 @@ def _format_validation_fault(fault: Exception) -> str:
     if isinstance(fault, ValidationError):
         first = fault.errors(include_url=False)[0]
         return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
-    return "its signature is no base64"
+    return "its signature is not base64"
 
 
 def split_lines(data: bytes) -> tuple[list[bytes], bytes]:

@@ -332,7 +332,7 @@ def raw_mass_figure_sentences(found: Figure6) -> ItemSentences:
     return ItemSentences(
         (
             "Means of nine runs over the campaigns, ± the standard deviation of one run; the "
-            "dashed lines are what Table 2 implies that the paper measured.",
+            "dashed lines are the masses that the paper measured, as Table 2 implies them.",
         ),
         (
             f"With an ideal torque chain raw means are within {found.bias_kg:.0f} kg of the truth "

@@ -250,7 +250,7 @@ def reason_for_no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
         return str(loads["withheld_for"][0])
     if loads.height == 1:
         return f"{counted(int(loads['manoeuvres'][0]), 'usable start')}, one load throughout"
-    return f"of {loads.height} load states none can be told to be loaded or empty"
+    return f"none of {loads.height} load states can be identified as loaded or empty"
 
 
 def _topic_sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:

@@ -183,7 +183,7 @@ def format_answer(run: Run) -> str:
     ]
     parts.append(_AXES if about.t0_unix_ns >= FIRST_DATE_NS else _AXES_WITHOUT_DATE)
     if is_shift(said):
-        parts.append("As weighed; what reviewers say is on the page of the review.")
+        parts.append("As weighed; the verdicts of reviewers are on the page of the review.")
     if failed := said.verdict.failed("mass"):
         parts.append("**The mass is withheld**, because:")
         parts.append(
@@ -200,7 +200,7 @@ def format_answer(run: Run) -> str:
         )
     parts += _describe_worth(said, _make_cycle_lines(run) if is_shift(said) else [])
     if len(said.loads) > 1:
-        parts.append("The paper's methods give one mass a log, and are not shown.")
+        parts.append("The paper's methods give one mass per log, and are not shown.")
     else:
         parts += [each for row in said.rows for each in _make_mass_cells(row)]
     if lines := planar_fit_lines(said.planar, said.planar_budget):
@@ -367,7 +367,8 @@ def _make_verdict_lines(verdict: Verdict) -> list[str]:
     parts = ["## Can this log weigh?", "\n".join(checks)]
     if verdict.has_spins and not verdict.can_tell_inertia:
         parts.append(
-            "**The yaw inertia is withheld**: its spins, or the signs of the force, failed."
+            "**The yaw inertia is withheld**: the checks of its spins, or of the sign of the "
+            "force, failed."
         )
     return parts
 

@@ -268,8 +268,8 @@ def previous_evidence(
     machine = checked.document.campaign.machine.id
     if machine_id not in (None, machine):
         raise EvidenceError(
-            f"{previous}: is evidence of machine '{machine}', this campaign of '{machine_id}'; "
-            "name that of the same machine"
+            f"{previous}: is evidence of machine '{machine}', this campaign is for "
+            f"'{machine_id}'; name evidence of the same machine"
         )
     by = checked.signed_by
     if key is not None and by.how == "unsigned":
@@ -313,8 +313,8 @@ def finish_evidence(
     readings, points = evidence.replayed.readings, evidence.fitted.frame
     if readings["mass_kg"].null_count() == readings.height:
         raise CampaignError(
-            f"{', '.join(evidence.campaign.logs)}: no run gave a reading; run `payscope run` on "
-            "each log to see why"
+            f"{', '.join(evidence.campaign.logs)}: no run yielded a reading; run `payscope run` "
+            "on each log to see why"
         )
     tables, digests = encode_tables(readings, points)
     document = _make_document(evidence, digests, key, before)

@@ -21,7 +21,7 @@ def command(
         ),
     ] = None,
     previous: Annotated[
-        Path | None, typer.Option(help="Evidence of this machine before this one.")
+        Path | None, typer.Option(help="Previous evidence of this machine.")
     ] = None,
     recordings: Annotated[
         bool, typer.Option("--recordings", help="Keep the recording of each log's replay.")
@@ -58,7 +58,7 @@ def command(
     dcc_certificate: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Certificate (PEM) of --dcc-key, if any.")
     ] = None,
-    force: Annotated[bool, typer.Option(help="Replace evidence that is there.")] = False,
+    force: Annotated[bool, typer.Option(help="Replace existing evidence.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Replay a campaign's runs, fit the line to reference masses, and write evidence of it.

@@ -78,7 +78,7 @@ app.add_typer(
 
 @app.callback(invoke_without_command=True)
 def _print_version(
-    version: bool = typer.Option(False, "--version", help="Show the version and leave."),
+    version: bool = typer.Option(False, "--version", help="Show the version and exit."),
 ) -> None:
     if version:
         from importlib.metadata import version as version_of

@@ -110,10 +110,12 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
             print_line(screen, f"stages in {name} alone: {', '.join(only)}")
     if found.stages:
         differing = sum(len(stage.columns) for stage in found.stages)
-        title = f"columns: {differing} of {found.columns} differ; of each stage, what changed most:"
+        title = (
+            f"columns: {differing} of {found.columns} differ; the largest changes of each stage:"
+        )
         part(title, _column_table(found), 0)
     whole = counted(found.columns, "column")
-    exact = f"to a relative difference of {rtol:g}" if rtol else "bit for bit"
+    exact = f"within a relative difference of {rtol:g}" if rtol else "bit for bit"
     said = f"Equal: {whole}, {exact}." if found.equal else f"They differ, compared {exact}."
     screen.print(f"\n{said}", markup=False)
 

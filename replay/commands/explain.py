@@ -43,7 +43,7 @@ def command(
         bool,
         typer.Option(
             "--apply",
-            help="Write the machine file of -m with the proposals that pay.",
+            help="Write the machine file of -m with the proposals that improve the mass.",
         ),
     ] = False,
     force: Annotated[bool, typer.Option(help="Replace existing files.")] = False,
@@ -134,7 +134,7 @@ def _print_explanation(
             print_line(screen, line)
 
     if mended is not None and mended.path is None:
-        print_line(screen, "no proposal pays, so no machine file was written")
+        print_line(screen, "no proposal improves the mass, so no machine file was written")
     print_line(screen, verdict_sentence(explained))
     failed = explained.said.verdict.failed("mass")
     if failed:
@@ -158,7 +158,7 @@ def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
     from recordings.report.finding_text import cause_name
     from replay.commands.print_tables import print_line, value_text
 
-    screen.print("\nmended, each proposal tried by a replay:", markup=False)
+    screen.print("\nproposed corrections, each tested by a replay:", markup=False)
     for each in mended.changes:
         claim = ""
         if each.change_kg is not None:
@@ -173,7 +173,7 @@ def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
     before, after = _format_mass(mended.before), _format_mass(mended.after)
     print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
     left = ", ".join(cause_name(each.cause) for each in mended.left) or "no cause"
-    print_line(screen, f"the log still shows: {left}")
+    print_line(screen, f"remaining findings: {left}")
     print_line(screen, f"machine file: {mended.path}")
 
 

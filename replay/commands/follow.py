@@ -36,7 +36,7 @@ def command(
         float, typer.Option("--idle-s", min=0.0, help="End after this many seconds without growth.")
     ] = 10.0,
     valid_s: Annotated[
-        float, typer.Option("--valid-s", min=0.0, help="A mass older than this is old.")
+        float, typer.Option("--valid-s", min=0.0, help="Age after which a mass counts as old.")
     ] = 120.0,
     until_u: Annotated[
         float | None,
@@ -44,12 +44,12 @@ def command(
             "--until-u",
             metavar="KG",
             min=1e-3,
-            help="Tell how far from a mass of the load to ± KG (2 % of the empty mass).",
+            help="Report the progress towards a mass of the load to ± KG (2 % of the empty mass).",
         ),
     ] = None,
     reports: Annotated[
         Path | None,
-        typer.Option("--reports", metavar="MCAP", help="Write reports as a topic, as they come."),
+        typer.Option("--reports", metavar="MCAP", help="Write each report to a topic of this log."),
     ] = None,
     live: Annotated[
         bool, typer.Option("--live", help="Show it in a browser on this machine as it grows.")

@@ -40,7 +40,7 @@ def command(
             "--moments",
             metavar="SECONDS",
             min=0.0,
-            help="Give moments, not rows: rows at most SECONDS apart are one.",
+            help="Print moments instead of rows: rows at most SECONDS apart are merged.",
         ),
     ] = None,
     output_format: FormatOption = None,

@@ -63,7 +63,11 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     empty: Annotated[
         str | None,
-        typer.Option("--empty", metavar="FROM:TO", help="Seconds in which it carried nothing."),
+        typer.Option(
+            "--empty",
+            metavar="FROM:TO",
+            help="Time span in which the machine was empty, in seconds.",
+        ),
     ] = None,
     goal: Annotated[
         float | None,

@@ -75,7 +75,7 @@ def command(
     calibration: Calibration = None,
     key: SignerKey = None,
     require_signed: RequireSigned = False,
-    as_json: Annotated[bool, typer.Option("--json", help="As --format json.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Same as --format json.")] = False,
     output: OutputFile = None,
     figure: Annotated[
         Path | None,

@@ -56,14 +56,12 @@ _SHORT = {
 
 #: What every answer rests on and has a default: asked behind what is missing.
 _TO_ANSWER = (
-    "does it dig? machine.digs = false where it has no bucket",
-    "does the force see the brakes? settings.gate.exclude_braking = false where it does",
+    "does the machine dig? machine.digs = false where it has no bucket",
+    "does the force sensor measure the brakes? if so, settings.gate.exclude_braking = false",
 )
 
 
-_JOINT_UNIT = (
-    'are the joints\' velocities in m/s? where they are in rad/s, scale = "wheel_radius_m"'
-)
+_JOINT_UNIT = 'are the joints\' velocities in m/s? if they are in rad/s, scale = "wheel_radius_m"'
 #: The topic (None in a table) and the field of a column.
 Source = tuple[str | None, str]
 
@@ -121,7 +119,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         f"name = {toml_value(log.path.stem)}",
         *(f"id = {toml_value(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
-        "# wheel_radius_m = 0.42        # needed where the force comes from wheel torques",
+        "# wheel_radius_m = 0.42        # needed if the force comes from wheel torques",
         "# track_width_m = 1.5          # for the yaw torque",
         "# digs = false                 # where it has no bucket: a car, a rack, an arm",
         "force_share = 1.0              # share of the force that the measured wheels carry",
@@ -348,10 +346,10 @@ def _format_mounting_angles(guess: MountingGuess) -> list[str]:
     if guess.is_level and guess.yaw_deg is not None:
         return []
     if guess.is_level and not guess.tilt_is_sure:
-        return [f"{found}: level. Its yaw is not told by", "# the log.", ""]
+        return [f"{found}: level. Its yaw cannot be determined from", "# the log.", ""]
     sure = guess.tilt_is_sure and guess.stood
     lines = [
-        found + (": it is mounted so" if sure else ": check this, it may be the ground"),
+        found + (": it is mounted so" if sure else ": check this, the ground may slope instead"),
         "[machine.imu]",
         f"roll_deg = {guess.roll_deg:g}",
         f"pitch_deg = {guess.pitch_deg:g}",

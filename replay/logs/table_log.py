@@ -189,7 +189,9 @@ class TableLog(Log):
         last = times.is_not_null().arg_true().max() if len(self._parts) > 1 else None
         missing = times.head(int(last) + 1).null_count() if last is not None else times.null_count()  # pyright: ignore[reportArgumentType] an index
         if missing:
-            self._losses.note(self.path, f"{missing} of {times.len()} rows have no time: dropped")
+            self._losses.note(
+                self.path, f"{missing} of {times.len()} rows have no time; they were dropped"
+            )
         there = times.drop_nulls()
         steps = there.diff()
         backwards = int((steps < 0).sum())
@@ -197,7 +199,9 @@ class TableLog(Log):
         if backwards:
             self._refuse_restarts(axis, there, backwards)
             self._losses.note(
-                self.path, f"the time goes back at {backwards} rows: sorted by time", TABLE
+                self.path,
+                f"the time goes back at {backwards} rows; they were sorted by time",
+                TABLE,
             )
         return times.alias("log_time_ns")
 
@@ -240,7 +244,7 @@ class TableLog(Log):
         row = int((before > there).arg_max() or 0)
         fall_s = (before[row] - there[row]) / 1e9
         raise LogError(
-            f"{self.path}: column '{axis.columns[-1]}' cannot be the time: it falls back by "
+            f"{self.path}: column '{axis.columns[-1]}' cannot be the time: it jumps back by "
             f"{fall_s:.6g} s at row {row + 1:,} and goes on from there: a second record, or a "
             "counter that begins anew. Split the file, name another column ([log] time), or set "
             "[log] rate_hz, or [log] sort_times = true if the rows belong together"
@@ -342,8 +346,8 @@ class TableLog(Log):
         if faults.len():
             self._losses.note(
                 self.path,
-                f"{faults.len()} cells of column '{text.name}' are no numbers, "
-                f"the first is '{_shorten(faults[0])}'",
+                f"{faults.len()} cells of column '{text.name}' are not numbers; the first is "
+                f"'{_shorten(faults[0])}'",
                 TABLE,
             )
         return numbers

@@ -179,8 +179,8 @@ def _compare_end(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> No
     if lines[0].digest != end.head or not known:
         raise EvidenceError(
             f"{path}: ends with number {len(lines) - 1}, but was written up to number "
-            f"{end.counter}, so it was cut or replaced; restore it, or start another one elsewhere "
-            "with --list"
+            f"{end.counter}, so it was truncated or replaced; restore it, or start another one "
+            "elsewhere with --list"
         )
 
 

@@ -35,31 +35,31 @@ _GRAVITY_M_S2: Final = (9.3, 10.2)
 _GRAVITY_G: Final = (0.95, 1.04)
 _AXES: Final = frozenset({"x", "y", "z"})
 _SIGN: Final = (
-    "which way {} is positive: it goes against the change of speed ({:.2f}); if it is inverted, "
-    "scale = -1"
+    "which direction of {} is positive: it correlates negatively with the change of speed ({:.2f}); "
+    "if it is inverted, scale = -1"
 )
 
 _APART: Final = (
-    "whether '{0}' moves the machine and '{1}' is its speed: they do not go together ({2:.2f})"
+    "whether '{0}' moves the machine and '{1}' is its speed: they are not correlated ({2:.2f})"
 )
 _UNITS_APART: Final = (
-    "the units of the time, '{0}' and '{1}': the change of '{1}' is {2:.3g} times '{0}'; where the "
+    "the units of the time, '{0}' and '{1}': the change of '{1}' is {2:.3g} times '{0}'; if the "
     "time is wrong, [log] time_unit or rate_hz"
 )
 _MIRRORED: Final = (
-    "which way '{0}' and '{1}' are positive: they go against each other ({2:.2f}); where one is "
-    "mounted mirrored, scale = -1 for it and its torque"
+    "which direction of '{0}' and '{1}' is positive: they correlate negatively ({2:.2f}); if one "
+    "is mounted mirrored, scale = -1 for it and its torque"
 )
 _AGAINST_PLACE: Final = (
-    "which way '{0}' is positive: it goes against the change of '{1}' ({2:.2f}); if it is "
-    "inverted, scale = -1"
+    "which direction of '{0}' is positive: it correlates negatively with the change of '{1}' "
+    "({2:.2f}); if it is inverted, scale = -1"
 )
 _WITHOUT_SIGN: Final = (
-    "which way '{0}' acts: it is never negative, and as large where the machine brakes; another "
-    "column may have its sign: where(braking_1 > 0.5, -x, x)"
+    "in which direction '{0}' acts: it is never negative, and as large while the machine brakes; "
+    "another column may have its sign: where(braking_1 > 0.5, -x, x)"
 )
 _WRAPPED: Final = (
-    "which numbers of '{0}' are negative: it jumps by 2^{1}; where those of the upper half are, "
+    "which numbers of '{0}' are negative: it jumps by 2^{1}; if those of the upper half are, "
     "where(x > {2}, x - {3}, x)"
 )
 #: Bits of integers whose sign is lost.

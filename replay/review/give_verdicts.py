@@ -202,7 +202,7 @@ def recount_review(folder: Path, given: GivenVerdicts) -> ShiftReview:
             cycles = cycles_of_ledger(rows, state.t0_unix_ns)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:
             raise ReviewError(
-                f"{folder}: its loads cannot be counted again ({error}); review its logs again"
+                f"{folder}: its loads cannot be recounted ({error}); review its logs again"
             ) from None
         before = read_verdict_text(folder)
         added = given.list_changes_to(parse_verdicts(before, folder), rows, state, folder)

@@ -109,7 +109,7 @@ class SimulatedBrakes(BaseModel):
         default=0.5,
         ge=0,
         le=60,
-        description="time from the onset of these brakes to the closing of the throttle, in the cruise",
+        description="time from the onset of these brakes to the end of throttle, in the cruise",
     )
 
 

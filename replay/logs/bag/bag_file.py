@@ -99,7 +99,9 @@ class BagFile(BlockFile):
             # the index stands behind all chunks, so that the end of the file tears none of them
             if block is None or (block.is_torn and counts):
                 lost = Block(offset, 0, 0, "", 0, counts=counts)
-                self._store.damage.note_lost_block(lost, "it is not where the index says")
+                self._store.damage.note_lost_block(
+                    lost, "it is not at the position that the index gives"
+                )
                 continue
             times = read_indexed_times(self._file, block, counts)
             if times is None:

@@ -275,7 +275,7 @@ class BlockStore:
         if unread and not block.is_torn:
             self.damage.note(
                 f"{unread:,} of {block.room:,} bytes in the chunk at byte "
-                f"{block.record_offset} form no whole record and are not read"
+                f"{block.record_offset} form no complete record and were not read"
             )
 
 

@@ -51,14 +51,14 @@ class BlockDamage(Damage):
             blocks = [block for block, _ in damaged]
             yield (
                 f"{len(damaged):,} chunks ({sum(b.stored_bytes for b in blocks):,} bytes) are "
-                f"damaged and not read, the first at byte {blocks[0].record_offset}: "
+                f"damaged and were not read, the first at byte {blocks[0].record_offset}: "
                 f"{damaged[0][1]}; {content_text(blocks, topics)}"
             )
             return
         for block, why in damaged:
             yield (
                 f"the chunk at byte {block.record_offset} ({block.stored_bytes:,} bytes) is "
-                f"damaged and not read: {why}; {content_text([block], topics)}"
+                f"damaged and was not read: {why}; {content_text([block], topics)}"
             )
 
     def _describe_gaps(self) -> Iterable[str]:

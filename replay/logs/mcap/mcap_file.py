@@ -154,7 +154,7 @@ class McapFile(BlockFile):
         walk = McapWalk(self._second_store(), self._describe)
         self._compare(walk.chunks(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
-            self._store.damage.note("its records do not lead from its data to its footer")
+            self._store.damage.note("its records do not connect its data with its footer")
         return self._store.crcs + self._is_sealed + self._is_data_sealed(walk.data_end)
 
     def _is_data_sealed(self, end: int) -> bool:
@@ -166,7 +166,7 @@ class McapFile(BlockFile):
         if not agrees:
             self._store.damage.note(
                 f"the CRC of its data is wrong: some of their {end:,} bytes are not as they were "
-                "recorded, and nothing tells which"
+                "recorded, and it is not known which"
             )
         return agrees
 
@@ -184,7 +184,7 @@ class McapFile(BlockFile):
             if block is None or block.is_torn:
                 lost = make_damaged_block(chunk)
                 self._store.note_lost_block(
-                    lost, read_times() or {}, "it is not where the index says"
+                    lost, read_times() or {}, "it is not at the position that the index gives"
                 )
             elif counts and is_described and _has_same_times(chunk, block):
                 self._store.add_indexed(block, read_times)

@@ -116,7 +116,7 @@ class PageWalk:
         size = self._layout.page_bytes
         ranges, slots = page_ranges(leaves, size, _LEAF_BYTES)
         if not read_ranges(self._file, ranges, size, memory.data):
-            raise OSError("the file became shorter")
+            raise OSError("the file was truncated while it was read")
         tail = int(ranges.begin[-1] + ranges.pages[-1] * size)
         self._state[AT_LEAF] = 0
         found, spilled, joined_bytes, is_usual = scan_leaves(
@@ -233,7 +233,7 @@ class Chains:
         self._near = Near(page, pages, data if data.size else np.empty(self._most * size, np.uint8))
         target = self._near.data[: pages * size]
         if self._file.read_into((page - 1) * size, target) < target.size:
-            raise OSError("the file became shorter")
+            raise OSError("the file was truncated while it was read")
 
 
 @compiled

@@ -289,6 +289,6 @@ def describe_tear(head: bytes, size: int) -> str | None:
     if not page or not (size % page or pages * page > size):
         return None
     if pages and size > pages * page:
-        return f"has {size - pages * page:,} bytes behind its last page, which are not read"
-    unsure = ", and its last page is torn: what stood there may be altered" if size % page else ""
+        return f"has {size - pages * page:,} bytes behind its last page, which were not read"
+    unsure = ", and its last page is torn: its content may be altered" if size % page else ""
     return f"breaks off after byte {size:,} of {max(pages * page, size):,}{unsure}"

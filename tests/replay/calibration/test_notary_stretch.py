@@ -203,7 +203,7 @@ ATTACKS: dict[str, tuple[Callable[[Bundle], None], BundleOutcome | None, str]] =
     "an inner line and a narrower stretch": (
         both(of_bytes(without(1)), in_campaign(first=2)),
         INCOMPLETE,
-        "load-0.csv: is in no line from number 2 to 4",
+        "load-0.csv: is not listed among numbers 2 to 4",
     ),
     "a narrower stretch alone": (
         in_campaign(first=2), TAMPERED, "out of order, or twice",
@@ -224,7 +224,7 @@ ATTACKS: dict[str, tuple[Callable[[Bundle], None], BundleOutcome | None, str]] =
     ),
     "empty": (of_bytes(lambda _: b""), TAMPERED, "does not begin with the head"),
     "taken away": (gone, INCOMPLETE, "notary.jsonl: is missing"),
-    "not named": (not_named, TAMPERED, "is a list that the campaign does not name"),
+    "not named": (not_named, TAMPERED, "is a list, but the campaign names none"),
     "made before it was listed": (
         forged_before_its_logs, IRREPRODUCIBLE, "after the evidence was made",
     ),

@@ -79,7 +79,7 @@ def test_two_signed_of_one_number_are_a_fork(
     found = chain(made, made.first, made.bundle, forked)
     assert found.outcome is TAMPERED
     assert "machine sledge-7: number 2: a fork: " in said(found)
-    assert "have one number" in said(found)
+    assert "have the same number" in said(found)
     left = payscope("verify", made.first, made.bundle, forked, "--key", made.public)
     assert left.status == 3
     # and what follows the one does not follow the other

@@ -191,7 +191,7 @@ def test_what_a_cause_explains_that_stays_is_not_mended(
     write_recording(doubted, out, force=True)
     said = payscope("explain", out, "-m", machine_file, "--apply", "-o", target)
     assert said.status == 1, said
-    why = "not channels.force_x_N.delay_s (delay): quantised explains it, and stays"
+    why = "not channels.force_x_N.delay_s (delay): quantised explains this finding, and remains"
     assert why in said.out.replace("\n", " ")
 
 
