@@ -132,7 +132,8 @@ def find_standing_samples(excitation: pl.DataFrame) -> Bools:
 def _dumping_reach(away: Floats) -> float:
     """Signed reach of a boom that dumps: upwards, unless it reaches far less that way.
 
-    A boom that moves while driving is far from its usual position at the dump and at the pile.
+    A boom that moves during driving is far from its usual position both at the dump and at the
+    pile.
 
     Args:
         away: (n,) angle of the boom from its usual position, while slow.
@@ -167,7 +168,7 @@ def _join_dumps(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> l
         t_ns: (n,) times of the samples.
         dumps: (n,) whether the boom is out while the machine hardly moves.
         inside_ns: times with the boom in.
-        stands_ns: times with the boom out at a stand.
+        stands_ns: times with the boom out at standstill.
     """
     when = t_ns[dumps]
     if not when.size:
@@ -187,6 +188,6 @@ def _drop_cut_short(spans: list[Span], ends_ns: int) -> list[Span]:
 
 
 def _trim_to_stands(span: Span, stands_ns: Ints) -> Span:
-    """First to last stand within a span; the whole span without stands."""
+    """First to last standstill within a span; the whole span if there is none."""
     first, end = np.searchsorted(stands_ns, span[0]), np.searchsorted(stands_ns, span[1], "right")
     return span if first == end else (int(stands_ns[first]), int(stands_ns[end - 1]))

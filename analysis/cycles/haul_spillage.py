@@ -36,7 +36,7 @@ def subtract_spillage(
 
     Args:
         cycles: frame with payloads as weighed.
-        parts: begin of each haul, and stand for its dump.
+        parts: begin of each haul, and stop for its dump.
         found: manoeuvres that weigh each load.
         frames: the frames `manoeuvres` and `excitation`.
         body: machine body with its spillage.

@@ -134,7 +134,7 @@ def _find_short_hauls(
     """Mark very short hauls of a load without a filling, (manoeuvres,).
 
     A machine that backs out after a dump may look loaded: a short manoeuvre determines its mass
-    badly, and a lowered boom looks like a dump.
+    poorly, and a lowered boom looks like a dump.
 
     Args:
         loaded: (manoeuvres,) whether each is loaded.
@@ -182,7 +182,7 @@ def _refill_places(
     dumps: BoomDumps,
     one_filling_ns: int,
 ) -> list[int]:
-    """Borders before which a loaded machine digs again, so that it was empty in between.
+    """Borders before which a loaded machine digs again, so that it must have been empty in between.
 
     No start weighs the empty drive: it was too short, or not recorded. The boom shows a dump, or
     enough time passed.
@@ -228,7 +228,7 @@ def _reclassify_at_dumps(
 
 
 def _dump_places(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> list[int]:
-    """Borders between loaded manoeuvres with a boom dump, where the second load is another."""
+    """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""
     return [
         k
         for k in range(loaded.size - 1)
@@ -306,7 +306,7 @@ def _digging_labels(
 
 
 def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
-    """Whether each state is loaded, (states,), by a mass border between two classes.
+    """Classify each state as loaded or not, (states,), by a mass border between two classes.
 
     If loads are below the states' deviations, digging decides, or that nearly every state is
     heavier or lighter than both neighbours.

@@ -165,7 +165,7 @@ class CheckInputs:
         totals: the frame `masses`, before anything is withheld.
         t0_unix_ns: Unix time of the first row.
         noise: noise of the columns; None if it is not known.
-        left_out: stretches left out and the answer without them, by check.
+        left_out: excluded stretches and the answer without them, by check.
     """
 
     excitation: pl.DataFrame

@@ -87,7 +87,7 @@ def refit_without_stretches(
         grid: `aligned` and the Unix time of its first row in ns.
         gated: frame with the accepted windows.
         machine: machine file with settings.
-        weighed: computes the joint fit of a grid, some of whose rows may be left out.
+        weighed: computes the joint fit of a grid without the excluded rows.
     """
     aligned, t0_unix_ns = grid
     weighing = weighed(aligned)
@@ -117,7 +117,7 @@ def refit_without_stretches(
 def _named_stretches(
     signals: Signals, limits: VerdictLimits
 ) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
-    """Name, stretches by channel and rejection reason of each check that fails."""
+    """Name, stretches by channel, and rejection reason of each failing check."""
     if signals.frozen_s > limits.frozen_max_s:
         yield "frozen", signals.frozen, "gap"  # what is frozen was not measured
     if signals.clipped_share > limits.clipped_max:

@@ -98,7 +98,7 @@ def _contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
 
 
 def _gating_bias_u(inputs: CheckInputs, motion: AxisMotion) -> float:
-    """Gated minus ungated pooled mass, in standard deviations; NaN where a spring acts on both."""
+    """Gated minus ungated pooled mass, in standard deviations; NaN if a spring biases both."""
     if inputs.totals is None or inputs.position_dependent_force is not None:
         return np.nan
     pooled = inputs.totals.filter(inputs.totals["method"] == "pooled")

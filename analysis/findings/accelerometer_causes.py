@@ -76,7 +76,7 @@ def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
-    """Find a rolled or pitched-over accelerometer, by gravity of the wrong sign along z."""
+    """Find an accelerometer mounted upside down, by gravity of the wrong sign along z."""
     z, std = inputs.standstill_level(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not z < -_GRAVITY * pull or not inputs.measured_channels(_Z):
@@ -150,7 +150,7 @@ def tilt_or_bias(inputs: FindingInputs, error: float) -> str:
     """Tell a tilt from a bias by the z axis: a tilt reduces the gravity that z reads.
 
     Returns:
-        "tilt", "bias", or "" if the log cannot tell them apart.
+        "tilt", "bias", or "" if the log cannot distinguish them.
     """
     z, _ = inputs.standstill_level(_Z)
     pull = inputs.machine.machine.gravity_m_s2

@@ -211,7 +211,7 @@ class ChannelSpikes:
         unix_ns: (k,) stamps of the spikes.
         size: median distance of a spike from its neighbours, in the channel's SI unit.
         ratio: largest distance from the neighbours, in standard deviations.
-        near: (n,) True for grid samples beside a spike.
+        near: (n,) True for grid samples next to a spike.
     """
 
     unix_ns: Ints
@@ -303,7 +303,7 @@ def local_std(x: Floats) -> Floats:
 
 
 def samples_near(inputs: FindingInputs, unix_ns: Ints) -> Bools:
-    """Grid samples beside the given stamps, (n,)."""
+    """Grid samples next to the given stamps, (n,)."""
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
@@ -311,7 +311,7 @@ def samples_near(inputs: FindingInputs, unix_ns: Ints) -> Bools:
 
 
 def is_near_spike(inputs: FindingInputs) -> Bools:
-    """Grid samples beside a spike of any channel, (n,)."""
+    """Grid samples next to a spike of any channel, (n,)."""
     near = np.zeros(inputs.aligned.height, np.bool_)
     for each in spikes_by_channel(inputs).values():
         near |= each.near

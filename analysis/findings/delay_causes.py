@@ -108,8 +108,6 @@ def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> floa
     """Partial correlation of force and acceleration about 0, given the speed.
 
     Friction in the force follows the speed, which is the integral of the acceleration.
-
-    A force that rubs goes with the speed, which is the acceleration of later.
     """
     friction = np.column_stack([v, np.sign(v)])
     both = np.column_stack([force, acceleration])
@@ -121,7 +119,7 @@ def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> floa
 def _lag_of_force(
     force: Floats, acceleration: Floats, v: Floats, drives: Bools, step_s: float
 ) -> tuple[float, float, float]:
-    """Lag of a force that the brakes do not act on; returns the same as `_find_lag`."""
+    """Lag of the force where no brakes act; returns the same values as `_find_lag`."""
     longest = round(LIMITS.longest_delay_s / step_s)
     inside = drives.copy()
     inside[:longest] = inside[-longest:] = False

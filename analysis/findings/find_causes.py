@@ -195,7 +195,7 @@ def _is_hidden_by_any(hiding: list[pl.DataFrame], cause: str) -> bool:
 
 
 def _mend_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
-    """Machine file with the masking causes corrected; None if no channel setting does that."""
+    """Machine file with the masking cause corrected; None if no channel setting corrects it."""
     if first.is_empty() or first["setting"][0] is None:
         return None
     if first["cause"][0] not in _HIDES and not masks_other_causes(
@@ -206,7 +206,7 @@ def _mend_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
 
 
 def _scale_channels(machine: Machine, keys: str, values: str) -> Machine | None:
-    """Machine file with other channel settings; None if more than these would change."""
+    """Machine file with changed channel settings; None if other settings would change as well."""
     channels = dict(machine.channels)
     read = tomllib.loads(f"values = [{values}]")["values"]
     for key, value in zip(keys.split(", "), read, strict=True):

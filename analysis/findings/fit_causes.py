@@ -174,12 +174,9 @@ def _newtons_text(force_N: float, std_N: float, sign: str = "-") -> str:
 
 
 def _fitted_term(inputs: FindingInputs, name: str) -> PickedCause | None:
-    """A term of the joint fit, beyond what standstill explains of it.
+    """Term of the joint fit, less the part that standstill explains.
 
     If all starts use one throttle, only the priors of the fit separate it from mass and friction.
-
-    Where all starts have one throttle, their samples hardly tell it from mass and friction; the
-    fit does, by its priors.
     """
     fit, seen = inputs.fit, explain_constant_force(inputs)
     names = [] if fit is None else [term.name for term in fit.terms]

@@ -140,7 +140,7 @@ def is_physical(pick: PickedCause) -> bool:
 
 
 def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause | None:
-    """Test a delay too long for a derivative, with the lag of the joint fit."""
+    """Test a delay that is too long to be linearised, with the lag of the joint fit."""
     fit = inputs.fit
     if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
         return None
@@ -195,7 +195,7 @@ def _attribute_delay(
 ) -> tuple[MotionSamples, PickedCause, tuple[str, ...]]:
     """Decide whether the wheels are early or the accelerometer is late.
 
-    Both look alike in the wheel equation; the force tells them apart.
+    Both have the same effect on the wheel equation; the force distinguishes them.
 
     Args:
         inputs: the log.
@@ -223,7 +223,7 @@ def _attribute_delay(
 def score_causes(
     inputs: FindingInputs, motion: MotionSamples, taken: list[str]
 ) -> dict[str, PickedCause]:
-    """Score every remaining cause beside those already picked."""
+    """Score every remaining cause in addition to those already picked."""
     parts = _build_systems(inputs, motion, taken)
     names = list(dict.fromkeys(name for part in parts for name in part.information))
     out: dict[str, PickedCause] = {}

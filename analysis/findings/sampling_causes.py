@@ -195,7 +195,7 @@ def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> str:
-    """Channel to blame for two diverging clocks: that of the force, if involved."""
+    """Channel to which two diverging clocks are attributed: that of the force, if involved."""
     force = inputs.force_channel
     topic = None if force is None else inputs.machine.channels[force].topic
     return slower if slower == topic else faster
@@ -232,7 +232,7 @@ def usual_latencies(latency_s: Floats) -> tuple[Floats | None, float]:
 
 
 def _largest_step(level: Floats) -> tuple[int, float, float]:
-    """Index and height in s of the largest step, and the standard deviation beside it in s."""
+    """Index and height in s of the largest step, and the standard deviation around it in s."""
     count = np.arange(1, level.size)
     before = np.cumsum(level)[:-1] / count
     after = (level.sum() - np.cumsum(level)[:-1]) / (level.size - count)

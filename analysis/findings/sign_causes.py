@@ -246,7 +246,7 @@ def _reads_gravity(inputs: FindingInputs) -> bool:
 
 
 def _speed_units(inputs: FindingInputs) -> dict[float, str]:
-    """Names of the units by the ratio of accelerometer to wheels that each would cause."""
+    """Names of wrong units by the ratio of accelerometer to wheels that each would cause."""
     found = {1.0 / times: what for times, what in _SPEED_UNITS.items()}
     radius_m = inputs.machine.machine.wheel_radius_m
     if radius_m is None:

@@ -147,9 +147,9 @@ def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> EquationRows
 
 @lru_cache(maxsize=256)
 def _whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
-    """Matrix that whitens the noise of a stretch and removes its line.
+    """Matrix that whitens the noise of a stretch and removes its mean and slope.
 
-    Beside it the accelerometer's share of that noise, added up over the rows.
+    It also returns the accelerometer's share of that noise, summed over the rows.
 
     Returns:
         (count - 2, count) matrix, and the accelerometer's fraction of the noise, summed over the

@@ -41,7 +41,7 @@ def _wave_term(half_waves: int) -> Nuisance:
 
 
 def _load_proportional_term(term: Nuisance) -> Nuisance:
-    """The part of a term that is proportional to the load."""
+    """Part of a nuisance term that is proportional to the load."""
 
     def column(m: Moments) -> Floats:
         return term.column(m) * m.relative_load

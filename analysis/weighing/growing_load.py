@@ -216,7 +216,7 @@ def find_creeping_manoeuvres(fit: JointFit) -> Ints:
 
 
 def _residual_of_rows(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
-    """Residual of the rows, (n,) in N; undefined for rows of no manoeuvre."""
+    """Residual of the rows, (n,) in N; undefined for rows outside manoeuvres."""
     assert fit.states is not None
     place = np.searchsorted(fit.states.unit, unit).clip(0, fit.states.unit.size - 1)
     masses = fit.theta[: fit.count][fit.states.membership[place]]

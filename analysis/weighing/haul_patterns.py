@@ -55,7 +55,7 @@ def hauling_patterns(motion: MotionSamples) -> list[Ints]:
 
 
 def _find_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
-    """Visits to each recurrent stop, (units - 1,) flags of the stands each.
+    """Visits to each recurrent stop, as flags (units - 1,) of the standstills.
 
     Stands are of one place if they are as far after the last turn and before the next one, between
     the same directions.

@@ -67,7 +67,7 @@ class Route:
 
 
 def _place_dumps(arrives_m: Floats, leaves_m: Floats) -> Floats:
-    """Places where the machine leaves empty, or arrived if the next start is not fitted.
+    """Positions at which the machine leaves empty, or arrives if its next start is not fitted.
 
     Args:
         arrives_m: (dumps,) end of the last manoeuvre with the load.

@@ -337,7 +337,7 @@ def _count_reversals(found: Partition) -> int:
 def _alternative_partition(
     units: GroupEffects, best: Partition, other: Partition | None, probability: float
 ) -> AlternativePartition | None:
-    """The alternative that the manoeuvres allow; None if the log decides."""
+    """The alternative partition that the manoeuvres allow; None if the log determines one."""
     doubted = (
         LIMITS.several_loads_min_probability
         if best.states == 1

@@ -136,7 +136,7 @@ class LikelyEffects:
 
 
 def _drop_effect(kept: tuple[bool, ...], place: int) -> tuple[bool, ...]:
-    """The choice of effects without one of them."""
+    """The same choice of effects without one effect."""
     return (*kept[:place], False, *kept[place + 1 :])
 
 

@@ -112,7 +112,7 @@ def _ramp(place: Floats, begin: float, end: float) -> Floats:
 
 @compiled_ahead
 def _one_way(column: Floats, direction: Floats, sign: float) -> Floats:
-    """Force along one driving direction, 0 in the other."""
+    """Force that acts in one driving direction, 0 in the other."""
     out = np.zeros(column.size)
     for k in range(out.size):
         if direction[k] == sign:
@@ -132,7 +132,7 @@ def _random_walk_ratio(over_m: float) -> float:
 
 
 def _route_term(part: int) -> Nuisance:
-    """Term for rolling resistance along one part of the route."""
+    """Nuisance term for rolling resistance along one part of the route."""
     begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
 
     def column(m: Moments) -> Floats:

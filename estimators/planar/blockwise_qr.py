@@ -74,7 +74,7 @@ def sandwich_meat(
     Args:
         A: (n, k, p) regressor.
         columns: (r,) selected columns.
-        segment_id: (n,) stretch of each sample, negative for those left out.
+        segment_id: (n,) stretch of each sample, negative for excluded ones.
         correlations: k of (lags,), the residuals' autocorrelation of each axis.
         weight: (k, r) factors of each axis' columns.
     """

@@ -84,7 +84,7 @@ def read_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
 
 
 def _read_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
-    """Results of the reader's process for each table; None if it crashed."""
+    """Results of the reader process for each table; None if it crashed."""
     asked = json.dumps(
         [
             {

@@ -124,7 +124,7 @@ def _describe_notary_logs(document: EvidenceDocument) -> list[str]:
 
 
 def _unseen_machine(document: EvidenceDocument) -> Iterator[str]:
-    """Sentences on which machine recorded the logs."""
+    """Sentences on whether this machine recorded the logs."""
     without = logs_without_machine(document.logs)
     told = len(document.logs) - len(without)
     if without:
@@ -154,8 +154,8 @@ def _describe_outcome(document: EvidenceDocument) -> list[str]:
             f"A machine that has not drifted would be as far off with a probability of "
             f"{drift.p_1:.2g}."
             if drift.drifted
-            else f"A drift of {drift.matters_kg:,.1f} kg would have gone undetected with a probability "
-            f"of {drift.missed_1:.2g}."
+            else f"A drift of {drift.matters_kg:,.1f} kg would have gone undetected with a "
+            f"probability of {drift.missed_1:.2g}."
         )
         found.append(
             f"{'Drifted' if drift.drifted else 'Not drifted'}: the known mass comes out "

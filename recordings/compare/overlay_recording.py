@@ -57,7 +57,7 @@ def write_overlay(
 ) -> Path:
     """Write a recording of two runs over each other, with B less A.
 
-    Views in which nothing differs are left out, but for the speed.
+    Views without differences are omitted, except for the speed.
 
     Args:
         a: reference run; the drawn columns suffice.
@@ -168,7 +168,7 @@ def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | 
 def _shorten_shared_names(
     mine: Sequence[DisplayColumn], theirs: Sequence[DisplayColumn], *, lone: bool
 ) -> set[str]:
-    """Labels that A and B share and show without their side."""
+    """Labels common to A and B, which are shown without the name of the run."""
     both = {each.label for each in mine} & {each.label for each in theirs}
     return {each.label for each in mine if not lone or each.column == "threshold"} & both
 

@@ -113,7 +113,7 @@ def schema_faults(root: "_Element") -> Iterator[str]:
 
 
 def _frame_faults(root: "_Element") -> Iterator[str]:
-    """Required single parts that are missing or repeated."""
+    """Yield faults: parts that must occur once, but are missing or repeated."""
     names = [child.tag for child in root]
     for name in ("administrativeData", "measurementResults"):
         if names.count(f"{{{DCC}}}{name}") != 1:

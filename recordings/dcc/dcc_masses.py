@@ -56,8 +56,8 @@ def read_certified_masses(root: "_Element", item: str, what: str) -> list[Certif
         what: the certificate's name, for errors.
 
     Raises:
-        EvidenceError: no such item, no or several masses of it, another unit, a value or an
-            uncertainty that is none, or an uncertainty without its coverage factor.
+        EvidenceError: no such item, no or several masses of it, another unit, a value or an invalid
+            uncertainty, or an uncertainty without its coverage factor.
     """
     admin = root.find(f"{{{DCC}}}administrativeData")
     assert admin is not None
@@ -85,7 +85,7 @@ def read_certified_masses(root: "_Element", item: str, what: str) -> list[Certif
 
 
 def _list_item_names(item: "_Element") -> list[str]:
-    """Names by which an item may be referred to."""
+    """Names by which a certificate may refer to an item."""
     values = item.findall(f"{{{DCC}}}identifications/{{{DCC}}}identification/{{{DCC}}}value")
     names = [item.get("id"), *(leaf_text(value) for value in values)]
     return [name for name in names if name]
@@ -179,7 +179,7 @@ def weights_of_list(
         what: the certificate's name, for errors.
 
     Raises:
-        EvidenceError: the certificate does not say which, or says it in two ways.
+        EvidenceError: the certificate does not state it, or states it ambiguously.
     """
     count = value_count(quantity, what)
     assert count is not None
@@ -210,7 +210,7 @@ def weights_of_list(
 
 
 def _name_lists(quantity: "_Element", what: str) -> Iterator[list[str]]:
-    """Yield lists that may name weights: labels of the list, and texts beside it."""
+    """Yield lists that may name weights: labels of the list, and texts next to it."""
     values = quantity.find(f"{{{SI}}}realListXMLList")
     assert values is not None
     if values.find(f"{{{SI}}}labelXMLList") is not None:

@@ -69,12 +69,12 @@ def render_table_2(frame: pl.DataFrame) -> list[RenderedItem]:
 
 
 def render_table_3(frame: pl.DataFrame) -> list[RenderedItem]:
-    """Tables of errors by threshold, with the own load in the fit and left out."""
+    """Tables of errors by threshold, with the own load in the fit and without it."""
     return _render_swept(frame, campaign_tables.THRESHOLD, "threshold, nat")
 
 
 def render_table_4(frame: pl.DataFrame) -> list[RenderedItem]:
-    """Tables of errors by window length, with the own load in the fit and left out."""
+    """Tables of errors by window length, with the own load in the fit and without it."""
     return _render_swept(frame, campaign_tables.WINDOW, "samples")
 
 
@@ -97,7 +97,7 @@ def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[Rendere
 
 
 def render_figure_8(frame: pl.DataFrame) -> list[RenderedItem]:
-    """Tables of errors by load, in the fit and left out."""
+    """Tables of errors by load, with the load in the fit and without it."""
     header, rows = rows_by_method(
         frame,
         "load_kg",

@@ -135,7 +135,7 @@ def _refuse_folder(target: Path) -> None:
 
 @contextmanager
 def staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
-    """Context with a hidden folder beside the targets, which is always removed at the end."""
+    """Context with a hidden folder next to the targets, which is always removed at the end."""
     folder = targets[0].parent
     if not folder.is_dir():
         raise OutputError(f"{targets[0]}: no folder '{folder}'; create it first")

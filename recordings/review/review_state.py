@@ -78,7 +78,7 @@ class ReviewState(BaseModel):
         motions: motion of each cycle.
         motion: motion of the whole shift.
         energy: energy of the shift and of each cycle.
-        idle_s: stands of more than half a minute, since the first sample.
+        idle_s: standstills of more than half a minute, since the first sample.
         torn: truncated logs.
         calibration: description of the calibration, and objections to it.
         mixed_machines: warning that the logs may be of two machines; else empty.

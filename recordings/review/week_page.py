@@ -56,7 +56,7 @@ def write_week_page(
         path: page to write; an existing page of a week is replaced.
 
     Raises:
-        OutputError: it is no .html, or another file is there.
+        OutputError: it is not .html, or another file exists there.
     """
     if path.suffix != ".html":
         raise OutputError(f"{path}: the page of a week is one file; name it like week.html")

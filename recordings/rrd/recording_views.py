@@ -61,7 +61,7 @@ class Methods(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Tab:
-    """One tab: its views from top to bottom, and the texts beside them.
+    """One tab: its views from top to bottom, and the texts next to them.
 
     Attributes:
         name: name of the tab.

@@ -118,7 +118,7 @@ def load_keyring(path: Path | None = None) -> Keyring:
         path: path of the file; None for the user's.
 
     Raises:
-        EvidenceError: it cannot be read, is no keyring, or holds a key that is weak or twice there.
+        EvidenceError: it cannot be read, is not a keyring, or holds a weak or repeated key.
     """
     path = path or keyring_path()
     try:

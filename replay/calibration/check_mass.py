@@ -97,7 +97,7 @@ def check_mass(
 def _check_campaign(
     last: EvidenceDocument, log: Path, known: KnownMassOnBoard
 ) -> CalibrationCampaign:
-    """A campaign with a single run."""
+    """Make a campaign with a single run."""
     if known.value_kg < 0.0:
         raise CampaignError(f"--check {known.value_kg:g}: give a mass of at least 0 kg")
     mass = ReferenceMass.model_validate(

@@ -63,7 +63,7 @@ def command(
 ) -> None:
     """Replay a campaign's runs, fit the line to reference masses, and write evidence of it.
 
-    Exit status 1 where there is no line, a limit is not kept, or a check finds drift.
+    Exit status 1 if there is no line, a limit is exceeded, or a check finds drift.
     """
     from replay.calibration.calibrate_campaign import calibrate_from_campaign
     from replay.calibration.check_mass import KnownMassOnBoard, check_mass

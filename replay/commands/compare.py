@@ -73,7 +73,7 @@ def command(
 
 
 def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
-    """Print the differences, the answer first; equal items are not printed."""
+    """Print the differences, those of the answer first; equal items are not printed."""
     from estimators.errors import counted
     from replay.commands.print_tables import print_line, print_table, stdout_console
 

@@ -49,12 +49,12 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace existing files.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
 ) -> None:
-    """Say why a run weighs what it weighs: causes that show, the gate, what is not determined.
+    """Explain the mass of a run: detected causes, the gate, and undetermined parameters.
 
     Each cause comes with its measurement, its effect on the mass, the key of the machine file, and
     the causes that cannot be distinguished from it in this log. With --apply -o mended.toml the
-    machine file is written with the proposals that pay, and the log is replayed with it. Exit
-    status 1 if nothing pays.
+    machine file is written with the proposals that improve the mass, and the log is replayed with
+    it. Exit status 1 if nothing pays.
     """
     from replay.commands.print_tables import print_json
     from replay.commands.progress_bar import Stages

@@ -61,10 +61,10 @@ def command(
 ) -> None:
     """Follow a log while it is recorded: gate, estimates and masses as the machine drives.
 
-    Steps what is whole on disk, as on board. Ends when the recorder closes the log, when it has
-    not grown for --idle-s, or on ctrl-C. With -o it is recorded as it goes. The replay of the log
-    with settings.filter.causal=true then takes the place of that recording, and what was
-    followed is compared with it bit for bit. Started again, it goes on where it was.
+    Processes complete messages on disk, as on board. Ends when the recorder closes the log, when it
+    has not grown for --idle-s, or on ctrl-C. With -o it is recorded as it goes. The replay of the
+    log with settings.filter.causal=true then replaces that recording, and the followed results are
+    compared with it bit for bit. Started again, it goes on where it was.
     """
     import json
     from contextlib import ExitStack

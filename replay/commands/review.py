@@ -134,7 +134,7 @@ def command(
     timing: Annotated[bool, typer.Option(help="Print the duration of each stage.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the sums as JSON.")] = False,
 ) -> None:
-    """Review a shift: ledger, recording and one page with tonnes, cycles and what is wrong.
+    """Review a shift: ledger, recording and one page with tonnes, cycles and faults.
 
     Verdicts are added to verdicts.toml in the folder.
 

@@ -85,7 +85,7 @@ def command(
 ) -> None:
     """Replay logs once for each combination of settings and compare masses and verdicts.
 
-    If the truth of a simulation lies beside the logs, the root mean square errors of the runs'
+    If the truth of a simulation lies next to the logs, the root mean square errors of the runs'
     masses are given as in the paper's Tables 3 and 4, and drawn with --figure. A combination that
     cannot weigh has no mass. Exit status 1 if none can.
     """

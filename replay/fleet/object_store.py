@@ -138,7 +138,7 @@ class Store:
             self._run(names[0], lambda: self._store.delete(names))
 
     def _run(self, name: str, work: Any) -> Any:
-        """Run an operation, and raise its error in one line."""
+        """Run an operation, and raise its error as a message of one line."""
         from obstore.exceptions import BaseError
 
         try:

@@ -199,7 +199,7 @@ def event_text(report: OnlineReport) -> str:
 
 
 def progress_text(report: OnlineReport) -> str:
-    """Progress towards an answer and what is missing; empty without a target uncertainty."""
+    """Progress towards an answer and the missing inputs; empty without a target uncertainty."""
     if report.until_u_kg is None or report.percent is None:
         return ""
     missing = missing_text(report.starts_missing, report.reverse_missing)
@@ -214,7 +214,7 @@ def progress_text(report: OnlineReport) -> str:
 
 
 def page_text(report: OnlineReport) -> str:
-    """Reports in Markdown, for the page beside the plots."""
+    """Reports in Markdown, for the page next to the plots."""
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
     return (
         f"# {mass_text(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} gave a mass so "

@@ -218,7 +218,7 @@ def _open_tail(path: Path) -> Tail:
 
 
 def _list_recorder_files(folder: Path) -> list[Path]:
-    """Files of a recorder that starts new ones, by the numbers in their names."""
+    """Files of a recorder that splits its log, ordered by the numbers in their names."""
     found = [path for path in folder.iterdir() if format_suffix(path) in _TAILS]
     return sorted(
         found, key=lambda path: [_natural_order(part) for part in re.split(r"(\d+)", path.name)]

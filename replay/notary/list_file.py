@@ -110,7 +110,7 @@ def open_list(path: Path) -> Generator[OpenList]:
     The system releases the lock when the process ends, however it ends.
 
     Raises:
-        EvidenceError: it is no list, was cut or written anew, or another process writes it.
+        EvidenceError: it is not a list, was truncated or rewritten, or another process writes it.
         OutputError: it cannot be written.
     """
     import fcntl

@@ -108,7 +108,7 @@ def notarise_folder(
 
     Raises:
         EvidenceError: no key, or another than the list's; the list was changed.
-        OutputError: the list cannot be written; what was listed before that stays.
+        OutputError: the list cannot be written; the entries listed before that are kept.
     """
     if not folder.is_dir():
         raise EvidenceError(

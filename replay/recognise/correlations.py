@@ -35,8 +35,8 @@ _GRAVITY_M_S2: Final = (9.3, 10.2)
 _GRAVITY_G: Final = (0.95, 1.04)
 _AXES: Final = frozenset({"x", "y", "z"})
 _SIGN: Final = (
-    "which direction of {} is positive: it correlates negatively with the change of speed ({:.2f}); "
-    "if it is inverted, scale = -1"
+    "which direction of {} is positive: it correlates negatively with the change of speed ({:.2f});"
+    " if it is inverted, scale = -1"
 )
 
 _APART: Final = (
@@ -260,7 +260,7 @@ def series_of_proposal(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]
 
 
 def _slope_at_times(t: Floats, at: Floats, y: Floats) -> Floats:
-    """Slope about each of the times `t` of `y`, sampled at `at`."""
+    """Slope of `y`, sampled at `at`, about each of the times `t`."""
     half = _SPAN_S / 2
     return np.interp(t + half, at, y) - np.interp(t - half, at, y)
 

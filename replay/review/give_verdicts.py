@@ -126,7 +126,7 @@ class GivenVerdicts:
     def _said_by_person(
         self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
-        """Verdicts of a person rather than a log; arguments as for `list_changes_to`."""
+        """Verdicts by a person rather than from a log; arguments as for `list_changes_to`."""
         now = _current_second()
         signed = {"author": self.author.strip() or None, "time": now}
         if self.begin or self.end:

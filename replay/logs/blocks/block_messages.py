@@ -297,7 +297,7 @@ def describe_block(
 
 
 def _are_times_of(block: Block, times: Mapping[int, NDArray[np.int64]]) -> bool:
-    """Whether an index has as many messages as its block, all within its time span."""
+    """Whether an index lists as many messages as its block holds, all within its time span."""
     whole = np.concatenate([make_empty_times(), *times.values()])
     in_span = block.first_ns <= whole.min() and whole.max() <= block.last_ns if whole.size else True
     return bool(in_span) and _count_times_by_connection(times) == block.counts

@@ -29,7 +29,7 @@ class BlockDamage(Damage):
         self._gaps[start] = end
 
     def is_lost(self, offset: int) -> bool:
-        """Whether the block at this offset is damaged and left out."""
+        """Whether the block at this offset is damaged and was skipped."""
         return offset in self._blocks
 
     @property
@@ -77,7 +77,7 @@ def format_log_time(log_time_ns: int) -> str:
 
 
 def describe_end_of_reading(last_ns: int | None) -> str:
-    """Clause that says up to which time everything was read."""
+    """Clause that states up to which time everything was read."""
     return "" if last_ns is None else f", the last at log time {format_log_time(last_ns)}"
 
 

@@ -23,7 +23,7 @@ Steps: TypeAlias = tuple[PathStep, ...]
 
 
 class Gathering(NamedTuple):
-    """Plan of the values that a compiled pass gathers beside the marks.
+    """Plan of the values that a compiled pass gathers in addition to the marks.
 
     `value_*`: single values, by the mark of their span, their distance from it, and their type
     (`gather.LOADS`). `array_*`: arrays of numbers, with their bytes. `text_marks`: strings.

@@ -203,7 +203,7 @@ class McapFile(BlockFile):
         return walk
 
     def _note_missing_end(self, walk: McapWalk, fault: str) -> None:
-        """Note what is missing after the data; `fault` says why the index is unusable."""
+        """Note what is missing after the data; `fault` is the reason why the index is unusable."""
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
             if fault:
                 self._store.damage.note(

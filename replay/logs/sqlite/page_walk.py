@@ -112,7 +112,7 @@ class PageWalk:
             self.left_after = None
 
     def _read(self, leaves: NDArray[np.uint32], memory: _Memory) -> tuple[TableRows, bool]:
-        """Rows from the given leaves on, and whether the following ones are usual."""
+        """Rows from the given leaves on, and whether the following leaves have the usual layout."""
         size = self._layout.page_bytes
         ranges, slots = page_ranges(leaves, size, _LEAF_BYTES)
         if not read_ranges(self._file, ranges, size, memory.data):

@@ -131,7 +131,7 @@ class Db3File:
         """Lower bound of the log times after a row of log time `latest`.
 
         Rows are in the order of recording, without an index by time. How far times go back is known
-        after a pass over all of them, which a small database is not worth.
+        only after a pass over all of them, too slow for a small database.
         """
         if self._size < _LEAST_BYTES_TO_ORDER or latest == UNKNOWN_NS:
             return UNKNOWN_NS

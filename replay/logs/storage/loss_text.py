@@ -44,7 +44,7 @@ class Damage:
         )
 
     def _of_places(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:  # noqa: ARG002 - for formats that keep track of places
-        """Topic and sentence of damage known by its place in the file; none here."""
+        """Topic and sentence of damage that is located by its position in the file; none here."""
         return iter(())
 
     def _iter_sentences(self) -> Iterator[tuple[str, str]]:

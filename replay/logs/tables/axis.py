@@ -355,7 +355,7 @@ def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
 
 
 def _guess_unit(x: Floats, step: float, span: float) -> str:
-    """The only possible unit."""
+    """The only unit of time that is possible."""
     possible = [
         unit
         for unit, ns in NS_PER_UNIT.items()

@@ -115,7 +115,7 @@ class CsvColumns:
     ) -> None:
         """Find rows that are too long, too short or torn, reading some columns in the same pass.
 
-        Rows with too few cells end in nulls. A last row without a line end is torn and left out,
+        Rows with too few cells end in nulls. A last row without a line end is torn and skipped,
         unless it has all its cells (RFC 4180), since its last cell may be half a number.
 
         Args:

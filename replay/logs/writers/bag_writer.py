@@ -23,7 +23,7 @@ _INDEX_ROW: Final = np.dtype([("sec", "<u4"), ("nsec", "<u4"), ("offset", "<u4")
 
 
 class _Written(NamedTuple):
-    """A chunk in the file: where, of what time, and its messages by connection."""
+    """A chunk in the file: its position, time span, and messages by connection."""
 
     at: int
     start_ns: int
