@@ -93,7 +93,7 @@ def refit_without_stretches(
     weighing = weighed(aligned)
     rows = np.zeros(aligned.height, np.bool_)
     named: dict[str, ExcludedStretches] = {}
-    for check, spans, why in _named_stretches(signals, machine.settings.verdict):
+    for check, spans, why in _stretches_of_failing_checks(signals, machine.settings.verdict):
         held = _rows_reached_by_spans(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
         if not held.any() or weighing is None:
             continue
@@ -114,7 +114,7 @@ def refit_without_stretches(
     return RefitWithoutStretches(weighing, gated, named)
 
 
-def _named_stretches(
+def _stretches_of_failing_checks(
     signals: Signals, limits: VerdictLimits
 ) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
     """Name, stretches by channel, and rejection reason of each failing check."""

@@ -71,7 +71,7 @@ def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     if over:
         return over
     upright = _zero_reading_symptom(inputs, ("tilt", ""))
-    found = [*upright, *_mounting_yaw(inputs)]
+    found = [*upright, *_find_mounting_yaw(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
@@ -164,7 +164,7 @@ def tilt_or_bias(inputs: FindingInputs, error: float) -> str:
     return "tilt" if abs(z - turned) < abs(z - upright) else "bias"
 
 
-def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
+def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     if (
         _Y not in inputs.check_inputs.excitation.columns
         or ACC not in inputs.check_inputs.excitation.columns

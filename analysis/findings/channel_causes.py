@@ -69,7 +69,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
         name: spans
         for name in inputs.measured_equation_channels
         if not _is_coarse(inputs, name)
-        and (spans := signals.frozen.get(name) or _noiseless_stretches(inputs, name))
+        and (spans := signals.frozen.get(name) or _find_noiseless_stretches(inputs, name))
     }
     if not of_channel:
         return []
@@ -86,7 +86,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             total_s[name] / _FROZEN_S,
             f"the channel repeats one reading {times} {total_s[name]:.1f} s in all, while others "
-            f"change{_refit_text(found)}",
+            f"change{_format_refit(found)}",
             channel=name,
             span_ns=inputs.since_first_sample_ns(*spans[0]),
             change=lambda: refit_without_rows(inputs, holds),
@@ -96,7 +96,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _refit_text(found: ExcludedStretches | None) -> str:
+def _format_refit(found: ExcludedStretches | None) -> str:
     return "" if found is None else f"; {found.text}"
 
 
@@ -105,7 +105,7 @@ def _is_harmless(inputs: FindingInputs, found: ExcludedStretches | None) -> bool
     return None if found is None or inputs.fit is None else found.is_harmless
 
 
-def _noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
+def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
     """Long repeats in motion of a channel that else never repeats; (begin, end) in Unix ns."""
     signals = inputs.check_inputs.signals
     if signals is None:
@@ -150,7 +150,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             share / _CLIPPED,
-            f"{share:.1%} of its readings are clipped at {extreme:.4g}{_refit_text(found)}",
+            f"{share:.1%} of its readings are clipped at {extreme:.4g}{_format_refit(found)}",
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
@@ -320,11 +320,13 @@ def is_near_spike(inputs: FindingInputs) -> Bools:
 
 def find_unlike_sides(inputs: FindingInputs) -> list[Symptom]:
     """Find the largest difference between the left and right side."""
-    found = [_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()]
+    found = [
+        _make_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()
+    ]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _side_symptom(inputs: FindingInputs, seen: SideDifference) -> Symptom:
+def _make_side_symptom(inputs: FindingInputs, seen: SideDifference) -> Symptom:
     least = LIMITS.unlike_slip_1 if seen.kind == "slip" else LIMITS.unlike_sides_1
     strength = abs(seen.value_1) / max(least + seen.resistance_1, SURELY * seen.std_1)
     left, right = _CHANNELS[seen.kind]

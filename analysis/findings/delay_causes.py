@@ -189,9 +189,9 @@ def find_delays(inputs: FindingInputs) -> list[Symptom]:
     """Find late channels by the likelihood of f(t - d) = m a + b v, with m and b refitted."""
     late = long_delay(inputs)
     if late is not None:
-        return [_long_delay_symptom(inputs, late)]
+        return [_make_long_delay_symptom(inputs, late)]
     found = [pick for name, pick in search_likelihood(inputs).items() if name.startswith("delay")]
-    return [_symptom(inputs, pick) for pick in found if not is_rather_filter_delay(pick)]
+    return [_make_delay_symptom(inputs, pick) for pick in found if not is_rather_filter_delay(pick)]
 
 
 def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
@@ -199,7 +199,11 @@ def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
     found = search_likelihood(inputs).get("delay:imu")
     if found is None or not is_rather_filter_delay(found):
         return []
-    return [replace(_symptom(inputs, found), alternatives=("delay",), setting=None, value=None)]
+    return [
+        replace(
+            _make_delay_symptom(inputs, found), alternatives=("delay",), setting=None, value=None
+        )
+    ]
 
 
 def masks_other_causes(cause: str, strength: float | None) -> bool:
@@ -212,7 +216,7 @@ def is_rather_filter_delay(pick: PickedCause) -> bool:
     return pick.name == "delay:imu" and pick.value > LIMITS.filter_delay_s
 
 
-def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
+def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     channel = pick.name.partition(":")[2]
     late_s, std_s = pick.value, pick.std
     names = _delayed_channels(inputs, channel)
@@ -248,7 +252,7 @@ def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     )
 
 
-def _long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
+def _make_long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
     names = _delayed_channels(inputs, late.channel)
     setting, value = inputs.shift_channels(names, late.late_s)
     words = "late" if late.late_s > 0.0 else "early"

@@ -79,7 +79,7 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
         tried = score_causes(inputs, motion, taken)
         if not tried:
             break
-        best = _best_candidate(tried)
+        best = _choose_best_candidate(tried)
         if best.gain < LIMITS.picked_gain:
             out.update({name: pick for name, pick in tried.items() if name not in out})
             break
@@ -118,7 +118,7 @@ def gain_tolerance(best: PickedCause, name: str) -> float:
     )
 
 
-def _best_candidate(tried: Mapping[str, PickedCause]) -> PickedCause:
+def _choose_best_candidate(tried: Mapping[str, PickedCause]) -> PickedCause:
     """Candidate with the largest gain; among equals, one that is physical and matters."""
     best = max(tried.values(), key=lambda pick: pick.gain)
     if is_physical(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):

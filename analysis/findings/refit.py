@@ -66,7 +66,7 @@ def refit_corrected(
     fit = inputs.fit
     if fit is None:
         return None
-    before, after = _unmended_mass_kg(inputs, fit), _mass_kg(inputs, mend(fit.motion))
+    before, after = _uncorrected_mass_kg(inputs, fit), _refit_mass_kg(inputs, mend(fit.motion))
     if before is None or after is None:
         return None
     kg = after - before
@@ -79,7 +79,7 @@ def refit_corrected(
     )
 
 
-def _unmended_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
+def _uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
     """Mass before the correction, by the fit or, in a long log, by the same part of it."""
     if "refitted" not in inputs.kept:
         whole = np.unique(fit.motion.group[fit.motion.used]).size <= LIMITS.refit_max_stretches
@@ -87,11 +87,11 @@ def _unmended_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
             inputs.kept["states"] = fit.states.count
         if whole:
             inputs.kept["wheels"] = fit.kinematics
-        inputs.kept["refitted"] = fit.mass_kg if whole else _mass_kg(inputs, fit.motion)
+        inputs.kept["refitted"] = fit.mass_kg if whole else _refit_mass_kg(inputs, fit.motion)
     return inputs.kept["refitted"]  # type: ignore[return-value]
 
 
-def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
+def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     fit, noise = inputs.fit, inputs.column_noise
     if fit is None or noise is None:
         return None

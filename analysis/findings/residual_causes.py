@@ -98,7 +98,7 @@ def typical_power(powers: list[Floats]) -> Floats:
     return np.sort(np.array(powers), axis=0)[:kept].mean(axis=0)
 
 
-def _band_level(hz: Floats, power: Floats, low: float, high: float) -> float:
+def _median_power_in_band(hz: Floats, power: Floats, low: float, high: float) -> float:
     return float(np.median(power[(hz >= low) & (hz <= high)]))
 
 
@@ -133,7 +133,7 @@ def find_heteroscedasticity(inputs: FindingInputs) -> list[Symptom]:
     if found is None:
         return []
     driving, standing = (
-        _band_level(found.hz, power, *LIMITS.reference_band_hz)
+        _median_power_in_band(found.hz, power, *LIMITS.reference_band_hz)
         for power in (found.driving, found.standing)
     )
     ratio = driving / max(standing, 1e-12)
@@ -150,8 +150,8 @@ def find_coloured_residuals(inputs: FindingInputs) -> list[Symptom]:
     found = residual_spectra(inputs)
     if found is None:
         return []
-    slow = _band_level(found.hz, found.standing, 0.5, LIMITS.slow_noise_hz)
-    fast = _band_level(found.hz, found.standing, *LIMITS.reference_band_hz)
+    slow = _median_power_in_band(found.hz, found.standing, 0.5, LIMITS.slow_noise_hz)
+    fast = _median_power_in_band(found.hz, found.standing, *LIMITS.reference_band_hz)
     ratio = slow / max(fast, 1e-12)
     return [
         Symptom(

@@ -119,7 +119,7 @@ class GrowingLog:
         if not (self._new or is_whole):
             return None
         try:
-            self._merge()
+            self._append_samples()
             if self.basis is None and not self._find_basis(is_whole=is_whole):
                 return None
             return self._make_next_rows(is_whole=is_whole)
@@ -129,7 +129,7 @@ class GrowingLog:
                 raise
             return None
 
-    def _merge(self) -> None:
+    def _append_samples(self) -> None:
         """Append the new samples to those kept."""
         for topic, parts in self._new.items():
             frame = concatenate_samples(parts)

@@ -351,7 +351,7 @@ def _make_piece_columns(
 
 def _average_piece(piece: _PieceColumns, samples: int) -> _PieceMeans:
     """Average the columns of a piece, without weights."""
-    kept = np.flatnonzero(_thin_stretches(piece.group, mean_stride(samples)))
+    kept = np.flatnonzero(_select_every_nth_sample(piece.group, mean_stride(samples)))
     means, count = trailing_group_means(piece.values, piece.group, samples, kept)
     return _PieceMeans(
         means[:, :-1], means[:, -1], piece.group[kept], count, piece.raw.select_rows(kept)
@@ -391,7 +391,7 @@ def _drop_first_samples(group: Ints, lag: int) -> Ints:
     return np.where((_samples_since_start(group) >= lag) | last_of_stretch(group), group, -1)
 
 
-def _thin_stretches(group: Ints, stride: int) -> Bools:
+def _select_every_nth_sample(group: Ints, stride: int) -> Bools:
     """Select every `stride`-th sample of each stretch, at least its last one, (n,)."""
     since = _samples_since_start(group)
     short = last_of_stretch(group) & (since < stride - 1)

@@ -50,7 +50,8 @@ def hauling_patterns(motion: MotionSamples) -> list[Ints]:
     return [
         np.append(0, np.cumsum(each))
         for each in changes
-        if each.any() and (not _follows_direction(each, forwards) or _is_hinted(kind[each]))
+        if each.any()
+        and (not _follows_direction(each, forwards) or _is_each_load_hinted(kind[each]))
     ]
 
 
@@ -111,7 +112,7 @@ def _loaded_between_stands(on: Bools, off: Bools) -> Bools:
     return np.append(begins, np.where(none_yet, begins, last_on > last_off))
 
 
-def _is_hinted(kind: Ints) -> bool:
+def _is_each_load_hinted(kind: Ints) -> bool:
     """Whether each load has at least one change that is not only a change of direction."""
     return float((kind >= HINTED).mean()) >= _HINTED
 

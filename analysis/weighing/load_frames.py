@@ -36,11 +36,11 @@ def make_load_frame(
         verdict: the verdict, which withholds quantities.
     """
     if weighing is None:
-        return _unknown_load()
+        return _make_unknown_load()
     fit = weighing.fit
     times = _span_of_each_state(fit, excitation)
     empty = find_empty_states(weighing, times, machine)
-    datum, against = _empty_datum(weighing, empty, machine)
+    datum, against = _choose_empty_datum(weighing, empty, machine)
     rows = [
         _make_load_row(weighing, state, empty, times[state], machine, verdict, datum)
         for state in range(fit.count)
@@ -113,10 +113,10 @@ def find_empty_states(
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
         return []
-    return _equally_light_states(weighing, lightest, machine)
+    return _find_equally_light_states(weighing, lightest, machine)
 
 
-def _equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
+def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
     """States whose mass equals the lightest within the random uncertainty."""
     fit = weighing.fit
     found = [lightest]
@@ -131,7 +131,7 @@ def _equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -
     return sorted(found)
 
 
-def _empty_datum(
+def _choose_empty_datum(
     weighing: Weighing, empty: list[int], machine: Machine
 ) -> tuple[Datum | None, str]:
     """Datum of the empty states for payloads, or the reason why the log contradicts it."""
@@ -311,7 +311,7 @@ def make_manoeuvre_frame(
     )
 
 
-def _unknown_load() -> pl.DataFrame:
+def _make_unknown_load() -> pl.DataFrame:
     """A frame `loads` with one row of unknown mass."""
     said = {
         "load_id": 0,

@@ -139,7 +139,7 @@ def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Part
             )
             for joint in joints
         ]
-        allowed = [_least_log_odds(posterior.units.kind[joint - 1]) for joint in joints]
+        allowed = [_lower_bound_log_odds(posterior.units.kind[joint - 1]) for joint in joints]
         margin = [
             each.log_posterior - (best.log_posterior - odds)
             for each, odds in zip(plainer, allowed, strict=True)
@@ -151,7 +151,7 @@ def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Part
     return best
 
 
-def _least_log_odds(kind: Ints) -> float:
+def _lower_bound_log_odds(kind: Ints) -> float:
     """Minimum log odds of a change that is reported.
 
     At the end of a record even odds suffice, since both sides are separate records.

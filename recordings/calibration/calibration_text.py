@@ -58,7 +58,7 @@ def report_paragraphs(
             *(f"{_capitalise_first_letter(said)}." for said in fitted.says),
             *_describe_learnt_priors(document),
             *(limits_of_one_day_evidence(document) if document.kind == "calibration" else ()),
-            *(_unlike_driving_lines(fitted) if document.kind == "calibration" else ()),
+            *(_describe_unlike_driving(fitted) if document.kind == "calibration" else ()),
             *(_advise_next_load(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
@@ -89,7 +89,7 @@ def undetectable_faults(document: EvidenceDocument) -> list[str]:
     return [
         _describe_unlisted_runs(document),
         *_UNSEEN,
-        *_unseen_machine(document),
+        *_describe_recording_machine(document),
         *first,
         *later,
         *days,
@@ -123,7 +123,7 @@ def _describe_notary_logs(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def _unseen_machine(document: EvidenceDocument) -> Iterator[str]:
+def _describe_recording_machine(document: EvidenceDocument) -> Iterator[str]:
     """Sentences on whether this machine recorded the logs."""
     without = logs_without_machine(document.logs)
     told = len(document.logs) - len(without)
@@ -189,7 +189,7 @@ def limits_of_one_day_evidence(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def _unlike_driving_lines(fitted: Calibration) -> list[str]:
+def _describe_unlike_driving(fitted: Calibration) -> list[str]:
     """Sentences on the uncertainty of logs driven unlike these runs, and how to reduce it."""
     if not fitted.responses:
         return []

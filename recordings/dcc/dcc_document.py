@@ -109,10 +109,10 @@ def schema_faults(root: "_Element") -> Iterator[str]:
                 yield f"has two elements of the id '{value[:60]}'"
             if value is not None:
                 seen.add(value)
-    yield from _frame_faults(root)
+    yield from _find_frame_faults(root)
 
 
-def _frame_faults(root: "_Element") -> Iterator[str]:
+def _find_frame_faults(root: "_Element") -> Iterator[str]:
     """Yield faults: parts that must occur once, but are missing or repeated."""
     names = [child.tag for child in root]
     for name in ("administrativeData", "measurementResults"):

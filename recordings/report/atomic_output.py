@@ -83,7 +83,7 @@ def atomic_files(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
         try:
             yield stage
             for target in targets:
-                _move(stage / target.name, target)
+                _replace_target(stage / target.name, target)
         except OSError as error:
             reason = error.strerror or error
             raise OutputError(f"{targets[0]}: cannot be written ({reason})") from None
@@ -170,7 +170,7 @@ def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
         raise OutputError(f"{target}: exists already; name another output, or give --force")
 
 
-def _move(written: Path, target: Path) -> None:
+def _replace_target(written: Path, target: Path) -> None:
     # only a file can be renamed over what is there, and only over a file
     if target.exists() and (target.is_dir() or written.is_dir()):
         target.replace(written.with_name(f"{target.name}.replaced"))

@@ -100,12 +100,12 @@ def command(
     if as_json:
         print_json(made.to_dict())
     else:
-        _print(stdout_console(), made)
+        _print_evidence(stdout_console(), made)
     if not made.is_good:
         raise typer.Exit(1)
 
 
-def _print(screen: "Console", made: "CalibrationOutcome") -> None:
+def _print_evidence(screen: "Console", made: "CalibrationOutcome") -> None:
     from recordings.calibration.calibration_report import kilograms_text, report_facts
     from recordings.calibration.calibration_text import report_paragraphs
     from recordings.calibration.certificate_text import traceability_warnings

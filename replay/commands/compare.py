@@ -67,12 +67,12 @@ def command(
     if as_json:
         print_json({"a": str(a), "b": str(b), **found.to_dict()})
     else:
-        _print(found, a, b, rtol)
+        _print_differences(found, a, b, rtol)
     if not found.equal:
         raise typer.Exit(1)
 
 
-def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
+def _print_differences(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
     """Print the differences, those of the answer first; equal items are not printed."""
     from estimators.errors import counted
     from replay.commands.print_tables import print_line, print_table, stdout_console

@@ -69,7 +69,7 @@ def command(
     with Stages(_STAGES) as stages:
         explained, mended = explain_run(asked, stages.begin)
     if as_json:
-        told = {} if mended is None else {"mended": _mended_dict(mended)}
+        told = {} if mended is None else {"mended": _mended_machine_as_dict(mended)}
         print_json({**explained.to_dict(), **told})
     else:
         _print_explanation(explained, mended, asked.picture)
@@ -97,7 +97,7 @@ def picture_and_machine_file(paths: list[Path], *, apply: bool) -> tuple[Path | 
     return (pictures[0] if pictures else None), (files[0] if files else None)
 
 
-def _mended_dict(mended: "MendedMachine") -> dict[str, Any]:
+def _mended_machine_as_dict(mended: "MendedMachine") -> dict[str, Any]:
     from dataclasses import asdict
 
     return {
@@ -148,13 +148,13 @@ def _print_explanation(
     part(around, describe_gate(explained))
     part("the motion:", determined_parameter_lines(explained.determined))
     if mended is not None:
-        _print_mended(screen, mended)
+        _print_mended_machine(screen, mended)
     if picture is not None:
         screen.print()
         print_line(screen, f"picture: {picture}")
 
 
-def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
+def _print_mended_machine(screen: "Console", mended: "MendedMachine") -> None:
     from recordings.report.finding_text import cause_name
     from replay.commands.print_tables import print_line, value_text
 

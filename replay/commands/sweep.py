@@ -157,7 +157,7 @@ def _print_sweep(
         stdout_console().print(render_sweep(rows))
     else:
         print_frame(
-            _result_frame(rows),
+            _make_result_frame(rows),
             output_format,
             output,
             force=force,
@@ -201,7 +201,7 @@ def _nest_row_for_json(row: Row) -> dict[str, Any]:
     return {"over": _type_swept_columns(row), **told, **row.errors}
 
 
-def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
+def _make_result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     """Frame with a row per combination and a column per method and quantity."""
     names = shorten_dotted_names(rows[0].over)
     flat = [

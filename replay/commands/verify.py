@@ -105,7 +105,7 @@ def command(
     elif isinstance(found, VerifiedChain):
         _print_chain(found)
     else:
-        _print(found)
+        _print_findings(found)
     if found.outcome is not None:
         raise typer.Exit(int(found.outcome))
 
@@ -152,7 +152,7 @@ def _print_chain(found: "VerifiedChain") -> None:
 
     screen = stdout_console()
     for made in found.bundles:
-        _print(made)
+        _print_findings(made)
         screen.print()
     for finding in found.findings:
         print_line(screen, str(finding), "[bold red]!![/] ")
@@ -161,7 +161,7 @@ def _print_chain(found: "VerifiedChain") -> None:
     print_line(screen, found.verdict)
 
 
-def _print(found: "Verification") -> None:
+def _print_findings(found: "Verification") -> None:
     from replay.commands.print_tables import print_line, stdout_console
 
     screen = stdout_console()

@@ -69,7 +69,7 @@ class ProposalTrial:
         worse = sorted(failed_checks(now) - failed_checks(was))
         if worse:
             return f"the log would fail {', '.join(worse)}"
-        if self.finding.severity == "tell" and _u_kg(now) > _WIDER * _u_kg(was):
+        if self.finding.severity == "tell" and _best_load_u_kg(now) > _WIDER * _best_load_u_kg(was):
             return "the uncertainty would grow"
         return ""
 
@@ -111,7 +111,7 @@ def held_out_objection(
     Returns:
         Empty where it holds.
     """
-    middle_ns = _middle_ns(before, *span_ns)
+    middle_ns = _find_middle_ns(before, *span_ns)
     if middle_ns is None:
         return "the log is too short to test the correction on stretches that it was not fitted to"
     first, second = (None, middle_ns), (middle_ns + 1, None)
@@ -143,7 +143,7 @@ def find_matching_finding(finding: Finding, run: Run) -> Finding | None:
     return next((each for each in shown if each.setting == keys), None)
 
 
-def _middle_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
+def _find_middle_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
     """Log time between two starts near the middle; None if there are too few starts."""
     t_ns, starts = run.frames["excitation"]["t_ns"], run.frames["manoeuvres"]
     if t_ns.is_empty() or 0 < starts.height < _FEWEST_STARTS:
@@ -200,6 +200,6 @@ def is_change_as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:
     return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= _COVERAGE * u_kg
 
 
-def _u_kg(said: Answer) -> float:
+def _best_load_u_kg(said: Answer) -> float:
     """Standard uncertainty of the best-known load."""
     return min((load["u_kg"] for load in said.loads if load["u_kg"] is not None), default=math.inf)

@@ -99,7 +99,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
     told = recognise_channels(log) if is_table else _recognise_joints(log, topics)
-    guesses = [*_guess_from_recognised(told), *_best_guesses(topics)]
+    guesses = [*_guess_from_recognised(told), *_choose_best_guesses(topics)]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # what a comment holds is asked for already
     open_columns = {each.column for each in told.channels if each.is_comment}
@@ -110,7 +110,10 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     derived |= _derivable_channels(found)
     found |= set(derived)
     kinematic = "specific_force_x_m_s2" not in found
-    lacking = [*told.questions, *_lacking_sentences(found, told.questions, kinematic=kinematic)]
+    lacking = [
+        *told.questions,
+        *_describe_lacking_channels(found, told.questions, kinematic=kinematic),
+    ]
     lines = [
         f"# A first machine file for {_replace_unprintable(log.path.name)}: check every line.",
         '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
@@ -248,7 +251,7 @@ def _recognise_joints(log: Log, topics: pl.DataFrame) -> Recognition:
     return found
 
 
-def _best_guesses(topics: pl.DataFrame) -> Iterator[Guess]:
+def _choose_best_guesses(topics: pl.DataFrame) -> Iterator[Guess]:
     taken: set[str] = set()
     for guess in _list_candidates(topics):
         if guess.column not in taken:
@@ -289,7 +292,7 @@ def _derivable_channels(found: set[str]) -> dict[str, str]:
     return derived
 
 
-def _lacking_sentences(found: set[str], asked: list[str], *, kinematic: bool) -> list[str]:
+def _describe_lacking_channels(found: set[str], asked: list[str], *, kinematic: bool) -> list[str]:
     lacking: list[str] = []
     if "force_x_N" not in found and not {"torque_left_N_m", "torque_right_N_m"} <= found:
         lacking.append("a force: channels.force_x_N, or both wheel torques")

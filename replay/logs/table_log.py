@@ -195,7 +195,7 @@ class TableLog(Log):
         there = times.drop_nulls()
         steps = there.diff()
         backwards = int((steps < 0).sum())
-        self._refuse_shared(axis, there, steps)
+        self._refuse_shared_times(axis, there, steps)
         if backwards:
             self._refuse_restarts(axis, there, backwards)
             self._losses.note(
@@ -220,7 +220,7 @@ class TableLog(Log):
                 f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said} {_WHERE}"
             )
 
-    def _refuse_shared(self, axis: TableTimes, there: pl.Series, steps: pl.Series) -> None:
+    def _refuse_shared_times(self, axis: TableTimes, there: pl.Series, steps: pl.Series) -> None:
         """Raise an error if most rows share their time with the previous one: too coarse."""
         shared = int((steps == 0).sum())
         if there.len() <= _FEW or 2 * (there.len() - shared) >= there.len():
@@ -238,7 +238,7 @@ class TableLog(Log):
     def _refuse_restarts(self, axis: TableTimes, there: pl.Series, backwards: int) -> None:
         """Raise an error if the time falls back and continues: sorting would mix two records."""
         wanted = self._hints.sort_times
-        if wanted or (wanted is None and self._is_shuffled(there, backwards)):
+        if wanted or (wanted is None and self._are_rows_shuffled(there, backwards)):
             return
         before = there.cum_max()
         row = int((before > there).arg_max() or 0)
@@ -250,7 +250,7 @@ class TableLog(Log):
             "[log] rate_hz, or [log] sort_times = true if the rows belong together"
         )
 
-    def _is_shuffled(self, there: pl.Series, backwards: int) -> bool:
+    def _are_rows_shuffled(self, there: pl.Series, backwards: int) -> bool:
         """Whether few rows are late, or so many fall back that none continues from there."""
         late = int((there < there.cum_max()).sum())
         return late < _FEW_LATE * there.len() or backwards > _FALLS * late

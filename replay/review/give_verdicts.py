@@ -121,9 +121,9 @@ class GivenVerdicts:
             folder: folder of the review.
         """
         logged = [each for each in self.spans if each not in before.shift]
-        return [*logged, *self._said_by_person(before, rows, state, folder)]
+        return [*logged, *self._select_verdicts_by_person(before, rows, state, folder)]
 
-    def _said_by_person(
+    def _select_verdicts_by_person(
         self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
         """Verdicts by a person rather than from a log; arguments as for `list_changes_to`."""

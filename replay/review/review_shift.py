@@ -158,7 +158,7 @@ def review_shift(
                 state = before
             says = "" if by is None else by.describe(logged)
             state = state.model_copy(update={"resolved": plain, "calibration": (says, against)})
-            changes = None if before is None else _changes_since(before, state)
+            changes = None if before is None else _list_changes_since(before, state)
             page = shift.make_page(state, changes, made.track)
             write_review(page, stage)
     return ShiftReview.from_replay(folder, page, replayed=kept is None)
@@ -295,7 +295,7 @@ def _resolved_inputs(
     }
 
 
-def _changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
+def _list_changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
     """Settings, options and logs that differ from the earlier review."""
     was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (before, state))
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]

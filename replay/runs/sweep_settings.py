@@ -110,7 +110,7 @@ def sweep_settings(
                     for method, mass in row.quantities["mass_kg"].items()
                 }
             if truth is not None:
-                errors |= _true_errors(replayed, truth, weighs=told.verdict.can_weigh)
+                errors |= _rms_errors_by_truth(replayed, truth, weighs=told.verdict.can_weigh)
             values = dict(part.split("=", 1) for part in each)
             rows.append(Row(values, told, errors))
     return rows
@@ -130,7 +130,7 @@ def _replay_combination(
         raise DataError(f"{names} with {machine_file}, {', '.join(over)}: {error}") from None
 
 
-def _true_errors(
+def _rms_errors_by_truth(
     replayed: Run, truth: pl.DataFrame, *, weighs: bool
 ) -> dict[str, dict[str, float | None]]:
     """Root mean square errors of the runs' masses, by name and method."""

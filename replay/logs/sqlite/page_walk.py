@@ -216,7 +216,7 @@ class Chains:
         order = np.argsort(ranges.first, kind="stable")
         at_hand = np.stack([each[order] for each in ranges])
         state = np.array([0, 0, 0, 0, self._used], np.int64)
-        while _join_chains(data, at_hand, self._near, self._layout, rows, spills, count, state):
+        while _continue_chains(data, at_hand, self._near, self._layout, rows, spills, count, state):
             # where pages do not follow each other, reading many at once is for nothing
             progress = int(state[_USED]) - self._used
             self._at_once = min(self._most, max(_FEWEST_PAGES, 2 * progress))
@@ -246,7 +246,7 @@ def _find_page(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
 
 
 @compiled
-def _join_chains(
+def _continue_chains(
     data: NDArray[np.uint8],
     at_hand: NDArray[np.int64],
     near: Near,
