@@ -36,9 +36,7 @@ class SignedBy:
 
     def __str__(self) -> str:
         short = f"{self.key_id[:12]}…"
-        itself = (
-            f"that names its owner as '{self.claimed}'" if self.claimed else "that gives no name"
-        )
+        itself = f"that calls itself '{self.claimed}'" if self.claimed else "that gives no name"
         match self.how:
             case "unsigned":
                 return "UNSIGNED"

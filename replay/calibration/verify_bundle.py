@@ -270,7 +270,7 @@ def _compare_run(checked: CheckedBundle, log: EvidenceLog, found: RecordingDiges
             checked.add(
                 BundleOutcome.TAMPERED,
                 log.recording,
-                f"has a different {what} than the replay of {log.log} whose fingerprint the "
+                f"differs in its {what} from the replay of {log.log} whose fingerprint the "
                 "evidence has",
             )
 
@@ -297,7 +297,7 @@ def _compare_calibration(
         return
     what = f"frames {', '.join(other)}" if other else "words"
     outcome = BundleOutcome.OTHER_VERSION if document.other_version else BundleOutcome.TAMPERED
-    checked.add(outcome, RECORDING, f"has a different {what} than the evidence")
+    checked.add(outcome, RECORDING, f"differs in its {what} from the evidence")
 
 
 def _compare_pdf(

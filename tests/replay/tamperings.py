@@ -202,7 +202,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "the machine's id": Tampering(
         in_evidence("campaign", "machine", "id", to="sledge-8"),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "the machine file belongs to machine 'sledge-7', and the campaign of 'sledge-8'"),
+        "the machine file belongs to machine 'sledge-7', but the campaign to 'sledge-8'"),
     "a part": Tampering(
         in_evidence("campaign", "machine", "parts", "runners", to="R-2"),
         TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),

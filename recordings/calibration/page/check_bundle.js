@@ -34,7 +34,7 @@ const checkFiles = async (held, add) => {
     try {
       const listed = sumsOf(held.get(SUMS));
       for (const [name, digest] of listed) {
-        if (!digests.has(name)) { if (!states.has(name)) say("incomplete", name, `is missing, and ${SUMS} lists it`); }
+        if (!digests.has(name)) { if (!states.has(name)) say("incomplete", name, `is missing, although ${SUMS} lists it`); }
         else if (digests.get(name) !== digest) say("tampered", name, `is not the file whose digest ${SUMS} has`);
       }
       for (const name of digests.keys()) {

@@ -57,7 +57,7 @@ const checkSignature = async (held, digests, evidence, given, add) => {
   const itself = claimed ? `that calls itself “${claimed}”` : "that gives no name";
   if (!held.has(STATEMENT)) {
     if (evidence?.signer) add("incomplete", STATEMENT, "is missing, and evidence.json has a signer");
-    else if (given) add("incomplete", STATEMENT, "is missing: unsigned, and you gave a key");
+    else if (given) add("incomplete", STATEMENT, "is missing: the bundle is unsigned, but you gave a key");
     return { trusted: false, text: "UNSIGNED: nobody vouches for this; whoever held the folder could have changed every number and every digest in it" };
   }
   const broken = { trusted: false, text: "Signature not valid" };
@@ -106,5 +106,5 @@ const checkSignature = async (held, digests, evidence, given, add) => {
   if (!right) return broken;
   return given
     ? { trusted: true, keyId, by, text: `Signed by the key that you gave, ${itself}` }
-    : { trusted: false, keyId, by, text: `Signed by an unknown key ${itself}: not trusted. Whoever made this folder may have made the key as well, and any name` };
+    : { trusted: false, keyId, by, text: `Signed by an unknown key ${itself}: not trusted. Whoever made this folder may have made up the key and the name as well` };
 };

@@ -94,7 +94,7 @@ class TestFrozen:
         findings = a_moment[1].run.frames["findings"]
         row = findings.filter(findings["cause"] == "frozen").row(0, named=True)
         assert row["severity"] == "tell"
-        assert "left out: that moves the mass" in row["evidence"]
+        assert "excluded: this moves the mass" in row["evidence"]
 
     def test_over_the_only_starts_it_withholds(self, tmp_path: Path) -> None:
         found = driven().frozen(*starts(driven())).replayed(tmp_path)

@@ -310,14 +310,14 @@ SIGNED: dict[str, tuple[Forge, str]] = {
             "http://www.w3.org/2000/09/xmldsig#enveloped-signature",
             "http://www.w3.org/TR/1999/REC-xpath-19991116",
         ),
-        "transform that is not read",
+        "unsupported transform",
     ),
     "XSLT": (
         put(
             "http://www.w3.org/2000/09/xmldsig#enveloped-signature",
             "http://www.w3.org/TR/1999/REC-xslt-19991116",
         ),
-        "transform that is not read",
+        "unsupported transform",
     ),
     "HMAC, whose key anybody has": (
         put("xmldsig-more#ecdsa-sha256", "xmldsig-more#hmac-sha256"),

@@ -50,7 +50,7 @@ def test_a_whole_chain_verifies_in_any_order_and_names_who_signed_what(
         assert "signed by the key given" in note
     left = payscope("verify", made.third, made.bundle, made.first, "--key", made.public)
     assert left.status == 0, left.out
-    assert "3 bundles: each verified, and one chain a machine" in left.out
+    assert "3 bundles: each verified, with one chain for each machine" in left.out
 
 
 def test_a_gap_leaves_the_chain_incomplete(made: Made, payscope: Payscope) -> None:
