@@ -274,7 +274,7 @@ def _add_unsigned_findings(
     """Add the findings of a bundle that has no signed statement."""
     if document is not None and document.signer is not None:
         checked.add(
-            BundleOutcome.INCOMPLETE, STATEMENT, "is missing, and evidence.json has a signer"
+            BundleOutcome.INCOMPLETE, STATEMENT, "is missing, although evidence.json names a signer"
         )
     elif key is not None:
         checked.add(
@@ -356,7 +356,9 @@ def _check_statement(
             checked.add(BundleOutcome.TAMPERED, name, "was not there when the bundle was signed")
         elif name not in wanted:
             checked.add(
-                BundleOutcome.INCOMPLETE, name, "is missing, and was there when it was signed"
+                BundleOutcome.INCOMPLETE,
+                name,
+                "is missing, although it was there when it was signed",
             )
         elif found[name] != {"sha256": wanted[name]}:
             checked.add(BundleOutcome.TAMPERED, name, "is not the file that was signed")

@@ -93,7 +93,7 @@ def list_bundle(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
         elif not stat.S_ISREG(mode):
             bad.append((name, "is not a regular file; it was not opened"))
         elif not is_bundle_file(name):
-            bad.append((name, "is no file of a bundle"))
+            bad.append((name, "does not belong to a bundle"))
         else:
             good.append(name)
     if not good and not any(name in (*REQUIRED, *UNLISTED) for name, _ in bad):

@@ -244,15 +244,15 @@ def _run_faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool
         return
     if row["mass_kg"] is None:
         if row["used"]:
-            yield "is used and has no mass"
+            yield "is used, but has no mass"
     elif row["start_s"] is None or row["end_s"] is None or not row["start_s"] < row["end_s"]:
         yield "has no stretch of time"
     elif not run.covers_middle_of(row["start_s"], row["end_s"]):
         yield "is not in the stretch of its run"
     if row["used"] and row["reason"]:
-        yield "is used, with a reason why not"
+        yield "is used, but has a reason for its exclusion"
     if row["used"] and run.excluded:
-        yield "is used, and its run is excluded"
+        yield "is used, although its run is excluded"
     if row["used"] and not weighs:
         yield "is used, although its log cannot weigh"
 

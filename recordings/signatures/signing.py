@@ -319,11 +319,11 @@ def key_weakness(raw: bytes) -> str:
     """
     y = int.from_bytes(raw, "little") & ((1 << 255) - 1)
     if y >= _P:
-        return "is not in its one canonical form"
+        return "is not in canonical form"
     if y in _SMALL_ORDER:
         return "has small order: anyone can forge its signatures"
     if not _is_on_curve(y):
-        return "is no point of the curve"
+        return "is not a point of the curve"
     if raw in _published_keys():
         return "has a private half that is published: anyone can sign for it"
     return ""

@@ -123,7 +123,8 @@ ATTACKS: tuple[Attack, ...] = (
     Attack("files", "a page that is a pipe", copied(piped), 3, "is not a regular file"),
     Attack("files", "a page of 40 MB", copied(swollen), 3, "is larger than"),
     # the signature
-    Attack("signature", "taken off with its signer", unsigned, 5, "the bundle is unsigned, but --key is given"),
+    Attack("signature", "taken off with its signer", unsigned, 5,
+           "the bundle is unsigned, but --key is given"),
     Attack("signature", "another key is asked for", with_other_key, 3, _NOT_GIVEN),
     Attack("signature", "S + L for S", in_envelope(twin_signature), 3, _NOT_GIVEN),
     Attack("signature", "64 zeros", signature(bytes(64)), 3, _NOT_GIVEN),

@@ -252,7 +252,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "a run excluded afterwards": Tampering(
         in_evidence("campaign", "runs", 2, "excluded", to="wheel slip"),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "readings.parquet: run 'run-2', reading 1: is used, and its run is excluded"),
+        "readings.parquet: run 'run-2', reading 1: is used, although its run is excluded"),
     "the operator": Tampering(
         in_evidence("campaign", "runs", 0, "operator", to="N. N."),
         TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
@@ -347,10 +347,10 @@ TAMPERINGS: dict[str, Tampering] = {
         "calibration.rrd: is not listed in SHA256SUMS"),
     "a renamed file": Tampering(
         at_last(lambda f: (f / REPORT).rename(f / "report.htm")),
-        TAMPERED, TAMPERED, "files", "report.htm: is no file of a bundle"),
+        TAMPERED, TAMPERED, "files", "report.htm: does not belong to a bundle"),
     "an added file": Tampering(
         at_last(lambda f: (f / "note.txt").write_text("n")),
-        TAMPERED, TAMPERED, "files", "note.txt: is no file of a bundle"),
+        TAMPERED, TAMPERED, "files", "note.txt: does not belong to a bundle"),
     "an added folder": Tampering(
         at_last(lambda f: (f / "more").mkdir()),
         TAMPERED, TAMPERED, "files",

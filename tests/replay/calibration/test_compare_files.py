@@ -131,7 +131,7 @@ def test_a_recording_of_another_run_is_found_by_its_fingerprint(
     found = verify_bundle(folder)
     assert found.outcome is TAMPERED
     assert f"{name}: differs in its files from the replay of load-0.csv" in items(found)
-    assert f"{name}: differs in its frames than the replay of load-0.csv" in items(found)
+    assert f"{name}: differs in its frames from the replay of load-0.csv" in items(found)
 
 
 def test_a_recording_with_one_number_changed_or_damaged_is_found(
