@@ -90,7 +90,7 @@ def find_boom_dumps(
         return NO_DUMPS
     away = boom - float(np.median(boom[driving]))
     if known is None:
-        reached = np.array([_dumping_reach(away[slow & whole])])
+        reached = np.array([dumping_reach(away[slow & whole])])
     else:
         reached = np.array([_farthest_reach(away, slow & whole, t_ns, span) for span in known])
     typical_rad = float(np.median(reached)) if reached.size else 0.0
@@ -99,7 +99,7 @@ def find_boom_dumps(
     ):
         return NO_DUMPS
     out = whole & (away / typical_rad > LIMITS.boom_out_fraction)
-    spans = _join_dumps(
+    spans = join_dumps(
         t_ns, out & slow, t_ns[whole & ~out], t_ns[out & find_standing_samples(excitation)]
     )
     if (
@@ -129,7 +129,7 @@ def find_standing_samples(excitation: pl.DataFrame) -> Bools:
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 
 
-def _dumping_reach(away: Floats) -> float:
+def dumping_reach(away: Floats) -> float:
     """Signed reach of a boom that dumps: upwards, unless it reaches far less that way.
 
     A boom that moves during driving is far from its usual position both at the dump and at the
@@ -157,7 +157,7 @@ def _emptying_time_ns(out: Floats, t_ns: Ints, span: Span) -> int:
     return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
-def _join_dumps(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> list[Span]:
+def join_dumps(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> list[Span]:
     """Spans of dumping samples, joined over moments in which the bucket is shaken.
 
     If the boom does not return in between, it is driven away from the dump. It may be out long

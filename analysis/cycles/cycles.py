@@ -125,7 +125,9 @@ def weigh_cycles(
     empty = empty_machine(weighing, machine, found)
     withheld = withheld or (empty.contradiction if empty else "")
     share = _tare_share(found)
-    worth = _shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
+    worth = compute_shared_uncertainty(
+        weighing, machine, found, _sum_weights(found, parts, share), empty
+    )
     clean = clean_bucket_mass_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
@@ -332,7 +334,7 @@ class _SharedUncertainty:
     scale: ShiftScale
 
 
-def _shared_uncertainty(
+def compute_shared_uncertainty(
     weighing: Weighing | None,
     machine: Machine,
     found: Passes,

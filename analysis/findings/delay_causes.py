@@ -60,7 +60,7 @@ def long_delay(inputs: FindingInputs) -> LongDelay | None:
 
 
 def _search_delay(inputs: FindingInputs) -> LongDelay | None:
-    step_s, channels = _channel_accelerations(inputs)
+    step_s, channels = channel_accelerations(inputs)
     if not {"speed", "force"} <= channels.keys():
         return None
     speed, force = channels["speed"], channels["force"]
@@ -69,7 +69,7 @@ def _search_delay(inputs: FindingInputs) -> LongDelay | None:
         seen = _lag_of_force(force, speed, channels["v"], drives, step_s)
         return LongDelay("force", seen[0], seen[1:], "speed") if _is_long_delay(seen) else None
     imu = channels["imu"]
-    seen = _find_lag(speed, imu, step_s)
+    seen = find_lag(speed, imu, step_s)
     if _is_long_delay(seen):
         # the one that the force begins with is in time
         before = round(LIMITS.driving_start_s / step_s)
@@ -119,7 +119,7 @@ def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> floa
 def _lag_of_force(
     force: Floats, acceleration: Floats, v: Floats, drives: Bools, step_s: float
 ) -> tuple[float, float, float]:
-    """Lag of the force where no brakes act; returns the same values as `_find_lag`."""
+    """Lag of the force where no brakes act; returns the same values as `find_lag`."""
     longest = round(LIMITS.longest_delay_s / step_s)
     inside = drives.copy()
     inside[:longest] = inside[-longest:] = False
@@ -131,7 +131,7 @@ def _lag_of_force(
     return (at - longest) * step_s, seen[at], seen[longest]
 
 
-def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
+def channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
     """Signals proportional to the acceleration, by channel, and their sampling step.
 
     Returns:
@@ -164,7 +164,7 @@ def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floa
     return size / rate_hz, {**channels, "v": np.nan_to_num(speed)}
 
 
-def _find_lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, float]:
+def find_lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, float]:
     """Find the lag of one signal behind another.
 
     Returns:

@@ -188,14 +188,13 @@ def drop_repeated_findings(
 ) -> pl.DataFrame:
     """Keep the findings of the whole log that the second search neither repeats nor explains."""
     explained = [
-        key for each in CAUSES for key in each.explains if _is_hidden_by_any(hiding, each.key)
+        key
+        for each in CAUSES
+        for key in each.explains
+        if any(_has_cause(first, each.key) for first in hiding)
     ]
     known = [*explained, *seen["cause"], *(each["cause"][0] for each in hiding)]
     return found.filter(~pl.col("cause").is_in(known))
-
-
-def _is_hidden_by_any(hiding: list[pl.DataFrame], cause: str) -> bool:
-    return any(_has_cause(each, cause) for each in hiding)
 
 
 def _correct_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:

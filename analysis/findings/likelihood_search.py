@@ -93,7 +93,7 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
             begun = motion
             motion, found = remove_delay_iteratively(inputs, begun, taken, best)
             if best.name in _BESIDE and _BESIDE[best.name] in tried:
-                motion, found, other = _attribute_delay(inputs, begun, taken, (motion, found))
+                motion, found, other = attribute_delay(inputs, begun, taken, (motion, found))
                 rivals = rivals - {*_BESIDE} | {*other}
         rivals -= {found.name, *out}
         out[found.name] = replace(
@@ -187,7 +187,7 @@ def remove_delay_iteratively(
     return motion, replace(pick, value=total, std=std)
 
 
-def _attribute_delay(
+def attribute_delay(
     inputs: FindingInputs,
     begun: MotionSamples,
     taken: list[str],

@@ -42,7 +42,7 @@ def hauling_patterns(motion: MotionSamples) -> list[Ints]:
     begins_m = motion.driven_m[first]
     visits = [
         np.isin(begins_m[1:], add_missed_visits(begins_m[1:][each], begins_m[1:]))
-        for each in _find_visits(begins_m, forwards)
+        for each in find_recurrent_visits(begins_m, forwards)
     ]
     changes = [each & (kind > 0) for each in visits]
     taking_turns = [_loaded_between_stands(on, off) for on, off in combinations(visits, 2)]
@@ -55,7 +55,7 @@ def hauling_patterns(motion: MotionSamples) -> list[Ints]:
     ]
 
 
-def _find_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
+def find_recurrent_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
     """Visits to each recurrent stop, as flags (units - 1,) of the standstills.
 
     Stands are of one place if they are as far after the last turn and before the next one, between

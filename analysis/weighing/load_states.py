@@ -168,7 +168,7 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
         samples.max(),
     )
     # where a record begins or ends while the machine cruises, a mass would be any
-    gained_m_s = _gained_speeds_m_s(motion, of, number.size)
+    gained_m_s = gained_speeds_m_s(motion, of, number.size)
     tells &= gained_m_s >= LIMITS.informative_speed_share * float(np.median(gained_m_s[tells]))
     place = np.arange(number.size)
     before = np.maximum.accumulate(np.where(tells, place, -1))
@@ -181,14 +181,14 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
         begin, end = first[here][0], last[here][-1]
         sooner, later = (last[left][-1], begin), (end, first[right][0])
         if (
-            _classify_change(motion, *sooner, *sooner) > 1
-            and _classify_change(motion, *later, *later) == 1
+            classify_load_change(motion, *sooner, *sooner) > 1
+            and classify_load_change(motion, *later, *later) == 1
         ):
             goes[short] = after[short]
     return number[goes][of]
 
 
-def _gained_speeds_m_s(motion: MotionSamples, unit: Ints, units: int) -> Floats:
+def gained_speeds_m_s(motion: MotionSamples, unit: Ints, units: int) -> Floats:
     """Range of the speeds of each manoeuvre, (units,) in m/s.
 
     Args:
@@ -223,7 +223,7 @@ def load_change_kinds(motion: MotionSamples) -> Ints:
     # a boom may go up before the machine stands, and come down when it moves again
     middle = used[(first + last) // 2]
     spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
-    kind = np.array([_classify_change(motion, *span) for span in spans], np.int64)
+    kind = np.array([classify_load_change(motion, *span) for span in spans], np.int64)
     # a bucket is in front: it is filled and emptied where the machine arrives, and then backs out
     arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
     backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
@@ -231,7 +231,9 @@ def load_change_kinds(motion: MotionSamples) -> Ints:
     return np.where(backs_out & ~seen, TURNED, kind)
 
 
-def _classify_change(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:
+def classify_load_change(
+    motion: MotionSamples, end: int, begin: int, since: int, until: int
+) -> int:
     """Kind of evidence for a load change between two manoeuvres.
 
     Args:

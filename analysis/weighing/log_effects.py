@@ -89,7 +89,7 @@ class LikelyEffects:
         names = sorted(set(effect))
         combinations = list(product((False, True), repeat=len(names)))
         choices = [
-            _score_effects(
+            score_effects(
                 np.array([kept[names.index(name)] for name in effect]),
                 sum(kept) * _LOG_ODDS,
                 information,
@@ -149,7 +149,7 @@ def _invert_precision(precision: Floats) -> Floats:
     return inverse.astype(np.float64, copy=False)
 
 
-def _score_effects(
+def score_effects(
     kept: np.ndarray, before: float, information: Floats, scores: Floats, variance: Floats
 ) -> tuple[float, np.ndarray, Floats, Floats]:
     """Log evidence of a choice of effects, the choice, and mean and covariance of its terms.

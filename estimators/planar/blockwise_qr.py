@@ -50,12 +50,9 @@ def triangular_factors(A: Blocks, f: Floats, used: Bools) -> Floats:
     for part in sample_blocks(used):
         both = np.concatenate([A[part], f[part][..., None]], axis=-1)[used[part]]
         for axis in range(k):
-            out[axis] = _triangular_factor(np.concatenate([out[axis], both[:, axis]]))
+            rows = np.concatenate([out[axis], both[:, axis]])
+            out[axis] = np.linalg.qr(rows, mode="r")
     return out
-
-
-def _triangular_factor(rows: Floats) -> Floats:
-    return np.asarray(np.linalg.qr(rows, mode="r"), np.float64)
 
 
 def residuals(A: Blocks, f: Floats, used: Bools, theta: Floats) -> Floats:

@@ -183,7 +183,7 @@ def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Pane
     drawn = [
         each
         for each in less.columns_drawn_in_view(plain)
-        if _has_changed_numbers(less.shown[each.frame][each.column])
+        if (less.shown[each.frame][each.column].fill_null(0.0) != 0.0).any()
     ]
     if not drawn:
         return None
@@ -196,10 +196,6 @@ def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Pane
         axis_range(plain, less.run),
         named_above=above.issuperset(each.label for each in named),
     )
-
-
-def _has_changed_numbers(numbers: pl.Series) -> bool:
-    return bool((numbers.fill_null(0.0) != 0.0).any())
 
 
 def count_named_lines(drawn: Sequence[DisplayColumn]) -> int:

@@ -104,7 +104,9 @@ class CalibrationOutcome:
         """Whether there is a line within its limits and without drift."""
         said = self.document
         limits = said.limits is None or said.limits.verdict == WITHIN
-        return said.calibration is not None and limits and not _has_drift(said.drift)
+        # a check without a result is not a good one either
+        steady = said.drift is None or said.drift.drifted is False
+        return said.calibration is not None and limits and steady
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as JSON-compatible values."""
@@ -116,11 +118,6 @@ class CalibrationOutcome:
             "signed": self.document.signer is not None,
             "remarks": list(self.remarks),
         }
-
-
-def _has_drift(drift: DriftCheck | None) -> bool:
-    """Whether a check found drift or was inconclusive."""
-    return drift is not None and drift.drifted is not False
 
 
 @dataclass(frozen=True, slots=True)

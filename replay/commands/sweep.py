@@ -207,7 +207,8 @@ def _make_result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     flat = [
         {
             **{
-                names[key]: _value_for_file(value, row.over[key])
+                # a column holds no lists and tables: they stay as written
+                names[key]: row.over[key] if isinstance(value, list | dict) else value
                 for key, value in _type_swept_columns(row).items()
             },
             **{
@@ -326,11 +327,6 @@ def _type_swept_columns(row: Row) -> dict[str, Any]:
     from replay.machines.toml_file import read_value
 
     return {key: read_value(text) for key, text in row.over.items()}
-
-
-def _value_for_file(value: Any, written: str) -> Any:
-    """Value for a column of a file; lists and tables stay as written."""
-    return written if isinstance(value, list | dict) else value
 
 
 def shorten_dotted_names(keys: Iterable[str]) -> dict[str, str]:

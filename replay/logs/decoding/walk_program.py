@@ -168,7 +168,7 @@ def walk_messages(
         _copy_counts(filled, kept)
         at = step = depth = fault = note_count = 0
         while step < steps.shape[0]:
-            place, count, told, stop, at, fault = _read_step(
+            place, count, told, stop, at, fault = read_walk_step(
                 data, begin, at, size, steps, step, encoding
             )
             if fault != 0:
@@ -310,7 +310,7 @@ def _follow_step(
 
 
 @inlined
-def _read_step(
+def read_walk_step(
     data: Bytes, begin: int, at: int, size: int, steps: Ints, step: int, encoding: Encoding
 ) -> tuple[int, int, int, int, int, int]:
     """Read what a step describes.
