@@ -125,9 +125,7 @@ def weigh_cycles(
     empty = empty_machine(weighing, machine, found)
     withheld = withheld or (empty.contradiction if empty else "")
     share = _tare_share(found)
-    worth = compute_shared_uncertainty(
-        weighing, machine, found, _sum_weights(found, parts, share), empty
-    )
+    worth = shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
     clean = clean_bucket_mass_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
@@ -334,7 +332,7 @@ class _SharedUncertainty:
     scale: ShiftScale
 
 
-def compute_shared_uncertainty(
+def shared_uncertainty(
     weighing: Weighing | None,
     machine: Machine,
     found: Passes,

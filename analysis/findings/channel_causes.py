@@ -320,13 +320,11 @@ def is_near_spike(inputs: FindingInputs) -> Bools:
 
 def find_unlike_sides(inputs: FindingInputs) -> list[Symptom]:
     """Find the largest difference between the left and right side."""
-    found = [
-        _make_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()
-    ]
+    found = [_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _make_side_symptom(inputs: FindingInputs, seen: SideDifference) -> Symptom:
+def _side_symptom(inputs: FindingInputs, seen: SideDifference) -> Symptom:
     least = LIMITS.unlike_slip_1 if seen.kind == "slip" else LIMITS.unlike_sides_1
     strength = abs(seen.value_1) / max(least + seen.resistance_1, SURELY * seen.std_1)
     left, right = _CHANNELS[seen.kind]

@@ -180,10 +180,8 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
         sooner, later = (last[left][-1], begin), (end, first[right][0])
-        if (
-            classify_load_change(motion, *sooner, *sooner) > 1
-            and classify_load_change(motion, *later, *later) == 1
-        ):
+        at_begin, at_end = (classify_change(motion, *span, *span) for span in (sooner, later))
+        if at_begin > 1 and at_end == 1:
             goes[short] = after[short]
     return number[goes][of]
 
@@ -223,7 +221,7 @@ def load_change_kinds(motion: MotionSamples) -> Ints:
     # a boom may go up before the machine stands, and come down when it moves again
     middle = used[(first + last) // 2]
     spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
-    kind = np.array([classify_load_change(motion, *span) for span in spans], np.int64)
+    kind = np.array([classify_change(motion, *span) for span in spans], np.int64)
     # a bucket is in front: it is filled and emptied where the machine arrives, and then backs out
     arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
     backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
@@ -231,9 +229,7 @@ def load_change_kinds(motion: MotionSamples) -> Ints:
     return np.where(backs_out & ~seen, TURNED, kind)
 
 
-def classify_load_change(
-    motion: MotionSamples, end: int, begin: int, since: int, until: int
-) -> int:
+def classify_change(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:
     """Kind of evidence for a load change between two manoeuvres.
 
     Args:
@@ -252,8 +248,7 @@ def classify_load_change(
     if motion.stood is not None and motion.stood[end] == motion.stood[begin]:
         return 0
     moved = any(
-        _range_of_known_values(arm[since : until + 1]) > LIMITS.arm_movement_rad
-        for arm in motion.arms
+        _known_range(arm[since : until + 1]) > LIMITS.arm_movement_rad for arm in motion.arms
     )
     if moved:
         return HINTED
@@ -261,7 +256,7 @@ def classify_load_change(
     return RESTARTED if silent else 1
 
 
-def _range_of_known_values(x: Floats) -> float:
+def _known_range(x: Floats) -> float:
     """Maximum minus minimum of the known values; 0 if none is known."""
     known = x[np.isfinite(x)]
     return float(np.ptp(known)) if known.size else 0.0

@@ -157,9 +157,8 @@ def _compare_bodies(
 ) -> WheelKinematics | None:
     """Compare wheels and accelerometer, without gravity if hills change it within a manoeuvre.
 
-    Gravity is then removed by the measured pitch.
-
-    Otherwise gravity is kept, so that a squat, which also pitches the body, appears as a gain.
+    The measured pitch gives gravity. Otherwise it is kept, so that a squat, which also pitches
+    the body, appears as a gain.
     """
     if motion.specific_force is None:
         return None
@@ -279,7 +278,7 @@ def _fit_comparison(
     std = widths(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solved(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
-    least = _lower_bound_std(rows, noise, std, 1.0 / motion.rate_hz)
+    least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.std, 1.0)
     covariance = found.covariance * np.outer(widened, widened)
     values = list(
@@ -312,9 +311,7 @@ def is_gain_significant(fit: prior_fit.MapFit, noise_m_s: float) -> bool:
     return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0]))
 
 
-def _lower_bound_std(
-    rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
-) -> Floats:
+def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float) -> Floats:
     """Lower bound of the standard deviations from instrument noise alone, (4,).
 
     The accelerometer's noise accumulates over a manoeuvre and the fit follows it, so few

@@ -201,9 +201,7 @@ TABS: Final = (
                 "Yaw acceleration, smoothed", "excitation", yaw_acc_rad_s2="yaw acceleration"
             ),
             line_view(
-                "Lateral force per mass",
-                "excitation",
-                regressor_acc_y_m_s2="regressor, to the left",
+                "Lateral force / mass", "excitation", regressor_acc_y_m_s2="regressor, to the left"
             ),
             _DECISIONS,
             _COM,
