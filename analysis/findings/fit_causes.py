@@ -294,7 +294,7 @@ def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
                 abs(found.value) / LIMITS.trusted_share_change_s2_m,
             ),
             f"{_share_change_text(found.value, found.std)}, and there is one load, or there are "
-            f"{found.loads} that depend on the direction:  this log cannot distinguish the two",
+            f"{found.loads} that depend on the direction: this log cannot distinguish the two",
             channel=inputs.force_channel,
         )
     ]
