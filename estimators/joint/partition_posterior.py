@@ -127,12 +127,12 @@ class PartitionPosterior:
         Args:
             state: (n,) stretch numbers, ascending.
         """
-        whole, right, _ = self._normal_equations(self._states_by_number(state))
+        whole, right, _ = self._normal_equations(self._sums_by_state(state))
         return _solve_with_log_determinant(whole, right)[0]
 
     def evaluate(self, stretches: Stretches) -> Partition:
         """Levels, effects and log posterior of a partition."""
-        by_state = self._states_by_number(stretches.state)
+        by_state = self._sums_by_state(stretches.state)
         best, logs = None, []
         for weight, level in stretches.levels:
             log, levels, effects = self._integrate_levels(_sum_by_level(by_state, level))
@@ -143,7 +143,7 @@ class PartitionPosterior:
         posterior = float(np.logaddexp.reduce(logs)) + self._log + stretches.log_prior
         return Partition(stretches.state, best[1], best[2], self.scatter, best[3], posterior)
 
-    def _states_by_number(self, state: Ints) -> Floats:
+    def _sums_by_state(self, state: Ints) -> Floats:
         first = np.append(0, np.flatnonzero(np.diff(state)) + 1)
         return np.add.reduceat(self._sums, first)
 

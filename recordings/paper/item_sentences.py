@@ -165,7 +165,7 @@ def method_error_table_sentences(found: SweptTable) -> ItemSentences:
             "The text says that most methods have their smallest error at 0.7 nat. Its table has "
             f"it at {_best_settings(found.best_printed, 'nat')}.",
             _extremes_sentence(found.extremes, "nat"),
-            _nearest_bound(found.nearest_bound_1),
+            _nearest_bound_sentence(found.nearest_bound_1),
             "The printed columns jump by a factor of eight between neighbours (RLS 42.6 kg at 0.7, "
             "10.4 kg at 0.9); 54 runs of one campaign cannot tell neighbours apart.",
             _constant_sentence(found.best_kg),
@@ -217,7 +217,7 @@ def _extremes_sentence(methods: Sequence[Extremes], unit: str) -> str:
     return f"Ours, own load left out: {'; '.join(sentences)}."
 
 
-def _nearest_bound(nearest: Mapping[str, float]) -> str:
+def _nearest_bound_sentence(nearest: Mapping[str, float]) -> str:
     """Sentence that compares pooled LS and RLS with the bound of one run."""
     return (
         f"Pooled LS comes to {nearest['pooled']:.2f} times the bound of one run. "

@@ -126,7 +126,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         "# track_width_m = 1.5          # for the yaw torque",
         "# digs = false                 # where it has no bucket: a car, a rack, an arm",
         "force_share = 1.0              # share of the force that the measured wheels carry",
-        'timezone = "UTC"               # what a person reads times in',
+        'timezone = "UTC"               # time zone of printed times',
         "",
     ]
     sources = {guess.column: (guess.topic, guess.field) for guess in guesses}
@@ -352,7 +352,8 @@ def _format_mounting_angles(guess: MountingGuess) -> list[str]:
         return [f"{found}: level. Its yaw cannot be determined from", "# the log.", ""]
     sure = guess.tilt_is_sure and guess.stood
     lines = [
-        found + (": it is mounted so" if sure else ": check this, the ground may slope instead"),
+        found
+        + (": the IMU is mounted so" if sure else ": check this, the ground may slope instead"),
         "[machine.imu]",
         f"roll_deg = {guess.roll_deg:g}",
         f"pitch_deg = {guess.pitch_deg:g}",

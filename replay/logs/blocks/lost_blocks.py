@@ -41,7 +41,7 @@ class BlockDamage(Damage):
     def __bool__(self) -> bool:
         return bool(self._blocks or self._gaps) or super().__bool__()
 
-    def _of_places(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:
+    def _iter_located_damage(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:
         for what in (*self._describe_lost_blocks(topics), *self._describe_gaps()):
             yield "", what
 

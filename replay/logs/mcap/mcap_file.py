@@ -151,7 +151,7 @@ class McapFile(BlockFile):
 
     def check(self) -> int:
         """Read the file from start to end, and compare the CRCs of data and summary."""
-        walk = McapWalk(self._second_store(), self._describe)
+        walk = McapWalk(self._second_store(), self._process_record)
         self._compare(walk.chunks(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
             self._store.damage.note("its records do not connect its data with its footer")
@@ -195,7 +195,7 @@ class McapFile(BlockFile):
 
     def _walk(self) -> McapWalk:
         """Read the file from start to end."""
-        walk = McapWalk(self._store, self._describe)
+        walk = McapWalk(self._store, self._process_record)
         self._store.survey(walk.chunks())
         if not self._store.damage:
             # messages outside chunks have no CRC but that of all data together
@@ -218,7 +218,7 @@ class McapFile(BlockFile):
             f"are read{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _describe(self, op: int, content: bytes, at: int) -> None:
+    def _process_record(self, op: int, content: bytes, at: int) -> None:
         """Keep the first channel or schema of each number, and the first summary counts."""
         stream = ReadDataStream(BytesIO(content))
         try:

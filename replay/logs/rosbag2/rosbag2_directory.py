@@ -71,7 +71,7 @@ class Rosbag2Directory:
         return [*self._losses, *(loss for part in self._parts for loss in part.losses)]
 
     def _read_metadata(self) -> Metadata:
-        names = tuple(sorted((p.name for p in storage_files(self._path)), key=_part_number))
+        names = tuple(sorted((p.name for p in storage_files(self._path)), key=_part_sort_key))
         # a recorder that ends while it compresses leaves both; what it compressed from is whole
         names = tuple(n for n in names if n.removesuffix(".zstd") == n or n[:-5] not in names)
         if not (self._path / METADATA).exists():
@@ -272,7 +272,7 @@ def storage_files(folder: Path) -> list[Path]:
     return [p for p in folder.iterdir() if Path(p.name.removesuffix(".zstd")).suffix in _STORAGE]
 
 
-def _part_number(name: str) -> list[tuple[int, str]]:
+def _part_sort_key(name: str) -> list[tuple[int, str]]:
     """Sort key that puts shift_10 after shift_9."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
 
