@@ -155,7 +155,7 @@ class SimulatedChassis(BaseModel):
         default=0.2,
         ge=0,
         le=10,
-        description="amplitude of the motion of that mass, ahead and back, a sine",
+        description="peak-to-peak motion of that mass, ahead and back, a sine",
     )
     boom_period_s: float = Field(
         default=4.0, ge=0.1, le=1000, description="period of the motion of that mass"

@@ -57,7 +57,7 @@ class SimulatedStarts(BaseModel):
         default=0.0,
         ge=0,
         le=1,
-        description="amplitude of the oscillation of the stick, as a part of the throttle",
+        description="largest reduction of the throttle by an oscillating stick, as a share of it",
     )
     stick_hz: float = Field(
         default=0.7, gt=0, le=50, description="frequency of that oscillation, a sine"
