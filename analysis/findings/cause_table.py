@@ -26,7 +26,7 @@ _OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "driveline")
 _OF_FIT: Final = (*_OF_EQUATION, *_OF_RESIDUALS, "resonance")
 _STILL: Final = "a standstill of three seconds"
 _START: Final = "an informative manoeuvre"
-_BOTH: Final = "an accelerometer beside the wheels' speed"
+_BOTH: Final = "an accelerometer in addition to the wheel speed"
 
 CAUSES: Final = (
     Cause(
@@ -54,7 +54,7 @@ CAUSES: Final = (
     ),
     Cause(
         "wrong_unit",
-        "a channel is in another unit than its machine file says",
+        "a channel is in another unit than the machine file states",
         f"{_BOTH}, or its z axis at standstill; for the force the machine's empty mass",
         sign_causes.find_wrong_unit,
         withholds=True,

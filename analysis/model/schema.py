@@ -223,7 +223,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("second", pl.String, "1", "column that comes `lag` samples later"),
                 Column("lag", pl.Int64, "1", "samples between the two"),
                 _float("covariance", "1", "covariance of the two, in the product of their units"),
-                Column("source", pl.Enum(NOISE_SOURCES), "1", "what it is estimated from"),
+                Column("source", pl.Enum(NOISE_SOURCES), "1", "samples from which it is estimated"),
             ),
         ),
         Frame(
@@ -237,7 +237,11 @@ FRAMES: Final[dict[str, Frame]] = {
                     "ksg_x_nat", "nat", "mutual information by nearest neighbours (index = ksg)"
                 ),
                 _float("predicted_std_x", "kg", "predicted standard deviation of the mass"),
-                _float("noise_share_x_1", "1", "share of noise in what the acceleration adds"),
+                _float(
+                    "noise_share_x_1",
+                    "1",
+                    "share of noise in the variance that the acceleration explains",
+                ),
                 Column("accepted_x", pl.Boolean, "1", "whether the window is used"),
                 Column("reason_x", REASON, "1", "why, or why not"),
                 _float(
@@ -246,7 +250,11 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("mi_z_nat", "nat", "information index (11) of the window, yaw"),
                 _float("ksg_z_nat", "nat", "the same by nearest neighbours, yaw (index = ksg)"),
                 _float("predicted_std_z", "kg·m²", "predicted standard deviation of the inertia"),
-                _float("noise_share_z_1", "1", "share of noise in what the yaw acceleration adds"),
+                _float(
+                    "noise_share_z_1",
+                    "1",
+                    "share of noise in the variance that the yaw acceleration explains",
+                ),
                 Column("accepted_z", pl.Boolean, "1", "whether the window is used for spins"),
                 Column("reason_z", REASON, "1", "why, or why not"),
             ),
@@ -323,7 +331,12 @@ FRAMES: Final[dict[str, Frame]] = {
                     "1",
                     "sources without an uncertainty in the machine file, for inertia and moments",
                 ),
-                Column("com_scale_unknown", pl.String, "1", "likewise, for the centre of mass"),
+                Column(
+                    "com_scale_unknown",
+                    pl.String,
+                    "1",
+                    "sources without an uncertainty in the machine file, for the centre of mass",
+                ),
                 Column("withheld", pl.Boolean, "1", "true when the verdict withholds the numbers"),
                 Column("reason", REASON, "1", "accepted, or why it has no number"),
             ),
@@ -412,7 +425,10 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("calibrated_low_kg", "kg", "lower end of its interval"),
                 _float("calibrated_high_kg", "kg", "upper end of its interval"),
                 Column(
-                    "calibrated_reason", pl.String, "1", "why there is none (empty when there is)"
+                    "calibrated_reason",
+                    pl.String,
+                    "1",
+                    "why there is no calibrated mass (empty when there is)",
                 ),
                 _float(
                     "calibrated_unlike_u_kg",
@@ -559,7 +575,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("duration_s", "s", "from the first sample to the last"),
                 _float("gap_s", "s", "part of that without a recording"),
                 _float("idle_s", "s", "part of that in standstills of more than half a minute"),
-                _float("utilisation_1", "1", "recorded time without idle stands, as a share"),
+                _float("utilisation_1", "1", "share of the recorded time without idling"),
             ),
         ),
         Frame(
@@ -591,7 +607,7 @@ FRAMES: Final[dict[str, Frame]] = {
             (
                 Column("of", pl.String, "1", "mass or payload of a load, or payload of a cycle"),
                 Column("number", pl.Int64, "1", "number of the load or cycle"),
-                Column("term", pl.String, "1", "whose mean it is, or the scale"),
+                Column("term", pl.String, "1", "name of the term, or the scale"),
                 _float("response_kg", "kg", "change of the result"),
             ),
         ),
@@ -706,8 +722,8 @@ FRAMES: Final[dict[str, Frame]] = {
             (
                 _float("alpha_1", "1", "slope: calibrated mass over estimate"),
                 _float("beta_kg", "kg", "offset of the calibrated mass"),
-                _float("valid_from_kg", "kg", "lightest mass that it holds for"),
-                _float("valid_to_kg", "kg", "heaviest mass that it holds for"),
+                _float("valid_from_kg", "kg", "lightest mass for which it is valid"),
+                _float("valid_to_kg", "kg", "heaviest mass for which it is valid"),
                 _float("line_u_kg", "kg", "standard uncertainty of a run's mass, heavy end"),
                 _float("coverage_k_1", "1", "coverage factor of that"),
             ),
@@ -717,7 +733,7 @@ FRAMES: Final[dict[str, Frame]] = {
             "of evidence: a row for each run",
             (
                 Column("run_id", pl.String, "1", "name of the run"),
-                Column("load", pl.String, "1", "what was on board"),
+                Column("load", pl.String, "1", "masses on board"),
                 Column("day", pl.String, "1", "day of the run"),
                 _float("reference_kg", "kg", "reference of that load"),
                 Column("readings", pl.Int64, "1", "readings in use"),
@@ -735,7 +751,7 @@ FRAMES: Final[dict[str, Frame]] = {
             "of evidence: a row for each manoeuvre of a run",
             (
                 Column("run_id", pl.String, "1", "name of the run"),
-                Column("load", pl.String, "1", "what was on board"),
+                Column("load", pl.String, "1", "masses on board"),
                 Column("day", pl.String, "1", "day of the run"),
                 Column("log", pl.String, "1", "its log"),
                 Column("reading", pl.Int64, "1", "number of the reading in its run"),

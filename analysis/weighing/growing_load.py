@@ -185,7 +185,7 @@ def find_growing_loads(
 
 
 def _max_plausible_loss_kg(fit: JointFit) -> float:
-    """Largest plausible loss of a load in kg, by the carried mass if other loads tell it."""
+    """Largest plausible loss of a load in kg, by the carried mass if other loads give it."""
     if fit.count == 1:
         return float("inf")
     return LIMITS.max_loss_load_ratio * float(np.ptp(fit.masses_kg))

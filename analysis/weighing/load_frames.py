@@ -275,7 +275,7 @@ def _note_growing_loads(weighing: Weighing, excitation: pl.DataFrame) -> str:
         for each in weighing.growing
     ]
     more = (
-        [f"so it does within {len(told) - LIMITS.max_named_manoeuvres} more"]
+        [f"and it changes within {len(told) - LIMITS.max_named_manoeuvres} more"]
         if len(told) > LIMITS.max_named_manoeuvres
         else []
     )

@@ -255,7 +255,7 @@ def _log_cycle_prior(kind: Ints, changes: Bools) -> float:
 
 
 def _log_rate_prior(kind: Ints, changes: Bools) -> float:
-    """Log prior with no change as likely as some, and all rates of changes equally likely.
+    """Log prior under which no change is as likely as any, and all rates are equally likely.
 
     If other evidence indicates changes, either their rate is as likely as it is high, or the
     evidence is unrelated to the level. Separate records have one level, mostly one each, or any

@@ -152,7 +152,7 @@ def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, Bundle
         checked.add(BundleOutcome.TAMPERED, name, what)
     if len(strange) > _MOST_NAMED:
         more = f"{len(strange) - _MOST_NAMED} entries more"
-        checked.add(BundleOutcome.TAMPERED, more, "are no bundle's")
+        checked.add(BundleOutcome.TAMPERED, more, "do not belong to a bundle")
     held: dict[str, BundleFile] = {}
     for name in names:
         try:

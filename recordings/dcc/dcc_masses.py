@@ -239,8 +239,8 @@ def _find_named_items(
     for text, items in zip(texts, found, strict=True):
         if len(items) != 1:
             raise EvidenceError(
-                f"{what}: a list of names beside a list of masses has '{text[:40]}', which "
-                f"{len(items)} items of that result are called"
+                f"{what}: a list of names beside a list of masses has '{text[:40]}', which is the "
+                f"name of {len(items)} items of that result"
             )
     weights = [items[0] for items in found]
     if len(weights) != count:

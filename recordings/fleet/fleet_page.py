@@ -144,7 +144,7 @@ def _make_fact_rows(
     refused = int((status == "refused").sum())
     cannot = page.results.filter(~pl.col("can_weigh")).height
     return [
-        ("interval", "95 % (k = 2); machines are taken as independent of each other"),
+        ("interval", "95 % (k = 2); machines are assumed independent of each other"),
         (
             "recordings",
             f"{total['recordings']:,.0f}: {refused:,} refused, {cannot:,} that cannot weigh, "

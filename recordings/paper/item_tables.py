@@ -34,8 +34,8 @@ def render_table_1(frame: pl.DataFrame) -> list[RenderedItem]:
     trials = frame["trials"].max()
     return [
         RenderedItem(
-            f"RMS error of the mass in kg over {trials} windows [95 % interval], beside the "
-            "paper's one; bound: Cramér–Rao",
+            f"RMS error of the mass in kg over {trials} windows [95 % interval], next to the "
+            "paper's value; bound: Cramér–Rao",
             *errors,
         ),
         RenderedItem("R.m.s. error divided by the Cramér–Rao bound", *ratios),
@@ -89,7 +89,7 @@ def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[Rendere
     return [
         RenderedItem(
             f"RMS error of a run in kg, every load in the fit: mean over {campaigns} campaigns "
-            "[95 % interval], beside the paper's; bound: Cramér–Rao",
+            "[95 % interval], next to the paper's; bound: Cramér–Rao",
             *within,
         ),
         RenderedItem("The same with the run's own load left out of the fit", *without),

@@ -33,7 +33,7 @@ class TornLog(BaseModel):
         which = f"Log {self.number} of {self.logs} ({self.name})"
         if self.next_s is None:
             return (
-                f"{which} breaks off at {clock.format_time(self.ends_s)}: the rest of it is "
+                f"{which} breaks off at {clock.format_time(self.ends_s)}: the rest of that log is "
                 "unknown, and no number here includes it."
             )
         missing = duration_text(max(self.next_s - self.ends_s, 0.0))

@@ -28,7 +28,7 @@ from recordings.signatures.signing import PublicKey
 KEYRING_VARIABLE: Final = "PAYSCOPE_KEYRING"
 #: Bytes of a keyring; a key takes some two hundred.
 _MOST_BYTES: Final = 1 << 20
-_HEAD: Final = "# Keys that payscope knows, and whose they are; changed by `payscope keys`.\n"
+_HEAD: Final = "# Keys that payscope knows, and their owners; changed by `payscope keys`.\n"
 
 Owner = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\n\r]*$")]
 

@@ -270,8 +270,8 @@ def _compare_run(checked: CheckedBundle, log: EvidenceLog, found: RecordingDiges
             checked.add(
                 BundleOutcome.TAMPERED,
                 log.recording,
-                f"differs in its {what} from the replay of {log.log} whose fingerprint the "
-                "evidence has",
+                f"differs in its {what} from the replay of {log.log} with the fingerprint in the "
+                "evidence",
             )
 
 

@@ -143,7 +143,7 @@ def _print_explanation(
     part("causes, the likeliest first:", describe_findings(explained))
     if explained.manoeuvre is not None:
         part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
-    part("manoeuvres that stand out:", map(manoeuvre_line, explained.worst))
+    part("conspicuous manoeuvres:", map(manoeuvre_line, explained.worst))
     around = "the gate around it:" if explained.at_s is not None else "the gate, by share of time:"
     part(around, describe_gate(explained))
     part("the motion:", determined_parameter_lines(explained.determined))

@@ -21,7 +21,7 @@ def command(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", help="Record as it goes; at the end, the causal replay (.rrd)."
+            "-o", "--output", help="Record while following; at the end, the causal replay (.rrd)."
         ),
     ] = None,
     overrides: Annotated[

@@ -66,7 +66,7 @@ def _make_parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
         prog="rerun-importer-payscope",
         description="Importer of the Rerun viewer for robots' logs (.bag, .db3, .csv; .mcap and "
-        ".parquet with a machine file beside them).",
+        ".parquet with a machine file next to them).",
     )
     parser.add_argument("path", type=Path, help="the file or folder that the viewer opens")
     parser.add_argument("--application-id", help="of the recording that the viewer waits for")

@@ -86,7 +86,7 @@ class ProposalTrial:
         if empty_kg and other is not None and self.finding.cause == "wrong_unit":
             below_kg = max(_COVERAGE * other[1], _LIGHTER_1 * empty_kg)
             if empty_kg - other[0] > below_kg:
-                return "the machine would weigh less than when empty: the factor is another one"
+                return "the machine would weigh less than when empty: the wrong factor is elsewhere"
         if self.finding.cause != "wheel_radius" or nearer:
             return ""
         if _reads_gravity(self.after) and "imu_loose" not in self.finding.alternatives:

@@ -116,7 +116,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     ]
     lines = [
         f"# A first machine file for {_replace_unprintable(log.path.name)}: check every line.",
-        '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
+        '# A field in another unit than its comment states needs its unit: unit = "km/h".',
         "",
         "[machine]",
         f"name = {toml_value(log.path.stem)}",

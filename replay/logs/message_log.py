@@ -220,7 +220,7 @@ class MessageLog(Log):
             self._read_losses.note(
                 self.path,
                 f"log times jump back, by up to {tally.back_ns / 1e9:.3f} s: messages were sorted "
-                "by them, so that what was recorded one after another may overlap",
+                "by them, so that consecutive recordings may overlap",
                 topic,
             )
 

@@ -246,7 +246,7 @@ class TableLog(Log):
         raise LogError(
             f"{self.path}: column '{axis.columns[-1]}' cannot be the time: it jumps back by "
             f"{fall_s:.6g} s at row {row + 1:,} and goes on from there: a second record, or a "
-            "counter that begins anew. Split the file, name another column ([log] time), or set "
+            "counter that restarts. Split the file, name another column ([log] time), or set "
             "[log] rate_hz, or [log] sort_times = true if the rows belong together"
         )
 

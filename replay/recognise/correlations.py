@@ -155,7 +155,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
         if each.field and speed is not None and (is_force or is_acceleration):
             goes = slope_correlation(log, each, speed)
             if goes is not None:
-                reason += f"; goes with the change of {speed.field}, {goes:.2f}"
+                reason += f"; correlates with the change of {speed.field}, {goes:.2f}"
                 if goes < -_CLEAR:
                     found.ask_question("sign", _SIGN.format(f"'{each.field}'", goes))
                 if is_force and abs(goes) < _NOTHING:
@@ -170,7 +170,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
             if goes is not None and goes < -_CLEAR:
                 found.ask_question("sign", _AGAINST_PLACE.format(each.field, place.field, goes))
             if goes is not None and abs(goes) > _CLEAR:
-                reason += f"; goes with the change of {place.field}, {goes:.2f}"
+                reason += f"; correlates with the change of {place.field}, {goes:.2f}"
         channels.append(replace(each, reason=reason))
     found.channels = channels
     return found
