@@ -119,11 +119,11 @@ def test_the_first_use_of_a_key_is_asked_on_a_terminal_and_remembered(
     )
     first = at_a_terminal(code, "Test lab\n")
     assert "that calls itself 'T. Signer'" in first
-    assert "Whose key is it?" in first
+    assert "Who owns this key?" in first
     assert "FOUND signed by Test lab, key" in first
     assert load_keyring().keys[0].owner == "Test lab"
     again = at_a_terminal(code, "")
-    assert "Whose key is it?" not in again
+    assert "Who owns this key?" not in again
     assert "FOUND signed by Test lab, key" in again
     keyring.unlink()
     assert "FOUND" not in at_a_terminal(code, "\n")

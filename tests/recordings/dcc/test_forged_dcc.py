@@ -252,7 +252,7 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
     ),
     "names of a result that is of one item": (
         put("<dcc:result>", '<dcc:result refId="weight-1">'),
-        "which 0 items of that result are called",
+        "which is the name of 0 items of that result",
     ),
     "two lists of names that disagree": (
         put("M1 M1", "SN-weight-1 SN-weight-2"),

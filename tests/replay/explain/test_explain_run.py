@@ -71,8 +71,8 @@ def test_a_recording_that_keeps_no_stages_is_not_explained_or_drawn(
     payscope("run", log, "-m", machine_file, "-o", a)
     payscope("run", log, "-m", late, "-o", b)
     assert payscope("compare", a, b, "-o", both).status == 1
-    one_line(payscope("explain", both), "keeps no frames", "two replays", "payscope run")
-    one_line(payscope("plot", both, "-o", tmp_path / "both.png"), "keeps no frames")
+    one_line(payscope("explain", both), "contains no frames", "two replays", "payscope run")
+    one_line(payscope("plot", both, "-o", tmp_path / "both.png"), "contains no frames")
     assert not (tmp_path / "both.png").exists()
 
 
