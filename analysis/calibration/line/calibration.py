@@ -24,7 +24,7 @@ class StatedPart:
         component: its name.
         u_kg: standard uncertainty in kg of m̂; None where it is not known.
         absorbed: true for a constant of the machine, which the line takes with it as long as it
-            stays as it was at the calibration; false for errors that each later mass draws again.
+            stays as it was at the calibration; false for what later masses have anew.
         known: how it is known.
     """
 
@@ -65,7 +65,7 @@ class Component:
         on_line: what a variance of 1 gives: variance of the level, covariance of level and slope,
             variance of the slope.
         estimated: whether its variance has a row in `variance_covariance`, in this order.
-        scatters: whether each later mass draws it again.
+        scatters: whether a later mass has it anew.
     """
 
     name: str
