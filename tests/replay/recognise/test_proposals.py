@@ -267,7 +267,7 @@ def test_the_type_of_a_variable_is_no_side(tmp_path: Path) -> None:
 
 def test_a_third_wheels_torque_is_a_question(tmp_path: Path) -> None:
     _, questions = proposed(tmp_path, speed_m_s=V, left_Nm=A, right_Nm=A, rear_torque_Nm=A)
-    assert any("whether 'rear_torque_Nm' moves the machine as well" in each for each in questions)
+    assert any("whether 'rear_torque_Nm' also drives the machine" in each for each in questions)
 
 
 def test_a_torque_in_percent_needs_the_rated_one(tmp_path: Path) -> None:
