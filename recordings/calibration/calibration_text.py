@@ -80,7 +80,7 @@ def undetectable_faults(document: EvidenceDocument) -> list[str]:
     days = (
         (
             f"On which day these runs were made: {', '.join(undated)}. Their logs have no "
-            "absolute time; the day cannot be proven, only the campaign file states it.",
+            "absolute time; the day is not provable, only the campaign file states it.",
         )
         if undated
         else ()
