@@ -3,7 +3,7 @@
     python -P benchmarks/real_faults.py LINEAR_AXIS.csv LINEAR_AXIS.bag [--write]
 
 The log is the linear axis of the EMPS benchmark as a table (time_s, position_m, force_N), and as a
-bag for what a table has not: header stamps beside log times. `--write` puts the table into
+bag for what a table has not: header stamps and log times. `--write` puts the table into
 docs/explaining.md.
 """
 

@@ -158,7 +158,8 @@ def _subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.D
     left, right = (_add_row_key(each, time.alias("_at"), by) for each in (a, b))
     reach = None if held else tolerance_ns
     # B's own copy of the time says whether a row of a manoeuvre overlaps
-    theirs = right.select("_at", *by, pl.col("_at").alias("_their"), *_renumber_columns(numbers))
+    renamed = (pl.col(name).alias(_name_in_run_b(name)) for name in numbers)
+    theirs = right.select("_at", *by, pl.col("_at").alias("_their"), *renamed)
     joined = left.join_asof(
         theirs,
         on="_at",
@@ -178,10 +179,6 @@ def _subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.D
 def _add_row_key(frame: pl.DataFrame, at: pl.Expr, by: Sequence[str]) -> pl.DataFrame:
     texts = [pl.col(name).cast(pl.String) for name in by]
     return frame.with_row_index(_ROW).with_columns(at, *texts).drop_nulls("_at").sort("_at")
-
-
-def _renumber_columns(numbers: Sequence[str]) -> list[pl.Expr]:
-    return [pl.col(name).alias(_name_in_run_b(name)) for name in numbers]
 
 
 def _name_in_run_b(name: str) -> str:

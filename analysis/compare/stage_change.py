@@ -68,7 +68,7 @@ class ColumnChange:
     largest_relative: float | None
     """Change divided by the larger of both values."""
     at_s: float | None
-    """Seconds from the start of A where it is."""
+    """Time of the largest difference, in seconds from the start of A."""
     fault: str = ""
     """Why the column cannot be compared: it is in one replay alone, or has another dtype."""
 
@@ -84,7 +84,7 @@ class StageChange:
     """Rows that both have."""
     columns: tuple[ColumnChange, ...]
     order: bool = False
-    """Whether its columns come in another order."""
+    """Whether the order of its columns differs."""
 
 
 def frame_of_stage(stage: str) -> str:

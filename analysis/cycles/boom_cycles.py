@@ -12,8 +12,8 @@ from analysis.cycles.load_passes import Passes
 def does_digging_contradict_boom(found: Passes, digs: pl.DataFrame) -> bool:
     """Whether masses change so often that most fillings would be hauled twice.
 
-    With loads too small for the ground, masses follow whatever else alternates, such as the
-    direction.
+    With loads too small for the ground, masses follow other alternating effects, such as the
+    driving direction.
 
     Args:
         found: the passes.
@@ -82,7 +82,7 @@ def _cycle_first_seen_ns(part: CycleParts) -> int:
 
 
 def _boom_cycle_parts(seen: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
-    """A cycle for each dump of the boom, with the digging before it."""
+    """Make a cycle for each dump of the boom, with the digging before it."""
     dug = sorted(digs.select("start_t_ns", "end_t_ns").iter_rows())
     before = [0, *(each.end_ns for each in seen.dumps)]
     return [

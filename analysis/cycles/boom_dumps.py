@@ -90,7 +90,7 @@ def find_boom_dumps(
         return NO_DUMPS
     away = boom - float(np.median(boom[driving]))
     if known is None:
-        reached = np.array([_dumping_reach(away[slow & whole])])
+        reached = np.array([dumping_reach(away[slow & whole])])
     else:
         reached = np.array([_farthest_reach(away, slow & whole, t_ns, span) for span in known])
     typical_rad = float(np.median(reached)) if reached.size else 0.0
@@ -104,7 +104,7 @@ def find_boom_dumps(
     inside_ns = t_ns[whole & ~out]
     spans = [
         _trim_to_stands(span, t_ns[stands], reach[stands])
-        for span in _join_dumps(t_ns[out & slow], inside_ns)
+        for span in join_dumps(t_ns[out & slow], inside_ns)
     ]
     spans = _drop_cut_short(spans, inside_ns, int(t_ns[-1]))
     if (
@@ -134,10 +134,11 @@ def find_standing_samples(excitation: pl.DataFrame) -> Bools:
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 
 
-def _dumping_reach(away: Floats) -> float:
+def dumping_reach(away: Floats) -> float:
     """Signed reach of a boom that dumps: upwards, unless it reaches far less that way.
 
-    A boom that moves while driving is far from its usual position at the dump and at the pile.
+    A boom that moves during driving is far from its usual position both at the dump and at the
+    pile.
 
     Args:
         away: (n,) angle of the boom from its usual position, while slow.
@@ -161,7 +162,7 @@ def _emptying_time_ns(out: Floats, t_ns: Ints, span: Span) -> int:
     return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
-def _join_dumps(when: Ints, inside_ns: Ints) -> list[Span]:
+def join_dumps(when: Ints, inside_ns: Ints) -> list[Span]:
     """Spans of dumping samples, joined over moments in which the bucket is shaken.
 
     If the boom does not return in between, it is driven to the dump or away from it.
@@ -187,7 +188,7 @@ def _drop_cut_short(spans: list[Span], inside_ns: Ints, ends_ns: int) -> list[Sp
 
 
 def _trim_to_stands(span: Span, stands_ns: Ints, reach: Floats) -> Span:
-    """First to last stand with the boom up within a span; the whole span without stands.
+    """First to last standstill with the boom up within a span; the whole span if there is none.
 
     The boom may be out long before, on the way to the dump; a machine that stands then dumps while
     it stands. Where the boom only begins to rise, it does not dump yet.

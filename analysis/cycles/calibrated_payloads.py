@@ -66,7 +66,7 @@ def calibrate_cycles(
     on_scale = subtract_spillage_from_payloads(
         cycles.with_columns(pl.Series(name, each).fill_nan(None) for name, each in found.items())
     )
-    if _is_ticket_better(cycles, on_scale, tuple(found)):
+    if is_ticket_better(cycles, on_scale, tuple(found)):
         return cycles
     off_kg, u_kg = _distance_from_line(calibration, shared_errors)
     reasons = pl.Series(
@@ -87,7 +87,7 @@ def calibrate_cycles(
     )
 
 
-def _is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequence[str]) -> bool:
+def is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequence[str]) -> bool:
     """Whether the empty machine gives the sum of payloads a smaller uncertainty than the line.
 
     Args:

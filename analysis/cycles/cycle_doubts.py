@@ -43,5 +43,5 @@ def _row_doubts(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) -> str:
     if typical_kg is not None:
         room_kg = LIMITS.unlike_load_std * float((STD_OF_MAD**2 * mad_kg**2 + u_kg**2) ** 0.5)
         if abs(payload_kg - typical_kg) > room_kg:
-            found.append(f"unlike the others, which are about {typical_kg:,.0f} kg")
+            found.append(f"unlike the other payloads, which are about {typical_kg:,.0f} kg")
     return "; ".join(found)

@@ -137,7 +137,7 @@ def compute_shift_energy(
 def _common_phase_changes(
     drive: FittedDrive, spans: list[PhaseSpan], found: PhaseIntegrals, value: Floats
 ) -> list[Floats]:
-    """Changes by one standard uncertainty of each term, (phases, parts) in J each."""
+    """Changes of the energy by one standard uncertainty of each term, (phases, parts) in J each."""
     model = drive.model
     forces = [
         *change_each_term(model, drive.model_u),
@@ -230,7 +230,7 @@ def _work_against_friction(of: EnergyIntegrals, model: ForceModel) -> Floats:
 
 
 def _work_moved_by_slope(found: PhaseIntegrals, model: ForceModel) -> Floats:
-    """Change if a slope shifts weight between axles like an acceleration, (phases, parts) in J.
+    """Change of the energy if a slope shifts weight like an acceleration, (phases, parts) in J.
 
     The full effect is assumed, with half its width over √3 as uncertainty, since it may be partial.
     """
@@ -241,10 +241,10 @@ def _work_moved_by_slope(found: PhaseIntegrals, model: ForceModel) -> Floats:
 
 
 def _work_change_by_speed(value: Floats) -> Floats:
-    """Change by a relative speed error of 1, (phases, parts) in J.
+    """Change of the energy by a relative speed error of 1, (phases, parts) in J.
 
     Torque times wheel speed stays, and so does the work of lifting, since the masses are lighter as
-    the way is longer: kinetic energy takes what it gains from the slope's.
+    the way is longer: the gain in kinetic energy equals the loss in slope energy.
     """
     changed = np.zeros_like(value)
     changed[:, PARTS.index("kinetic")] = value[:, PARTS.index("kinetic")]
@@ -276,7 +276,7 @@ def _unexplained_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -
 
 
 def _work_change_by_mass(found: PhaseIntegrals) -> Floats:
-    """Change by a relative error of 1 of all masses, (phases, parts) in J."""
+    """Change of the energy by a relative error of 1 of all masses, (phases, parts) in J."""
     lifted = found.drive["mass"] - found.kinetic_J
     dug = -found.dig["mass"]
     friction = -found.kinetic_J - lifted - dug

@@ -48,7 +48,7 @@ class CycleMotion(NamedTuple):
 
     Attributes:
         cycle: number of the cycle.
-        haul_m: distance with the load, from the end of digging to the stand for dumping; None if
+        haul_m: distance with the load, from the end of digging to the stop for dumping; None if
             either was not seen, or without a speed.
         whole: motion from one dump to the next.
     """
@@ -104,7 +104,7 @@ class CycleParts:
         dig_ns: first and last sample of its digging.
         loaded: number of its loaded pass.
         haul_ns: first and last sample in motion with the load.
-        dump_ns: begin and end of the stand for dumping.
+        dump_ns: begin and end of the stop for dumping.
         dumped_ns: time of the dump: farthest reach of the boom, or middle of that stand.
         before: number of the empty pass before the load.
         after: number of the empty pass after the load.
@@ -239,7 +239,7 @@ def _when_last_loaded_ns(cycle: CycleParts, found: Passes) -> int:
 
 
 def _extend_to_stands(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple[int, int]:
-    """Extend a span to include the stands at its ends."""
+    """Extend a span to include the standstills at its ends."""
     first, last = (int(k) for k in np.searchsorted(t_ns, span))
     last = min(last, t_ns.size - 1)
     while first > 0 and stands[first - 1]:
@@ -259,7 +259,7 @@ def _find_longest_hole(t_ns: Ints) -> tuple[int, int] | None:
 
 
 def _find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
-    """Longest stand or creep, without idling; None if there is none."""
+    """Longest standstill or creep, without idling; None if there is none."""
     begins, ends = runs_of_flagged_samples(stops)
     length = t_ns[ends] - t_ns[begins]
     length[length > IDLE_S * NS_PER_S] = 0
@@ -272,7 +272,7 @@ def _find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
 def _boom_stand(
     stands: Bools, boom: NDArray[np.float64], t_ns: Ints
 ) -> tuple[int, int, bool] | None:
-    """A stand, and whether the boom moves during it."""
+    """A standstill, and whether the boom moves during it."""
     begins, ends = runs_of_flagged_samples(stands)
     if not begins.size:
         return None

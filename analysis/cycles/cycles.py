@@ -125,7 +125,7 @@ def weigh_cycles(
     empty = empty_machine(weighing, machine, found)
     withheld = withheld or (empty.contradiction if empty else "")
     share = _tare_share(found)
-    worth = _shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
+    worth = shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
     clean = clean_bucket_mass_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
@@ -186,7 +186,7 @@ def _cycle_complete_ns(part: CycleParts) -> int:
 def _reason_for_no_mass(part: CycleParts) -> str:
     """Why a cycle has no mass; empty if it has one."""
     if part.loaded is None:
-        return "no start with this load tells a mass"
+        return "no usable start with this load"
     if part.before is None and part.after is None:
         return "no empty pass to compare with"
     return ""
@@ -194,7 +194,7 @@ def _reason_for_no_mass(part: CycleParts) -> str:
 
 def _remark_on_cycle(row: dict[str, object]) -> str:
     return {
-        "weak": "uncertain: more than a quarter of the payload",
+        "weak": "uncertainty above a quarter of the payload",
         "not dumped": "the recording ends before it is dumped",
     }.get(str(row["quality"]), "")
 
@@ -240,7 +240,7 @@ def _payload_uncertainty(
 ) -> dict[str, object]:
     """Common, shared and total uncertainty of a payload.
 
-    A calibration needs the values of the log alone, beside those by the empty machine.
+    A calibration needs the values of the log alone in addition to those by the empty machine.
     """
     own_kg, random_kg = row["payload_kg"], row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
@@ -284,7 +284,7 @@ def pass_weights(part: CycleParts, share: Floats, count: int) -> Floats:
 
 
 def _tare_share(found: Passes) -> Floats:
-    """(passes,) minimum-variance weight of the empty pass before each loaded one."""
+    """Minimum-variance weight of the empty pass before each loaded pass, (passes,)."""
     share = np.full(found.mass_kg.size, 0.5)
     empties = np.flatnonzero(~found.loaded)
     spread = 2.0 * carry_back_variance(found)
@@ -309,7 +309,7 @@ def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
 
 
 def _sum_weights(found: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
-    """(passes,) weights in the sum of all payloads."""
+    """Weights of the passes in the sum of all payloads, (passes,)."""
     whole = [p for p in parts if p.loaded is not None and (p.before, p.after) != (None, None)]
     weights = [pass_weights(part, tare, found.mass_kg.size) for part in whole]
     return np.sum([np.zeros(found.mass_kg.size), *weights], axis=0)
@@ -332,7 +332,7 @@ class _SharedUncertainty:
     scale: ShiftScale
 
 
-def _shared_uncertainty(
+def shared_uncertainty(
     weighing: Weighing | None,
     machine: Machine,
     found: Passes,

@@ -58,7 +58,7 @@ def uncounted_cycles(
     boom = find_boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
     likely = _row_probabilities(cycles, boom)
     if not boom.tells and not is_digging_reliable(cycles):
-        likely += _rhythm_gap_probabilities(np.array(sorted(times), np.int64), excitation)
+        likely += rhythm_gap_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
     load_kg = load_u_kg = None
     if on_board.height:
@@ -118,7 +118,7 @@ def is_digging_reliable(cycles: pl.DataFrame) -> bool:
     return dug >= LIMITS.digging_witness_fraction * max(counted.height, 1)
 
 
-def _rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
+def rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
     """Probability of each cycle missing in the rhythm, by the rhythm's regularity.
 
     Args:

@@ -47,8 +47,8 @@ class MixedMachines:
         more = self.after_kg / self.before_kg - 1.0
         return (
             f"the empty machine weighs {self.before_kg:,.0f} kg before {name} and "
-            f"{self.after_kg:,.0f} kg from then on ({more:+.0%}): the logs may be of two machines; "
-            "review the logs of each machine separately"
+            f"{self.after_kg:,.0f} kg from then on ({more:+.0%}): the logs may come from two "
+            "machines; review the logs of each machine separately"
         )
 
 

@@ -130,7 +130,7 @@ def _find_largest_force(excitation: pl.DataFrame) -> float:
 def _combine_offsets(
     by_fit: tuple[float, float], excitation: pl.DataFrame, mass_kg: Floats
 ) -> tuple[float, float]:
-    """Combine the force offsets by the fit and by the stands, in N, with the uncertainty.
+    """Combine the force offsets of the fit and of the standstills, in N, with the uncertainty.
 
     If they contradict each other, the fit's offset is used.
     """
@@ -148,11 +148,11 @@ def standing_offset(excitation: pl.DataFrame, mass_kg: Floats) -> tuple[float, f
     """Force measured at standstill on level ground, in N, and its uncertainty.
 
     On a slope brakes or motor hold the machine: the median of each stand is regressed on the weight
-    along the slope, and the offset is its value at zero. Static friction varies between stands, and
-    is part of the uncertainty.
+    along the slope, and the offset is its value at zero. Static friction varies between
+    standstills, and is part of the uncertainty.
 
     Returns:
-        None if there are too few stands.
+        None if there are too few standstills.
     """
     force, acceleration = (
         values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")

@@ -110,7 +110,7 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
 def _machine_and_load_mass_kg(
     samples: EnergySamples, cycles: pl.DataFrame, manoeuvres: pl.DataFrame
 ) -> Floats:
-    """Mass of machine and load, (n,): of the nearest start with that load, growing in digging."""
+    """Mass of machine and load, (n,), by the nearest start with the load; grows in digging."""
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
     by_state = means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)
@@ -141,7 +141,7 @@ def _machine_and_load_mass_kg(
 
 
 class _Starts(NamedTuple):
-    """Starts in order of time: the middle of each, and the mean mass of its load state."""
+    """Starts in order of time: the middle time of each, and the mean mass of its load state."""
 
     middle_ns: Floats
     mass_kg: Floats

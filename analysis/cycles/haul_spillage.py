@@ -36,7 +36,7 @@ def subtract_spillage(
 
     Args:
         cycles: frame with payloads as weighed.
-        parts: begin of each haul, and stand for its dump.
+        parts: begin of each haul, and stop for its dump.
         found: manoeuvres that weigh each load.
         frames: the frames `manoeuvres` and `excitation`.
         body: machine body with its spillage.
@@ -92,8 +92,8 @@ def _weighing_progress(
 ) -> Floats:
     """Fraction of the haul at which each load is weighed, (cycles,).
 
-    The place of a manoeuvre is the mean time in motion weighted by squared acceleration, and that
-    of a load the weighted mean of its manoeuvres.
+    A manoeuvre weighs at its mean time in motion, weighted by squared acceleration; a load is
+    weighed at the weighted mean of its manoeuvres.
     """
     t_ns = excitation["t_ns"].to_numpy()
     moves = (excitation["phase"] != "standstill").fill_null(value=False).to_numpy()

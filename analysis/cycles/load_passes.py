@@ -99,14 +99,14 @@ def find_load_passes(
     parts[_refill_places(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
         parts[_dump_places(of_state, begin, end, dumps)] = True
-    hauls_nothing = _find_short_hauls(of_state, parts, begin, end, digs)
+    hauls_nothing = find_short_hauls(of_state, parts, begin, end, digs)
     of_state = of_state & ~hauls_nothing
     parts = (np.diff(of_state) != 0) | (parts & of_state[1:])
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
     dumping = _is_dumping(begin, end, dumps)
-    spilled = _carries_spilled_load(of_state & ~dumping, of, state, mass_kg, u_kg)
+    spilled = carries_spilled_load(of_state & ~dumping, of, state, mass_kg, u_kg)
     no_mass = dumping | spilled | hauls_nothing | ~are_masses_possible(mass_kg)[state]
     left = np.where(no_mass, 0.0, weight)
     # a pass that has no other keeps what it has
@@ -128,13 +128,13 @@ def find_load_passes(
     )
 
 
-def _find_short_hauls(
+def find_short_hauls(
     loaded: Bools, parts: Bools, begin: Ints, end: Ints, digs: pl.DataFrame
 ) -> Bools:
     """Mark very short hauls of a load without a filling, (manoeuvres,).
 
     A machine that backs out after a dump may look loaded: a short manoeuvre determines its mass
-    badly, and a lowered boom looks like a dump.
+    poorly, and a lowered boom looks like a dump.
 
     Args:
         loaded: (manoeuvres,) whether each is loaded.
@@ -182,7 +182,7 @@ def _refill_places(
     dumps: BoomDumps,
     one_filling_ns: int,
 ) -> list[int]:
-    """Borders before which a loaded machine digs again, so that it was empty in between.
+    """Borders before which a loaded machine digs again, so that it must have been empty in between.
 
     No start weighs the empty drive: it was too short, or not recorded. The boom shows a dump, or
     enough time passed.
@@ -228,7 +228,7 @@ def _reclassify_at_dumps(
 
 
 def _dump_places(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> list[int]:
-    """Borders between loaded manoeuvres with a boom dump, where the second load is another."""
+    """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""
     return [
         k
         for k in range(loaded.size - 1)
@@ -242,7 +242,7 @@ def _is_dumping(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
     return np.searchsorted(dumped, begin) < np.searchsorted(dumped, end, "right")
 
 
-def _carries_spilled_load(
+def carries_spilled_load(
     loaded: Bools, membership: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
 ) -> Bools:
     """Mark manoeuvres with a load that is spilled before the dump, (manoeuvres,).
@@ -306,7 +306,7 @@ def _digging_labels(
 
 
 def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
-    """Whether each state is loaded, (states,), by a mass border between two classes.
+    """Classify each state as loaded or not, (states,), by a mass border between two classes.
 
     If loads are below the states' deviations, digging decides, or that nearly every state is
     heavier or lighter than both neighbours.

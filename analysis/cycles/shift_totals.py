@@ -98,7 +98,7 @@ def recount_shift(
     Args:
         summary: frame `shift`.
         cycles: frame `cycles`.
-        rejected: numbers of cycles to leave out.
+        rejected: numbers of cycles to exclude.
     """
     sums = sum_cycles(cycles, rejected)
     mean_kg = summary["payload_mean_kg"][0]
@@ -198,7 +198,7 @@ def _random_payload_u_kg(counted: pl.DataFrame) -> float:
 
 
 def _idle_s(excitation: pl.DataFrame) -> float:
-    """Total time in long stands."""
+    """Total time in long standstills."""
     if excitation.is_empty():
         return 0.0
     stands = find_standing_samples(excitation)
@@ -219,7 +219,7 @@ def sum_by_label(
     Args:
         cycles: frame `cycles`.
         labels: label of each row; empty for none.
-        rejected: numbers of cycles to leave out.
+        rejected: numbers of cycles to exclude.
     """
     if not any(labels):
         return []

@@ -33,14 +33,14 @@ _PAYLOAD_U: Final = 3.0
 _NEAR: Final = 0.08
 #: Factors that forces and torques are wrong by, and what they are.
 _CANDIDATES: Final = {
-    2.0: "one side for both, or both for one",
-    3.6: "km/h for m/s",
+    2.0: "one side instead of both, or both instead of one",
+    3.6: "km/h instead of m/s",
     4.4482: "lbf for N",
-    1.3558: "lbf·ft for N·m",
-    8.8507: "lbf·in for N·m",
-    9.5493: "rpm for rad/s",
-    9.80665: "kgf for N, or g for m/s²",
-    57.296: "degrees for radians",
+    1.3558: "lbf·ft instead of N·m",
+    8.8507: "lbf·in instead of N·m",
+    9.5493: "rpm instead of rad/s",
+    9.80665: "kgf instead of N, or g instead of m/s²",
+    57.296: "degrees instead of radians",
     1000.0: "a thousand",
 }
 
@@ -97,7 +97,7 @@ class EmptyMassDifference:
     def possible_causes(self) -> list[str]:
         """Possible causes of this factor, as text."""
         if self.factor <= 0.0:
-            return ["a force of the wrong sign"]
+            return ["a force with the wrong sign"]
         times = max(self.factor, 1.0 / self.factor)
         body = self.machine.machine
         known = dict(_CANDIDATES)
@@ -105,7 +105,7 @@ class EmptyMassDifference:
             known[1.0 / body.force_share] = f"machine.force_share ({body.force_share:g})"
         radius_m = body.wheel_radius_m
         if radius_m is not None and radius_m != 1.0:
-            stated = f"machine.wheel_radius_m ({radius_m:g}) taken twice, or not at all"
+            stated = f"machine.wheel_radius_m ({radius_m:g}) applied twice, or not at all"
             known[max(radius_m, 1.0 / radius_m)] = stated
         near = [(abs(np.log(times / each)), f"{each:.4g}, {what}") for each, what in known.items()]
         named = [what for off, what in sorted(near) if off < _NEAR]
@@ -165,7 +165,7 @@ class CheckInputs:
         totals: the frame `masses`, before anything is withheld.
         t0_unix_ns: Unix time of the first row.
         noise: noise of the columns; None if it is not known.
-        left_out: stretches left out and the answer without them, by check.
+        left_out: excluded stretches and the answer without them, by check.
     """
 
     excitation: pl.DataFrame

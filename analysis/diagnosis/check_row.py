@@ -35,8 +35,8 @@ class CheckRow:
         meaning: meaning of the number, in a sentence.
         names: names the subject of the number where it differs between logs; else "".
         consequence: consequence of failing.
-        moved_u: change of the answer, in standard uncertainties, once what the check names is left
-            out or replaced. Up to 1, failing withholds nothing and is only reported.
+        moved_u: change of the answer, in standard uncertainties, without the samples or channel
+            that the check names. Up to 1, failing withholds nothing and is only reported.
         remedy: setting or change that would correct it.
     """
 

@@ -120,7 +120,7 @@ def rate_noise_variance(inputs: CheckInputs) -> float:
     return 2.0 * of_mean * (settings.align.rate_hz / speed_rate_span_rows(settings)) ** 2
 
 
-def _accepted_stretches(inputs: CheckInputs, _: AxisMotion) -> float:
+def _count_accepted_stretches(inputs: CheckInputs, _: AxisMotion) -> float:
     accepted = accepted_samples(inputs.excitation, inputs.gated, inputs.machine.settings)
     return float((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
 
@@ -240,7 +240,7 @@ CHECKS: Final = (
     CheckRow(
         "accepted_stretches",
         "mass",
-        _accepted_stretches,
+        _count_accepted_stretches,
         "separate stretches accepted by the gate",
         minimum="accepted_stretches_min",
     ),

@@ -49,13 +49,13 @@ class ExcludedStretches:
     def text(self) -> str:
         """The outcome as text."""
         if not self.fitted_s:
-            return "none of it is in what is weighed"
-        part = f"{self.fitted_s:.1f} s of it in what is weighed"
+            return "none of it is among the weighed samples"
+        part = f"{self.fitted_s:.1f} s of it among the weighed samples"
         if self.is_harmless:
-            return f"{part}, left out: that moves the mass by {self.moved_u:.1f} u"
+            return f"{part}, excluded: this moves the mass by {self.moved_u:.1f} u"
         if not np.isfinite(self.moved_u):
-            return f"{part}: without that nothing is left"
-        return f"{part}: without that the mass moves by {self.moved_u:.1f} u"
+            return f"{part}: without it no sample is left"
+        return f"{part}: without it the mass moves by {self.moved_u:.1f} u"
 
 
 @dataclass(frozen=True)
@@ -87,13 +87,13 @@ def refit_without_stretches(
         grid: `aligned` and the Unix time of its first row in ns.
         gated: frame with the accepted windows.
         machine: machine file with settings.
-        weighed: computes the joint fit of a grid, some of whose rows may be left out.
+        weighed: computes the joint fit of a grid without the excluded rows.
     """
     aligned, t0_unix_ns = grid
     weighing = weighed(aligned)
     rows = np.zeros(aligned.height, np.bool_)
     named: dict[str, ExcludedStretches] = {}
-    for check, spans, why in _named_stretches(signals, machine.settings.verdict):
+    for check, spans, why in _stretches_of_failing_checks(signals, machine.settings.verdict):
         held = _rows_reached_by_spans(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
         if not held.any() or weighing is None:
             continue
@@ -114,10 +114,10 @@ def refit_without_stretches(
     return RefitWithoutStretches(weighing, gated, named)
 
 
-def _named_stretches(
+def _stretches_of_failing_checks(
     signals: Signals, limits: VerdictLimits
 ) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
-    """Name, stretches by channel and rejection reason of each check that fails."""
+    """Name, stretches by channel, and rejection reason of each failing check."""
     if signals.frozen_s > limits.frozen_max_s:
         yield "frozen", signals.frozen, "gap"  # what is frozen was not measured
     if signals.clipped_share > limits.clipped_max:

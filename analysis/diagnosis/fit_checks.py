@@ -34,7 +34,7 @@ def _make_wheel_value(
     return of
 
 
-def _is_fitted(inputs: CheckInputs, _: AxisMotion) -> bool:
+def _has_fit(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.weighing is not None
 
 
@@ -93,12 +93,12 @@ def _describe_other_motion(inputs: CheckInputs, _: AxisMotion) -> str:
     return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.mass_shift_u:.1f} u"
 
 
-def _contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
+def _count_contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
     return float(sum(each.contradicted for each in compare_methods_with_joint_fit(inputs)))
 
 
 def _gating_bias_u(inputs: CheckInputs, motion: AxisMotion) -> float:
-    """Gated minus ungated pooled mass, in standard deviations; NaN where a spring acts on both."""
+    """Gated minus ungated pooled mass, in standard deviations; NaN if a spring biases both."""
     if inputs.totals is None or inputs.position_dependent_force is not None:
         return np.nan
     pooled = inputs.totals.filter(inputs.totals["method"] == "pooled")
@@ -144,7 +144,7 @@ FIT_CHECKS: Final = (
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",
         maximum="beyond_prior_max",
-        applies=_is_fitted,
+        applies=_has_fit,
         names=_name_farthest_term,
         remedy="the cause that findings name, or settings.priors: what the machine may have",
     ),
@@ -164,7 +164,7 @@ FIT_CHECKS: Final = (
         _make_weighing_value(_friction_t_value),
         "viscous friction over its standard deviation; negative friction is unphysical",
         minimum="friction_t_min",
-        applies=_is_fitted,
+        applies=_has_fit,
         remedy="channels.speed_x_m_s.scale, channels.force_x_N.scale: a sign or a unit is wrong",
     ),
     CheckRow(
@@ -173,7 +173,7 @@ FIT_CHECKS: Final = (
         _make_weighing_value(lambda weighing: weighing.fit.fit.noise_share),
         "largest noise fraction among the fitted channels",
         maximum="channel_noise_max",
-        applies=_is_fitted,
+        applies=_has_fit,
         remedy="an accelerometer, a lower settings.filter.cutoff_hz, or stronger starts",
     ),
     CheckRow(
@@ -182,7 +182,7 @@ FIT_CHECKS: Final = (
         _make_weighing_value(lambda weighing: abs(weighing.fit.lag_s)),
         "estimated delay of the force, s, of either sign",
         maximum="lag_max_s",
-        applies=_is_fitted,
+        applies=_has_fit,
         remedy="channels.force_x_N.delay_s (or of both torques)",
     ),
     CheckRow(
@@ -245,7 +245,7 @@ FIT_CHECKS: Final = (
         _make_weighing_value(lambda weighing: abs(weighing.curvature.t)),
         "t-value of a force in a·|a|: the force is not linear in the acceleration",
         maximum="curvature_t_max",
-        applies=_is_fitted,
+        applies=_has_fit,
         consequence="widen",
         remedy="force measured on all wheels, machine.force_share",
     ),
@@ -262,7 +262,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "methods",
         "mass",
-        _contradicted_methods,
+        _count_contradicted_methods,
         "methods that disagree with the joint fit, or whose standard deviation is too small here",
         maximum="methods_max",
         applies=lambda inputs, _: (

@@ -244,7 +244,7 @@ def _find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[R
 
 
 def _is_dead(name: str, channels: Mapping[str, Series]) -> bool:
-    """Whether a constant channel should have moved, since it or its other side drives."""
+    """Whether a constant channel should have changed, since its own or the other side drives."""
     of_motion = name in _MOTION
     speeds = [x for key, (_, x) in channels.items() if key in _SPEEDS and key != name]
     forces = [x for key, (_, x) in channels.items() if key in _FORCES and key != name]

@@ -42,7 +42,7 @@ def _clock_distance_s(inputs: CheckInputs, _: AxisMotion) -> float:
 
 
 def _mass_shift_u(check: str) -> Callable[[CheckInputs, AxisMotion], float | None]:
-    """Function that returns the change of the answer without a check's stretches."""
+    """Make a function that returns the change of the answer without a check's stretches."""
 
     def of(inputs: CheckInputs, _: AxisMotion) -> float | None:
         found = inputs.left_out.get(check)
@@ -52,7 +52,7 @@ def _mass_shift_u(check: str) -> Callable[[CheckInputs, AxisMotion], float | Non
 
 
 def _make_refit_outcome(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
-    """Function that describes the refit without a check's stretches."""
+    """Make a function that describes the refit without a check's stretches."""
 
     def of(inputs: CheckInputs, _: AxisMotion) -> str:
         found = inputs.left_out.get(check)

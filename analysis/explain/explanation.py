@@ -136,7 +136,7 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
     return Explanation(
         said=answer(run),
         at_s=at_s,
-        findings=_findings_near(frames, at_s),
+        findings=_select_findings_near(frames, at_s),
         manoeuvre=manoeuvre,
         worst=worst_manoeuvres(frames) if at_s is None else (),
         gate=stretches,
@@ -145,18 +145,18 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
     )
 
 
-def _findings_near(
+def _select_findings_near(
     frames: Mapping[str, pl.DataFrame], at_s: float | None
 ) -> tuple[Finding, ...] | None:
     if "findings" not in frames:
         return None
     found = [Finding.from_row(row) for row in frames["findings"].iter_rows(named=True)]
     if at_s is not None:
-        found = [each for each in found if _is_near(each, at_s)]
+        found = [each for each in found if _is_finding_near(each, at_s)]
     return tuple(found)
 
 
-def _is_near(finding: Finding, at_s: float) -> bool:
+def _is_finding_near(finding: Finding, at_s: float) -> bool:
     if finding.start_s is None or finding.end_s is None:
         return True
     return finding.start_s - AROUND_S <= at_s <= finding.end_s + AROUND_S

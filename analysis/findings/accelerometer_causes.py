@@ -71,12 +71,12 @@ def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     if over:
         return over
     upright = _zero_reading_symptom(inputs, ("tilt", ""))
-    found = [*upright, *_mounting_yaw(inputs)]
+    found = [*upright, *_find_mounting_yaw(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
 def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
-    """Find a rolled or pitched-over accelerometer, by gravity of the wrong sign along z."""
+    """Find an accelerometer mounted upside down, by gravity of the wrong sign along z."""
     z, std = inputs.standstill_level(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not z < -_GRAVITY * pull or not inputs.measured_channels(_Z):
@@ -94,8 +94,8 @@ def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             _STANDS_FIRST * abs(z) / pull,
-            f"standing, it reads {z:+.2f} ± {std:.2f} m/s² along z, and gravity upright would read "
-            f"{pull:+.2f}: it is {kind} over, upside down",
+            f"at standstill the accelerometer reads {z:+.2f} ± {std:.2f} m/s² along z, where an "
+            f"upright one would read {pull:+.2f}: it is {kind} over, upside down",
             channel=_Z,
             setting=f"machine.imu.{angle}" if whole else keys,
             value=f"{stated + 180.0 if stated <= 0.0 else stated - 180.0:g}" if whole else scales,
@@ -123,14 +123,14 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
         others = (*others, "slope")
     names = inputs.measured_channels(ACC)
     degrees = np.degrees(np.arcsin(np.clip(error / inputs.machine.machine.gravity_m_s2, -1.0, 1.0)))
-    said = {"": "nose-up, or a bias", "tilt": "nose-up", "bias": "if it were a tilt"}[kind]
+    said = {"": "nose-up, or a bias", "tilt": "nose-up", "bias": "if this were a tilt"}[kind]
     return [
         Symptom(
             float(
                 abs(error) / max(LIMITS.standing_reading_std * std, LIMITS.standing_reading_m_s2)
             ),
-            f"standing, it reads {error:+.4f} ± {std:.4f} m/s² along x beyond gravity: "
-            f"{degrees:+.2f}° {said}",
+            f"at standstill the accelerometer reads {error:+.4f} ± {std:.4f} m/s² along x beyond "
+            f"gravity: {degrees:+.2f}° {said}",
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
             value=f"{inputs.machine.channels[ACC].offset - in_unit_of_channel(inputs, error):.5g}"
@@ -150,7 +150,7 @@ def tilt_or_bias(inputs: FindingInputs, error: float) -> str:
     """Tell a tilt from a bias by the z axis: a tilt reduces the gravity that z reads.
 
     Returns:
-        "tilt", "bias", or "" if the log cannot tell them apart.
+        "tilt", "bias", or "" if the log cannot distinguish them.
     """
     z, _ = inputs.standstill_level(_Z)
     pull = inputs.machine.machine.gravity_m_s2
@@ -164,7 +164,7 @@ def tilt_or_bias(inputs: FindingInputs, error: float) -> str:
     return "tilt" if abs(z - turned) < abs(z - upright) else "bias"
 
 
-def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
+def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     if (
         _Y not in inputs.check_inputs.excitation.columns
         or ACC not in inputs.check_inputs.excitation.columns
@@ -205,8 +205,8 @@ def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             strength,
-            f"{np.degrees(angle):+.1f} ± {np.degrees(std):.1f}° from the forward axis to the "
-            "direction that it reads while the wheels speed up",
+            f"{np.degrees(angle):+.1f} ± {np.degrees(std):.1f}° between the forward axis and the "
+            "acceleration that it reads while the wheels speed up",
             channel=_Y,
             setting=setting,
             value=value,
@@ -232,7 +232,7 @@ def find_low_passed_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     seen = [
         Symptom(
             (_ATTENUATED - gain) / (_SURELY * std),
-            f"it reads {gain:.2f} ± {std:.2f} of the acceleration of the wheels",
+            f"the accelerometer reads {gain:.2f} ± {std:.2f} of the wheels' acceleration",
             channel=ACC,
             alternatives=("delay",) if gain > _ATTENUATED - 0.1 else (),
         )
@@ -276,8 +276,8 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             strength,
-            f"standing at {np.degrees(pitch):+.2f} ± {np.degrees(std):.2f}°, it reads {z:.2f} m/s² "
-            "of gravity along z: gravity has been taken off",
+            f"standing at {np.degrees(pitch):+.2f} ± {np.degrees(std):.2f}°, the accelerometer "
+            f"reads {z:.2f} m/s² of gravity along z: gravity has been removed",
             channel=ACC,
             setting=", ".join(keys),
             value=", ".join(new),
@@ -320,10 +320,10 @@ def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             best,
-            f"it reads {share[0]:.2f} of the wheels' acceleration, and in the first second of "
-            f"{count} starts it rings at {hz[at]:.1f} Hz, with "
-            f"{np.sqrt(LIMITS.rocking_peak_ratio * best):.1f} times the size of what is beside "
-            "that, and the force does not",
+            f"the accelerometer reads {share[0]:.2f} of the wheels' acceleration, and in the "
+            f"first second of {count} starts it rings at {hz[at]:.1f} Hz, with "
+            f"{np.sqrt(LIMITS.rocking_peak_ratio * best):.1f} times the amplitude of the "
+            "neighbouring frequencies; the force does not ring",
             channel=ACC,
             # slowly, it is an accelerometer of another scale
             alternatives=("resonance",),

@@ -58,7 +58,8 @@ class Cause:
         key: its name in the frame `findings`.
         says: the cause, in a sentence.
         needs: what a log must contain for the cause to be detectable, in a sentence.
-        find: finds its symptoms by channel; returns none if the log lacks what `needs` says.
+        find: finds its symptoms by channel; returns an empty list if the log lacks the inputs in
+            `needs`.
         withholds: whether a finding invalidates the mass.
         as_judged: whether a finding invalidates the mass only if a check of the verdict does.
         explains: causes that are reported as consequences of this one.

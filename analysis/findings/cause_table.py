@@ -26,13 +26,13 @@ _OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "driveline")
 _OF_FIT: Final = (*_OF_EQUATION, *_OF_RESIDUALS, "resonance")
 _STILL: Final = "a standstill of three seconds"
 _START: Final = "an informative manoeuvre"
-_BOTH: Final = "an accelerometer beside the wheels' speed"
+_BOTH: Final = "an accelerometer in addition to the wheel speed"
 
 CAUSES: Final = (
     Cause(
         "sign_flipped",
         "a channel, or one side of it, has the wrong sign",
-        f"{_BOTH} to tell which; a drive in which force and acceleration change",
+        f"{_BOTH} to determine which channel; a drive in which force and acceleration change",
         sign_causes.find_flipped_sign,
         withholds=True,
         explains=(
@@ -44,7 +44,7 @@ CAUSES: Final = (
     Cause(
         "unsigned",
         "the force has lost its sign, as motor currents do",
-        "braking that the force sees, or driving in reverse",
+        "braking that the force sensor measures, or driving in reverse",
         sign_causes.find_unsigned_force,
         withholds=True,
         explains=(
@@ -54,7 +54,7 @@ CAUSES: Final = (
     ),
     Cause(
         "wrong_unit",
-        "a channel is in another unit than its machine file says",
+        "a channel is in another unit than the machine file states",
         f"{_BOTH}, or its z axis at standstill; for the force the machine's empty mass",
         sign_causes.find_wrong_unit,
         withholds=True,
@@ -63,7 +63,8 @@ CAUSES: Final = (
     ),
     Cause(
         "wrong_scale",
-        "every mass is wrong by one factor: a gear, a unit, the wheels' radius or their share",
+        "all masses are wrong by one factor: a gear, a unit, the wheel radius or the measured "
+        "wheels' share of the force",
         "the machine's empty mass; below it, or a log with a state that is empty",
         sign_causes.find_wrong_scale,
         withholds=True,
@@ -71,7 +72,7 @@ CAUSES: Final = (
     ),
     Cause(
         "swapped_sides",
-        "left and right are taken for each other",
+        "left and right are swapped",
         "turns, a gyroscope and the speed of both sides",
         sign_causes.find_swapped_sides,
     ),
@@ -86,7 +87,7 @@ CAUSES: Final = (
     ),
     Cause(
         "frozen",
-        "a channel repeats one reading while the machine moves on",
+        "a channel repeats one reading while the machine moves",
         "another channel that changes meanwhile",
         channel_causes.find_frozen_channel,
         withholds=True,
@@ -96,7 +97,7 @@ CAUSES: Final = (
     ),
     Cause(
         "saturated",
-        "readings end at what the sensor can show",
+        "readings are clipped at the limit of the sensor",
         "starts that reach it",
         channel_causes.find_saturation,
         withholds=True,
@@ -104,7 +105,7 @@ CAUSES: Final = (
     ),
     Cause(
         "spikes",
-        "single readings are far off",
+        "single readings are spikes",
         "nothing more",
         channel_causes.find_spikes,
         explains=("load_changed_inside", "external_force", *_OF_RESIDUALS),
@@ -123,14 +124,14 @@ CAUSES: Final = (
     Cause(
         "clock_jump",
         "header stamps of a topic jump against log time",
-        "header stamps beside log times",
+        "header stamps and log times",
         sampling_causes.find_clock_jump,
         explains=("clock_drift", "delay", "irregular_sampling", "gaps", *_OF_RESIDUALS),
     ),
     Cause(
         "clock_drift",
-        "the clocks of two topics run apart",
-        "header stamps beside log times, of two topics",
+        "the clocks of two topics drift apart",
+        "header stamps and log times, of two topics",
         sampling_causes.find_clock_drift,
         explains=("delay", *_OF_RESIDUALS),
     ),
@@ -144,44 +145,45 @@ CAUSES: Final = (
     ),
     Cause(
         "imu_misaligned",
-        "gravity is on the forward axis, or the forward axis is not where the machine drives",
-        f"{_STILL}; the pitch, or a drive, to tell it from a slope; the z axis and 6° to tell it "
-        "from a bias",
+        "gravity has a component along the forward axis, or the forward axis is not the driving "
+        "direction",
+        f"{_STILL}; the pitch, or a drive, to distinguish it from a slope; the z axis and a tilt "
+        "of 6° to distinguish it from a bias",
         accelerometer_causes.find_tilted_accelerometer,
         explains=("wheel_radius", "coulomb", "offset", "slip"),
     ),
     Cause(
         "imu_loose",
         "the IMU rocks on its mount: its scale is off, and it rings after starts",
-        f"{_STILL}, and three starts from it whose force rises fast",
+        f"{_STILL}, and three starts from there whose force rises fast",
         accelerometer_causes.find_loose_imu,
         explains=(*_OF_FIT, "imu_misaligned", "spikes"),
     ),
     Cause(
         "imu_bias",
-        "the accelerometer's zero is off",
+        "the accelerometer has a zero offset",
         f"{_STILL}, the pitch and the z axis; below 6° it cannot be distinguished from a tilt",
         accelerometer_causes.find_accelerometer_bias,
         explains=("wheel_radius", "coulomb", "offset", "slip"),
     ),
     Cause(
         "slope",
-        "the ground slopes, and the acceleration has no gravity in it",
+        "the ground slopes, but the acceleration does not include gravity",
         f"the pitch, {_STILL}, and the accelerometer's z axis",
         accelerometer_causes.find_unremoved_slope,
         explains=("imu_misaligned", "offset", *_OF_FIT),
     ),
     Cause(
         "offset",
-        "the measured force is not zero where there is none",
+        "the measured force has a zero offset",
         _STILL,
         fit_causes.find_force_offset,
         explains=("coulomb",),
     ),
     Cause(
         "delay",
-        "a channel's stamps are late or early against the others",
-        f"{_START} whose force changes; {_BOTH} to tell which",
+        "a channel's stamps are late or early relative to the other channels",
+        f"{_START} whose force changes; {_BOTH} to determine which channel",
         delay_causes.find_delays,
         explains=(
             *("imu_low_passed", "load_changed_inside", "external_force", *_OF_RESIDUALS),
@@ -191,7 +193,7 @@ CAUSES: Final = (
     ),
     Cause(
         "imu_low_passed",
-        "the accelerometer sees a part of the acceleration",
+        "the accelerometer measures only a part of the acceleration",
         _BOTH,
         accelerometer_causes.find_low_passed_accelerometer,
         withholds=True,
@@ -207,16 +209,21 @@ CAUSES: Final = (
         _BOTH,
         fit_causes.find_wrong_wheel_radius,
     ),
-    Cause("slip", "the wheels turn faster than the ground", _BOTH, fit_causes.find_wheel_slip),
+    Cause(
+        "slip",
+        "the wheels slip: they turn faster than the machine moves",
+        _BOTH,
+        fit_causes.find_wheel_slip,
+    ),
     Cause(
         "coulomb",
         "friction that does not depend on the speed",
-        f"starts both ways, or {_STILL}",
+        f"starts in both directions, or {_STILL}",
         fit_causes.find_coulomb_friction,
     ),
     Cause(
         "driveline",
-        "the measured force is not in proportion to what accelerates the machine",
+        "the measured force is not proportional to the force that accelerates the machine",
         "starts at different throttles",
         fit_causes.find_driveline_nonlinearity,
         explains=("heteroscedastic",),
@@ -229,21 +236,21 @@ CAUSES: Final = (
     ),
     Cause(
         "braking_inside",
-        "braking that the force does not see counts as driving",
+        "braking that the force sensor does not measure is fitted as driving",
         "settings.gate.exclude_braking = false",
         fit_causes.find_braking_inside,
         explains=("driveline", "coulomb", "load_changed_inside"),
     ),
     Cause(
         "braking_left_out",
-        "braking is left out, and the force sees it",
-        "drives and brakes that tell a mass each",
+        "braking is excluded, although the force sensor measures it",
+        "driving and braking that each determine a mass",
         setting_causes.find_unmodelled_braking,
         explains=("too_little_excitation", "collinear"),
     ),
     Cause(
         "external_force",
-        "something pushes back: a pile",
+        "something pushes against the machine, such as a pile",
         "a start of three seconds against it",
         fit_causes.find_external_force,
         # its starts are left out, and little may be left
@@ -261,7 +268,7 @@ CAUSES: Final = (
     ),
     Cause(
         "resonance",
-        "the driveline or the frame swings",
+        "the driveline or the frame oscillates",
         f"{_STILL}, and {_START}",
         residual_causes.find_resonance,
         # noise of the acceleration takes the mass away; what the wheels gain it leaves alone
@@ -272,7 +279,7 @@ CAUSES: Final = (
     ),
     Cause(
         "heteroscedastic",
-        "there is more noise while it drives",
+        "the noise is larger while the machine drives",
         f"{_STILL}, and {_START}",
         residual_causes.find_heteroscedasticity,
         explains=(
@@ -282,14 +289,14 @@ CAUSES: Final = (
     ),
     Cause(
         "coloured_residuals",
-        "the noise is slow, so that samples say less than they are",
+        "the noise is slow, so that successive samples are not independent",
         _STILL,
         residual_causes.find_coloured_residuals,
         explains=("heteroscedastic", "driveline", *_OF_EQUATION),
     ),
     Cause(
         "too_little_excitation",
-        "the motion holds too little to weigh by",
+        "the motion contains too little information to weigh the machine",
         "nothing more",
         fit_causes.find_too_little_excitation,
         withholds=True,
@@ -302,13 +309,13 @@ CAUSES: Final = (
     ),
     Cause(
         "wind_up",
-        "a recursion forgets the mass while the motion holds no information",
+        "a recursive method forgets the mass while the motion contains no information",
         "a method that forgets, and windows at steady speed that the gate accepts",
         setting_causes.find_wind_up,
     ),
     Cause(
         "collinear",
-        "the motion does not tell the mass from other terms",
+        "the motion does not separate the mass from other terms",
         _START,
         fit_causes.find_collinear_terms,
     ),
@@ -317,7 +324,7 @@ CAUSES: Final = (
 #: What is left where checks fail and none of them accounts for that: looked for last.
 UNKNOWN: Final = Cause(
     "unknown",
-    "checks fail, and no known cause accounts for it",
+    "checks fail, and no known cause explains it",
     "a failed check that withholds the mass or widens its uncertainty",
     unexplained.find_unexplained_checks,
     withholds=True,

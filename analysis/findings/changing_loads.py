@@ -104,13 +104,13 @@ class LoadGrowthRate(NamedTuple):
 
 def find_changing_load(inputs: FindingInputs) -> list[Symptom]:
     """Find manoeuvres whose load grows or falls while the machine drives."""
-    found = [*_excluded_growths(inputs), *_fitted_growths(inputs)]
+    found = [*_report_excluded_growths(inputs), *_find_fitted_growths(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _fitted_growths(inputs: FindingInputs) -> list[Symptom]:
+def _find_fitted_growths(inputs: FindingInputs) -> list[Symptom]:
     """Find changing loads in manoeuvres that the fit uses."""
-    found = _significant_growths(inputs)
+    found = _select_significant_growths(inputs)
     if not found:
         return []
     worst = max(found, key=lambda each: each.deviations)
@@ -125,7 +125,7 @@ def _fitted_growths(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _excluded_growths(inputs: FindingInputs) -> list[Symptom]:
+def _report_excluded_growths(inputs: FindingInputs) -> list[Symptom]:
     """Report the changing loads that the answer excludes."""
     weighing = inputs.check_inputs.weighing
     if weighing is None or not weighing.growing:
@@ -137,13 +137,13 @@ def _excluded_growths(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             abs(worst.kg) / worst.std_kg / 4.0 * float(np.sqrt(len(weighing.growing))),
             f"in {counted(len(weighing.growing), 'manoeuvre')} the load changes, by up to "
-            f"{worst.kg:+.0f} ± {worst.std_kg:.0f} kg; they are left out",
+            f"{worst.kg:+.0f} ± {worst.std_kg:.0f} kg; these manoeuvres are excluded",
             span_ns=(begin, begin),
         )
     ]
 
 
-def _significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
+def _select_significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
     """Manoeuvres whose load changes by more than noise explains."""
     fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
     if fit is None or noise is None or motion is None:

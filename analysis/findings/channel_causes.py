@@ -69,7 +69,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
         name: spans
         for name in inputs.measured_equation_channels
         if not _is_coarse(inputs, name)
-        and (spans := signals.frozen.get(name) or _noiseless_stretches(inputs, name))
+        and (spans := signals.frozen.get(name) or _find_noiseless_stretches(inputs, name))
     }
     if not of_channel:
         return []
@@ -85,8 +85,8 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             total_s[name] / _FROZEN_S,
-            f"it repeats one reading {times} {total_s[name]:.1f} s in all, while others "
-            f"change{_refit_text(found)}",
+            f"the channel repeats one reading {times} {total_s[name]:.1f} s in all, while others "
+            f"change{_format_refit(found)}",
             channel=name,
             span_ns=inputs.since_first_sample_ns(*spans[0]),
             change=lambda: refit_without_rows(inputs, holds),
@@ -96,7 +96,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _refit_text(found: ExcludedStretches | None) -> str:
+def _format_refit(found: ExcludedStretches | None) -> str:
     return "" if found is None else f"; {found.text}"
 
 
@@ -105,7 +105,7 @@ def _is_harmless(inputs: FindingInputs, found: ExcludedStretches | None) -> bool
     return None if found is None or inputs.fit is None else found.is_harmless
 
 
-def _noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
+def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
     """Long repeats in motion of a channel that else never repeats; (begin, end) in Unix ns."""
     signals = inputs.check_inputs.signals
     if signals is None:
@@ -150,7 +150,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             share / _CLIPPED,
-            f"{share:.1%} of its readings are {extreme:.4g}, a limit{_refit_text(found)}",
+            f"{share:.1%} of its readings are clipped at {extreme:.4g}{_format_refit(found)}",
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
@@ -211,7 +211,7 @@ class ChannelSpikes:
         unix_ns: (k,) stamps of the spikes.
         size: median distance of a spike from its neighbours, in the channel's SI unit.
         ratio: largest distance from the neighbours, in standard deviations.
-        near: (n,) True for grid samples beside a spike.
+        near: (n,) True for grid samples next to a spike.
     """
 
     unix_ns: Ints
@@ -303,7 +303,7 @@ def local_std(x: Floats) -> Floats:
 
 
 def samples_near(inputs: FindingInputs, unix_ns: Ints) -> Bools:
-    """Grid samples beside the given stamps, (n,)."""
+    """Grid samples next to the given stamps, (n,)."""
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
@@ -311,7 +311,7 @@ def samples_near(inputs: FindingInputs, unix_ns: Ints) -> Bools:
 
 
 def is_near_spike(inputs: FindingInputs) -> Bools:
-    """Grid samples beside a spike of any channel, (n,)."""
+    """Grid samples next to a spike of any channel, (n,)."""
     near = np.zeros(inputs.aligned.height, np.bool_)
     for each in spikes_by_channel(inputs).values():
         near |= each.near

@@ -30,7 +30,8 @@ class ConstantForces:
     Attributes:
         rest_N: mean force at rest and its standard deviation; NaN if the machine never stands.
         error_m_s2: mean error of the accelerometer at rest and its standard deviation, likewise.
-        offset: whether the force at rest also acts in motion; None if the log cannot tell.
+        offset: whether the force at rest also acts in motion; None if the log does not determine
+            it.
         tilt: whether the accelerometer's error also acts in motion; None likewise.
         motion: the motion without the constant forces that act.
     """

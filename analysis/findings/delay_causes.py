@@ -60,7 +60,7 @@ def long_delay(inputs: FindingInputs) -> LongDelay | None:
 
 
 def _search_delay(inputs: FindingInputs) -> LongDelay | None:
-    step_s, channels = _channel_accelerations(inputs)
+    step_s, channels = channel_accelerations(inputs)
     if not {"speed", "force"} <= channels.keys():
         return None
     speed, force = channels["speed"], channels["force"]
@@ -69,7 +69,7 @@ def _search_delay(inputs: FindingInputs) -> LongDelay | None:
         seen = _lag_of_force(force, speed, channels["v"], drives, step_s)
         return LongDelay("force", seen[0], seen[1:], "speed") if _is_long_delay(seen) else None
     imu = channels["imu"]
-    seen = _find_lag(speed, imu, step_s)
+    seen = find_lag(speed, imu, step_s)
     if _is_long_delay(seen):
         # the one that the force begins with is in time
         before = round(LIMITS.driving_start_s / step_s)
@@ -108,8 +108,6 @@ def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> floa
     """Partial correlation of force and acceleration about 0, given the speed.
 
     Friction in the force follows the speed, which is the integral of the acceleration.
-
-    A force that rubs goes with the speed, which is the acceleration of later.
     """
     friction = np.column_stack([v, np.sign(v)])
     both = np.column_stack([force, acceleration])
@@ -121,7 +119,7 @@ def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> floa
 def _lag_of_force(
     force: Floats, acceleration: Floats, v: Floats, drives: Bools, step_s: float
 ) -> tuple[float, float, float]:
-    """Lag of a force that the brakes do not act on; returns the same as `_find_lag`."""
+    """Lag of the force where no brakes act; returns the same values as `find_lag`."""
     longest = round(LIMITS.longest_delay_s / step_s)
     inside = drives.copy()
     inside[:longest] = inside[-longest:] = False
@@ -133,7 +131,7 @@ def _lag_of_force(
     return (at - longest) * step_s, seen[at], seen[longest]
 
 
-def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
+def channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
     """Signals proportional to the acceleration, by channel, and their sampling step.
 
     Returns:
@@ -166,7 +164,7 @@ def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floa
     return size / rate_hz, {**channels, "v": np.nan_to_num(speed)}
 
 
-def _find_lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, float]:
+def find_lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, float]:
     """Find the lag of one signal behind another.
 
     Returns:
@@ -191,9 +189,9 @@ def find_delays(inputs: FindingInputs) -> list[Symptom]:
     """Find late channels by the likelihood of f(t - d) = m a + b v, with m and b refitted."""
     late = long_delay(inputs)
     if late is not None:
-        return [_long_delay_symptom(inputs, late)]
+        return [_make_long_delay_symptom(inputs, late)]
     found = [pick for name, pick in search_likelihood(inputs).items() if name.startswith("delay")]
-    return [_symptom(inputs, pick) for pick in found if not is_rather_filter_delay(pick)]
+    return [_make_delay_symptom(inputs, pick) for pick in found if not is_rather_filter_delay(pick)]
 
 
 def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
@@ -201,7 +199,11 @@ def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
     found = search_likelihood(inputs).get("delay:imu")
     if found is None or not is_rather_filter_delay(found):
         return []
-    return [replace(_symptom(inputs, found), alternatives=("delay",), setting=None, value=None)]
+    return [
+        replace(
+            _make_delay_symptom(inputs, found), alternatives=("delay",), setting=None, value=None
+        )
+    ]
 
 
 def masks_other_causes(cause: str, strength: float | None) -> bool:
@@ -214,7 +216,7 @@ def is_rather_filter_delay(pick: PickedCause) -> bool:
     return pick.name == "delay:imu" and pick.value > LIMITS.filter_delay_s
 
 
-def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
+def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     channel = pick.name.partition(":")[2]
     late_s, std_s = pick.value, pick.std
     names = _delayed_channels(inputs, channel)
@@ -224,7 +226,7 @@ def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     against = " and ".join(_SHOWN[each] for each in _SHOWN if each != channel)
     said = f"{abs(1e3 * late_s):.1f} ± {1e3 * std_s:.1f} ms {words} against {against}"
     if rivals:
-        said += f"; as likely the {' or '.join(_SHOWN[each] for each in rivals)} is off"
+        said += f"; equally likely, the {' or '.join(_SHOWN[each] for each in rivals)} is wrong"
     smooth = channel == "imu" and late_s > 0
     others = [n for n in pick.rivals if not n.startswith("delay") and n not in WARMING]
     # what is early against an accelerometer may be in time, and the accelerometer filtered
@@ -250,17 +252,17 @@ def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     )
 
 
-def _long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
+def _make_long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
     names = _delayed_channels(inputs, late.channel)
     setting, value = inputs.shift_channels(names, late.late_s)
     words = "late" if late.late_s > 0.0 else "early"
     rest = [late.rival] if late.rival else [each for each in _SHOWN if each != late.channel]
     against = " and ".join(_SHOWN[each] for each in rest)
-    others = f"; as likely the {_SHOWN[late.rival]} is off" if late.rival else ""
+    others = f"; equally likely, the {_SHOWN[late.rival]} is wrong" if late.rival else ""
     return Symptom(
         LIMITS.long_delay_rank,
-        f"{abs(late.late_s):.2f} s {words} against {against}: so they correlate by "
-        f"{late.correlation[0]:.2f}, as they are by {late.correlation[1]:.2f}{others}",
+        f"{abs(late.late_s):.2f} s {words} against {against}: the correlation is "
+        f"{late.correlation[0]:.2f}with this shift, without it {late.correlation[1]:.2f}{others}",
         channel=next(iter(names), None),
         setting=setting if names and not late.rival else None,
         value=value if names and not late.rival else None,

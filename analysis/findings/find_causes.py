@@ -50,7 +50,9 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
     shown.sort(key=lambda each: (explained[each[0].key], -each[1].strength))
     inputs.kept[SHOWN] = tuple(cause.key for cause, _ in shown)
     shown += [(UNKNOWN, sign) for sign in UNKNOWN.find(inputs)]
-    rows = [_finding_row(rank, cause, sign, inputs) for rank, (cause, sign) in enumerate(shown, 1)]
+    rows = [
+        _make_finding_row(rank, cause, sign, inputs) for rank, (cause, sign) in enumerate(shown, 1)
+    ]
     columns = frame_schema("findings").columns
     return build(
         "findings",
@@ -72,7 +74,7 @@ def find_symptoms(inputs: FindingInputs) -> list[tuple[Cause, Symptom]]:
     return [(cause, sign) for cause, sign in found if np.isfinite(sign.strength)]
 
 
-def _finding_row(
+def _make_finding_row(
     rank: int, cause: Cause, sign: Symptom, inputs: FindingInputs
 ) -> dict[str, object]:
     change = None if sign.change is None else sign.change()
@@ -80,7 +82,7 @@ def _finding_row(
     return {
         "rank": rank,
         "cause": cause.key,
-        "severity": _severity(cause, sign, change, inputs),
+        "severity": _judge_severity(cause, sign, change, inputs),
         "channel": sign.channel,
         "start_t_ns": start,
         "end_t_ns": end,
@@ -94,7 +96,9 @@ def _finding_row(
     }
 
 
-def _severity(cause: Cause, sign: Symptom, change: MassChange | None, inputs: FindingInputs) -> str:
+def _judge_severity(
+    cause: Cause, sign: Symptom, change: MassChange | None, inputs: FindingInputs
+) -> str:
     if sign.harmless:
         return "tell"
     if cause.withholds and not (cause.as_judged and inputs.can_weigh):
@@ -157,7 +161,7 @@ def add_masked_findings(
     seen = found
     for _ in range(LIMITS.masked_rounds):
         first = seen.head(1)
-        changed = _mend_machine(machine, first)
+        changed = _correct_machine(machine, first)
         others = None if changed is None else look(changed)
         if changed is None or others is None or _has_cause(others, first["cause"][0]):
             break
@@ -166,7 +170,9 @@ def add_masked_findings(
     if not hiding:
         return found
     names = " and ".join(each["cause"][0].replace("_", " ") for each in hiding)
-    seen = seen.with_columns(evidence=pl.format("once {} is mended: {}", pl.lit(names), "evidence"))
+    seen = seen.with_columns(
+        evidence=pl.format("once {} is corrected: {}", pl.lit(names), "evidence")
+    )
     both = pl.concat(
         [*hiding, seen] if whole else [*hiding, seen, drop_repeated_findings(found, hiding, seen)]
     )
@@ -182,18 +188,17 @@ def drop_repeated_findings(
 ) -> pl.DataFrame:
     """Keep the findings of the whole log that the second search neither repeats nor explains."""
     explained = [
-        key for each in CAUSES for key in each.explains if _is_hidden_by_any(hiding, each.key)
+        key
+        for each in CAUSES
+        for key in each.explains
+        if any(_has_cause(first, each.key) for first in hiding)
     ]
     known = [*explained, *seen["cause"], *(each["cause"][0] for each in hiding)]
     return found.filter(~pl.col("cause").is_in(known))
 
 
-def _is_hidden_by_any(hiding: list[pl.DataFrame], cause: str) -> bool:
-    return any(_has_cause(each, cause) for each in hiding)
-
-
-def _mend_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
-    """Machine file with the masking causes corrected; None if no channel setting does that."""
+def _correct_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
+    """Machine file with the masking cause corrected; None if no channel setting corrects it."""
     if first.is_empty() or first["setting"][0] is None:
         return None
     if first["cause"][0] not in _HIDES and not masks_other_causes(
@@ -204,7 +209,7 @@ def _mend_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
 
 
 def _scale_channels(machine: Machine, keys: str, values: str) -> Machine | None:
-    """Machine file with other channel settings; None if more than these would change."""
+    """Machine file with changed channel settings; None if other settings would change as well."""
     channels = dict(machine.channels)
     read = tomllib.loads(f"values = [{values}]")["values"]
     for key, value in zip(keys.split(", "), read, strict=True):

@@ -148,8 +148,6 @@ class FindingInputs:
         """Keys and values of the machine file that multiply channels by a factor.
 
         A speed without a declared unit gets one; a scale alone could be a wheel radius.
-
-        A speed that is read as it is gets its unit: a scale alone would pass for a wheel's radius.
         """
         channels = self.machine.channels
         as_read = [

@@ -50,7 +50,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
                 abs(gain) / LIMITS.trusted_gain_1,
             ),
             f"the wheels' speed changes by {gain:+.2%} ± {std:.2%} more than the accelerometer "
-            "says: their radius, or the accelerometer's scale",
+            "measures: the wheel radius or the accelerometer's scale is wrong",
             channel=next(iter(inputs.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
@@ -91,7 +91,8 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             float(strength),
-            f"standing, it reads {rest:+.0f} ± {std:.0f} N, and driving has it",
+            f"at standstill the force reads {rest:+.0f} ± {std:.0f} N, and driving has the same "
+            "offset",
             channel=inputs.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(
@@ -127,7 +128,7 @@ def _constant_force_symptom(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             abs(const) / (LIMITS.term_min_std * std),
-            f"driving has {_newtons_text(const, std, sign='+')} besides mass and friction",
+            f"driving shows {_format_newtons(const, std, sign='+')} besides mass and friction",
             channel=inputs.force_channel,
             alternatives=("imu_misaligned", "imu_bias", "slope", "coulomb"),
         )
@@ -142,7 +143,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     motion = fit.motion
     name = "direction" if motion.drives_both_ways else "const"
     way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.used]))
-    pick = found.get(name) or _fitted_term(inputs, name)
+    pick = found.get(name) or _read_fitted_term(inputs, name)
     if pick is None or pick.value * way <= 0.0:
         return []
     force = pick.value * way
@@ -157,7 +158,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
                 float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
                 force / (LIMITS.trusted_coulomb_fraction * motion.largest_force),
             ),
-            f"{_newtons_text(force, pick.std)} oppose the motion at any speed",
+            f"{_format_newtons(force, pick.std)} oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
             change=lambda: mass_change_without_friction(inputs, force, pick.std, others),
@@ -166,19 +167,16 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _newtons_text(force_N: float, std_N: float, sign: str = "-") -> str:
+def _format_newtons(force_N: float, std_N: float, sign: str = "-") -> str:
     """Force and standard deviation as text, rounded to a digit of the deviation if small."""
     places = max(0, -math.floor(math.log10(std_N))) if 0.0 < std_N < 1.0 else 0
     return f"{force_N:{sign}.{places}f} ± {std_N:.{places}f} N"
 
 
-def _fitted_term(inputs: FindingInputs, name: str) -> PickedCause | None:
-    """A term of the joint fit, beyond what standstill explains of it.
+def _read_fitted_term(inputs: FindingInputs, name: str) -> PickedCause | None:
+    """Term of the joint fit, less the part that standstill explains.
 
     If all starts use one throttle, only the priors of the fit separate it from mass and friction.
-
-    Where all starts have one throttle, their samples hardly tell it from mass and friction; the
-    fit does, by its priors.
     """
     fit, seen = inputs.fit, explain_constant_force(inputs)
     names = [] if fit is None else [term.name for term in fit.terms]
@@ -281,7 +279,7 @@ def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _share_change_text(value: float, std: float) -> str:
-    return f"the measured share of the force changes by {value:+.2%} ± {std:.2%} a m/s²"
+    return f"the measured share of the force changes by {value:+.2%} ± {std:.2%} per m/s²"
 
 
 def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
@@ -296,7 +294,7 @@ def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
                 abs(found.value) / LIMITS.trusted_share_change_s2_m,
             ),
             f"{_share_change_text(found.value, found.std)}, and there is one load, or there are "
-            f"{found.loads} that go with the direction: this log does not tell",
+            f"{found.loads} that depend on the direction: this log cannot distinguish the two",
             channel=inputs.force_channel,
         )
     ]
@@ -321,7 +319,8 @@ def find_too_little_excitation(inputs: FindingInputs) -> list[Symptom]:
     share = relative_mass_u(inputs)
     return [
         Symptom(
-            share / LIMITS.poor_answer_u, f"the answer's standard uncertainty is {share:.1%} of it"
+            share / LIMITS.poor_answer_u,
+            f"the standard uncertainty of the mass is {share:.1%} of it",
         )
     ]
 
@@ -338,7 +337,8 @@ def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             share / LIMITS.open_mass_fraction,
-            f"the motion leaves {share:.1%} of the mass to priors, most of it to {worst}",
+            f"the motion does not determine {share:.1%} of the mass; priors do, mostly that of "
+            f"{worst}",
         )
     ]
 
@@ -362,8 +362,8 @@ def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             strength,
-            f"braking moves the mass by {weighing.braking_kg:+.0f} kg: the force does not see all "
-            f"of the brakes{share}",
+            f"braking moves the mass by {weighing.braking_kg:+.0f} kg: the force sensor does not "
+            f"measure all of the braking{share}",
             setting="settings.gate.exclude_braking",
             value="true",
             change=lambda: MassChange(left, LIMITS.braking_u_ratio * weighing.fit.u_kg),
@@ -387,8 +387,8 @@ def find_external_force(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             float(growth[worst] / std[worst]) / SURELY * np.sqrt(digs.height),
-            f"in {counted(digs.height, 'start')} a resistance grows, by up to "
-            f"{growth[worst]:.0f} ± {std[worst]:.0f} N; they are left out",
+            f"in {counted(digs.height, 'start')} a resistance grows, by up to {growth[worst]:.0f} "
+            f"± {std[worst]:.0f} N; these starts are excluded",
             channel=inputs.force_channel,
             span_ns=(begin, end),
         )

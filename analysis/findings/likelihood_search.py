@@ -87,7 +87,7 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
         tried = score_causes(equations, taken)
         if not tried:
             break
-        best = _best_candidate(tried)
+        best = _choose_best_candidate(tried)
         if best.gain < LIMITS.picked_gain:
             out.update({name: pick for name, pick in tried.items() if name not in out})
             break
@@ -101,7 +101,7 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
             begun = motion
             motion, found = remove_delay_iteratively(inputs, begun, taken, best)
             if best.name in _BESIDE and _BESIDE[best.name] in tried:
-                motion, found, other = _attribute_delay(inputs, begun, taken, (motion, found))
+                motion, found, other = attribute_delay(inputs, begun, taken, (motion, found))
                 rivals = rivals - {*_BESIDE} | {*other}
             equations = build_equations(inputs, motion)
         rivals -= {found.name, *out}
@@ -127,7 +127,7 @@ def gain_tolerance(best: PickedCause, name: str) -> float:
     )
 
 
-def _best_candidate(tried: Mapping[str, PickedCause]) -> PickedCause:
+def _choose_best_candidate(tried: Mapping[str, PickedCause]) -> PickedCause:
     """Candidate with the largest gain; among equals, one that is physical and matters."""
     best = max(tried.values(), key=lambda pick: pick.gain)
     if is_physical(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
@@ -149,7 +149,7 @@ def is_physical(pick: PickedCause) -> bool:
 
 
 def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause | None:
-    """Test a delay too long for a derivative, with the lag of the joint fit."""
+    """Test a delay that is too long to be linearised, with the lag of the joint fit."""
     fit = inputs.fit
     if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
         return None
@@ -196,7 +196,7 @@ def remove_delay_iteratively(
     return motion, replace(pick, value=total, std=std)
 
 
-def _attribute_delay(
+def attribute_delay(
     inputs: FindingInputs,
     begun: MotionSamples,
     taken: list[str],
@@ -204,7 +204,7 @@ def _attribute_delay(
 ) -> tuple[MotionSamples, PickedCause, tuple[str, ...]]:
     """Decide whether the wheels are early or the accelerometer is late.
 
-    Both look alike in the wheel equation; the force tells them apart.
+    Both have the same effect on the wheel equation; the force distinguishes them.
 
     Args:
         inputs: the log.
@@ -232,7 +232,7 @@ def _attribute_delay(
 
 
 def score_causes(equations: Equations, taken: list[str]) -> dict[str, PickedCause]:
-    """Score every remaining cause beside those already picked."""
+    """Score every remaining cause in addition to those already picked."""
     force, wheels = remaining_motion(equations, taken)
     # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
     together = wheels is not None and wheels.variance < LIMITS.wheel_noise_ratio

@@ -28,7 +28,7 @@ def refit_without_rows(inputs: FindingInputs, rows: Bools) -> MassChange | None:
 
     Args:
         inputs: the log.
-        rows: (n,) True for grid samples to leave out.
+        rows: (n,) True for grid samples to exclude.
     """
     return refit_with_answer_u(
         inputs, lambda motion: motion.exclude_samples(rows), LIMITS.cut_start_u
@@ -66,7 +66,7 @@ def refit_corrected(
     fit = inputs.fit
     if fit is None:
         return None
-    before, after = _unmended_mass_kg(inputs, fit), _mass_kg(inputs, mend(fit.motion))
+    before, after = _uncorrected_mass_kg(inputs, fit), _refit_mass_kg(inputs, mend(fit.motion))
     if before is None or after is None:
         return None
     kg = after - before
@@ -79,19 +79,19 @@ def refit_corrected(
     )
 
 
-def _unmended_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
-    """Mass of the uncorrected motion, by the fit or by the same part of a long log."""
+def _uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
+    """Mass before the correction, by the fit or, in a long log, by the same part of it."""
     if "refitted" not in inputs.kept:
         whole = np.unique(fit.motion.group[fit.motion.used]).size <= LIMITS.refit_max_stretches
         if whole and fit.states is not None:
             inputs.kept["states"] = fit.states.count
         if whole:
             inputs.kept["wheels"] = fit.kinematics
-        inputs.kept["refitted"] = fit.mass_kg if whole else _mass_kg(inputs, fit.motion)
+        inputs.kept["refitted"] = fit.mass_kg if whole else _refit_mass_kg(inputs, fit.motion)
     return inputs.kept["refitted"]  # type: ignore[return-value]
 
 
-def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
+def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     fit, noise = inputs.fit, inputs.column_noise
     if fit is None or noise is None:
         return None
@@ -168,7 +168,7 @@ def refit_warm_started(
 
 
 def renumber_stretches(motion: MotionSamples) -> MotionSamples:
-    """Number the stretches again, since samples left out may have split some."""
+    """Number the stretches again, since excluded samples may have split some."""
     parts = np.where(motion.used, np.cumsum(first_of_stretch(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
     short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)

@@ -98,7 +98,7 @@ def typical_power(powers: list[Floats]) -> Floats:
     return np.sort(np.array(powers), axis=0)[:kept].mean(axis=0)
 
 
-def _band_level(hz: Floats, power: Floats, low: float, high: float) -> float:
+def _median_power_in_band(hz: Floats, power: Floats, low: float, high: float) -> float:
     return float(np.median(power[(hz >= low) & (hz <= high)]))
 
 
@@ -121,8 +121,8 @@ def find_resonance(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             peak / LIMITS.resonance_peak_ratio,
-            f"at {hz[at]:.1f} Hz what the fit leaves swings {np.sqrt(peak):.1f} times as much as "
-            "its noise",
+            f"at {hz[at]:.1f} Hz the residual of the fit oscillates with {np.sqrt(peak):.1f} "
+            "times the amplitude of its noise",
         )
     ]
 
@@ -133,14 +133,14 @@ def find_heteroscedasticity(inputs: FindingInputs) -> list[Symptom]:
     if found is None:
         return []
     driving, standing = (
-        _band_level(found.hz, power, *LIMITS.reference_band_hz)
+        _median_power_in_band(found.hz, power, *LIMITS.reference_band_hz)
         for power in (found.driving, found.standing)
     )
     ratio = driving / max(standing, 1e-12)
     return [
         Symptom(
             ratio / LIMITS.driving_noise_ratio,
-            f"what the fit leaves has {np.sqrt(ratio):.1f} times the noise of standing",
+            f"the residual of the fit has {np.sqrt(ratio):.1f} times the noise at standstill",
         )
     ]
 
@@ -150,13 +150,13 @@ def find_coloured_residuals(inputs: FindingInputs) -> list[Symptom]:
     found = residual_spectra(inputs)
     if found is None:
         return []
-    slow = _band_level(found.hz, found.standing, 0.5, LIMITS.slow_noise_hz)
-    fast = _band_level(found.hz, found.standing, *LIMITS.reference_band_hz)
+    slow = _median_power_in_band(found.hz, found.standing, 0.5, LIMITS.slow_noise_hz)
+    fast = _median_power_in_band(found.hz, found.standing, *LIMITS.reference_band_hz)
     ratio = slow / max(fast, 1e-12)
     return [
         Symptom(
             ratio / LIMITS.slow_noise_ratio,
-            f"below {LIMITS.slow_noise_hz:g} Hz the noise has {ratio:.1f} times the power that "
-            "white noise has",
+            f"below {LIMITS.slow_noise_hz:g} Hz the noise has {ratio:.1f} times the power of "
+            "white noise",
         )
     ]

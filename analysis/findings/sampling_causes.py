@@ -21,7 +21,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
         period = float(period_ns(t))
         steps = np.diff(t)
         holes = np.flatnonzero(steps > settings.gap_periods * period)
-        holes = holes[~_recorder_pauses(t[holes], t[holes + 1], others[name])]
+        holes = holes[~_are_recorder_pauses(t[holes], t[holes + 1], others[name])]
         if not holes.size:
             continue
         missing = float(steps[holes].sum()) / float(t[-1] - t[0])
@@ -38,7 +38,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
     return strongest_symptom(found)
 
 
-def _recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
+def _are_recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
     """Which holes are pauses of the recorder, in which no topic has a sample."""
     alone = np.zeros(begin.size, np.bool_)
     for t in others:
@@ -58,8 +58,8 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
             found.append(
                 Symptom(
                     uneven[0] / LIMITS.uneven_steps_wrong_stamps,
-                    f"the steps of its header stamps scatter by {uneven[0]:.0%} of the period, "
-                    f"those of log time by {uneven[1]:.0%}: log time places it",
+                    f"the intervals of its header stamps scatter by {uneven[0]:.0%} of the "
+                    f"period, those of log time by {uneven[1]:.0%}: log time is used instead",
                     channel=name,
                 )
             )
@@ -74,7 +74,8 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
         found.append(
             Symptom(
                 scatter / least,
-                f"its steps scatter by {scatter:.0%} of the period of {period / 1e6:.1f} ms{says}",
+                f"the intervals between its samples scatter by {scatter:.0%} of the period of "
+                f"{period / 1e6:.1f} ms{says}",
                 channel=name,
             )
         )
@@ -98,11 +99,14 @@ def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
         return LIMITS.uneven_steps, ""
     share, std = weighted / weight, weight**-0.5
     if share - LIMITS.stamp_fidelity_std * std > 0.5:
-        return LIMITS.uneven_steps_right_stamps, "; its readings were taken when their stamps say"
+        return (
+            LIMITS.uneven_steps_right_stamps,
+            "; the readings were taken at the times of their stamps",
+        )
     if share + LIMITS.stamp_fidelity_std * std < 0.5:
         return (
             LIMITS.uneven_steps_wrong_stamps,
-            "; its readings were taken evenly: the stamps are wrong",
+            "; the readings were taken at even intervals: the stamps are wrong",
         )
     return LIMITS.uneven_steps, ""
 
@@ -142,11 +146,11 @@ def stamp_fidelity(t: Ints, x: Floats) -> tuple[float, float]:
 def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
     """Find a step in the latency between header stamps and log times, beyond drift."""
     found: list[Symptom] = []
-    for topic, (log, latency_s) in _latencies(inputs).items():
+    for topic, (log, latency_s) in _latencies_by_topic(inputs).items():
         level, std_s = usual_latencies(latency_s)
         if level is None:
             continue
-        at, jump_s, left_s = _largest_step(level)
+        at, jump_s, left_s = _find_largest_step(level)
         # a clock that drifts has no one step
         if left_s > line_residual_std(level):
             continue
@@ -178,7 +182,7 @@ def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
     )
     fit = inputs.fit
     # which of the two is wrong the force tells: it becomes late, or does not
-    wrong = _drifting_channel(inputs, drift.faster, drift.slower)
+    wrong = _find_drifting_channel(inputs, drift.faster, drift.slower)
     explains = "" if fit is None else f", {1e3 * apart_s:.1f} ms over the log"
     return [
         Symptom(
@@ -190,8 +194,8 @@ def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> str:
-    """Channel to blame for two diverging clocks: that of the force, if involved."""
+def _find_drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> str:
+    """Channel to which two diverging clocks are attributed: that of the force, if involved."""
     force = inputs.force_channel
     topic = None if force is None else inputs.machine.channels[force].topic
     return slower if slower == topic else faster
@@ -205,7 +209,7 @@ def channel_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     return {name: inputs.series[name] for name in topics.values()}
 
 
-def _latencies(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
+def _latencies_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """Log times in ns and latency of the header stamps above its minimum in s, by topic."""
     out: dict[str, tuple[Ints, Floats]] = {}
     for topic, frame in inputs.raw.items():
@@ -227,8 +231,8 @@ def usual_latencies(latency_s: Floats) -> tuple[Floats | None, float]:
     return level, max(float(np.median(changes)) * STD_OF_MAD, 1e-5)
 
 
-def _largest_step(level: Floats) -> tuple[int, float, float]:
-    """Index and height in s of the largest step, and the standard deviation beside it in s."""
+def _find_largest_step(level: Floats) -> tuple[int, float, float]:
+    """Index and height in s of the largest step, and the standard deviation around it in s."""
     count = np.arange(1, level.size)
     before = np.cumsum(level)[:-1] / count
     after = (level.sum() - np.cumsum(level)[:-1]) / (level.size - count)

@@ -45,8 +45,8 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             refused / _REFUSED,
-            f"braking refuses {refused:.0%} of the windows, and tells {ratio:.1%} of the mass that "
-            "driving tells: the force sees the brakes",
+            f"excluding braking rejects {refused:.0%} of the windows, but braking gives "
+            f"{ratio:.1%} of the mass that driving gives: the force sensor measures the brakes",
             channel=inputs.force_channel,
             setting="settings.gate.exclude_braking",
             value="false",
@@ -111,8 +111,8 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
     mends = name == "rls"  # no other one can
     return Symptom(
         float(grown[worst] / np.log(LIMITS.wind_up_growth)),
-        f"{name}'s own deviation grows from {least_kg[worst]:.3g} to {std_kg[worst]:.3g} kg in "
-        f"{steady[worst]:.0f} samples at a speed that is kept: it forgets faster than it learns "
+        f"{name}'s standard deviation grows from {least_kg[worst]:.3g} to {std_kg[worst]:.3g} kg "
+        f"in {steady[worst]:.0f} samples at constant speed: it forgets faster than it learns "
         f"(forgetting {trace.forgetting:g})",
         setting="settings.trace.directional_forgetting" if mends else None,
         value="true" if mends else None,

@@ -43,11 +43,11 @@ _FORCE_UNITS: Final = {
 
 def find_flipped_sign(inputs: FindingInputs) -> list[Symptom]:
     """Find a channel or side whose sign contradicts the others."""
-    found = [*_flipped_axis(inputs), *_flipped_side(inputs)]
+    found = [*_find_flipped_axis(inputs), *_find_flipped_side(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _flipped_axis(inputs: FindingInputs) -> list[Symptom]:
+def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     of_force = inputs.checks.get("force_sign", np.nan)
     gain, std = fit_accelerometer_gain(inputs) or (np.nan, np.nan)
     by_imu = abs(gain) > LIMITS.signed_gain_std * std
@@ -87,7 +87,7 @@ def _flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _flipped_side(inputs: FindingInputs) -> list[Symptom]:
+def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     """Find left and right torques that oppose each other in straight driving."""
     sides = inputs.measured_channels("torque_left_N_m", "torque_right_N_m")
     if len(sides) < 2:
@@ -111,7 +111,7 @@ def _flipped_side(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             LIMITS.sign_rank * abs(together),
-            f"left and right torque correlate by {together:+.2f} while it drives straight",
+            f"left and right torque correlate by {together:+.2f} while the machine drives straight",
             channel=wrong,
             setting=setting,
             value=value,
@@ -190,7 +190,8 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             10.0 * abs(together) / LIMITS.signed_correlation,
-            f"turns by the wheels correlate by {together:+.2f} with the gyroscope's",
+            f"the yaw rate from the wheels correlates by {together:+.2f} with that of the "
+            "gyroscope",
             channel=sides[0],
             setting=keys,
             value=fields,
@@ -204,11 +205,15 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
 def find_wrong_unit(inputs: FindingInputs) -> list[Symptom]:
     """Find ratios of speed, acceleration and force that match a common unit conversion."""
     # a mass in the wrong unit may be the acceleration's
-    found = _unit_by_gravity(inputs) or _unit_by_speed(inputs) or _unit_by_empty_mass(inputs)
+    found = (
+        _find_unit_by_gravity(inputs)
+        or _find_unit_by_speed(inputs)
+        or _find_unit_by_empty_mass(inputs)
+    )
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
+def _find_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer's z axis at standstill with gravity."""
     names = inputs.measured_channels(*_ACC_AXES)
     reads, _ = inputs.standstill_level(_ACC_AXES[2])
@@ -224,7 +229,8 @@ def _unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             10.0 * abs(float(np.log(share))) / LIMITS.signed_correlation,
-            f"standing, it reads {reads:.4g} m/s² of gravity along z: {_ACC_UNITS[near[0]]}",
+            f"at standstill the accelerometer reads {reads:.4g} m/s² of gravity along z: "
+            f"{_ACC_UNITS[near[0]]}",
             channel=ACC,
             setting=setting,
             value=value,
@@ -243,8 +249,8 @@ def _reads_gravity(inputs: FindingInputs) -> bool:
     )
 
 
-def _speed_units(inputs: FindingInputs) -> dict[float, str]:
-    """Names of the units by the ratio of accelerometer to wheels that each would cause."""
+def _name_units_by_speed_ratio(inputs: FindingInputs) -> dict[float, str]:
+    """Names of wrong units by the ratio of accelerometer to wheels that each would cause."""
     found = {1.0 / times: what for times, what in _SPEED_UNITS.items()}
     radius_m = inputs.machine.machine.wheel_radius_m
     if radius_m is None:
@@ -252,14 +258,14 @@ def _speed_units(inputs: FindingInputs) -> dict[float, str]:
     return {**{radius_m / times: what for times, what in _WHEEL_UNITS.items()}, **found}
 
 
-def _unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
+def _find_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer with the wheels and with gravity."""
     gain = inputs.checks.get("acceleration_gain", np.nan)
     seen = fit_accelerometer_gain(inputs)
     # what hardly moves has any gain
     if not gain > 0.0 or seen is None or not seen[1] < LIMITS.known_ratio_u * abs(seen[0]):
         return []
-    units = _speed_units(inputs)
+    units = _name_units_by_speed_ratio(inputs)
     channels = dict.fromkeys(units, inputs.speed_channels)
     if not _reads_gravity(inputs):
         channels |= dict.fromkeys(_ACC_UNITS, inputs.measured_channels(*_ACC_AXES))
@@ -299,7 +305,7 @@ def _unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
+def _find_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     """Compare the mass with that of the empty machine."""
     ratio = inputs.checks.get("empty_mass_ratio", np.nan)
     empty_kg = inputs.machine.machine.empty_mass_kg

@@ -45,7 +45,7 @@ def unexplained_symptom(judged: pl.DataFrame, shown: Collection[str]) -> Symptom
         return None
     said = "; ".join(f"{row['check']} {_check_value(row)}: {row['meaning']}" for row in failed)
     return Symptom(
-        max(map(_excess_over_limit, failed)), f"no known cause accounts for what disagrees: {said}"
+        max(map(_excess_over_limit, failed)), f"no known cause explains the failed checks: {said}"
     )
 
 
@@ -58,7 +58,7 @@ def _is_unexplained(row: Mapping[str, Any], shown: set[str]) -> bool:
 
 def _check_value(row: Mapping[str, Any]) -> str:
     if row["value"] is None:
-        return "has no number"
+        return "has no value"
     low, high = row["minimum"], row["maximum"]
     beyond = low is not None and row["value"] < low
     limit = f"< {low:g}" if beyond or high is None else f"> {high:g}"

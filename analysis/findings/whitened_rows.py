@@ -127,7 +127,7 @@ def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> EquationRows
         part = part[: count * LIMITS.wheel_mean_samples]
         a, v, f = reads[part], motion.speed[part], motion.force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
-        white, added = _whitening_matrix(count, of_speed, of_acc)
+        white, added = whitening_matrix(count, of_speed, of_acc)
         of_gained += added
         means = (
             block_sums(
@@ -146,10 +146,10 @@ def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> EquationRows
 
 
 @lru_cache(maxsize=256)
-def _whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
-    """Matrix that whitens the noise of a stretch and removes its line.
+def whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
+    """Matrix that whitens the noise of a stretch and removes its mean and slope.
 
-    Beside it the accelerometer's share of that noise, added up over the rows.
+    It also returns the accelerometer's share of that noise, summed over the rows.
 
     Returns:
         (count - 2, count) matrix, and the accelerometer's fraction of the noise, summed over the

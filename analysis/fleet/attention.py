@@ -85,7 +85,12 @@ def concerns_of_results(results: pl.DataFrame) -> list[pl.DataFrame]:
             "without_at_s",
         ),
         (10.0, pl.col("losses") > 0, pl.format("lost: {}", "first_loss"), ""),
-        (8.0, pl.col("accepted_1") < _LOW, pl.lit("the gate accepted less than a fiftieth"), ""),
+        (
+            8.0,
+            pl.col("accepted_1") < _LOW,
+            pl.lit("the gate accepted less than 2 % of the time"),
+            "",
+        ),
         (5.0, pl.col("can_weigh") & (failed != ""), pl.format("checks failed: {}", failed), ""),
     )
     return [
@@ -139,7 +144,7 @@ def concerns_of_findings(findings: pl.LazyFrame) -> pl.DataFrame:
             pl.when(pl.col("severity") == "withhold").then(20.0).otherwise(6.0).alias("weight"),
             pl.when(change.is_null())
             .then(pl.format("likely {}", "cause"))
-            .otherwise(pl.format("likely {}, {} kg of mass", "cause", change))
+            .otherwise(pl.format("likely {}, which changes the mass by {} kg", "cause", change))
             .alias("why"),
             (pl.col("start_t_ns") / NS_PER_S).alias("at_s"),
         )

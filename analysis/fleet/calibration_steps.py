@@ -15,7 +15,7 @@ K: Final = 2.0
 
 
 class FleetCalibration(BaseModel):
-    """Calibration of a machine, reduced to what a fleet compares.
+    """Calibration of a machine, reduced to the values that a fleet compares.
 
     Attributes:
         machine: name of the machine.

@@ -33,20 +33,22 @@ RESULTS: Final = Frame(
     "a row for each recording: its results and inputs",
     (
         Column("source", pl.String, "1", "where the log was"),
-        Column("log_sha256", pl.String, "1", "digests of its files, by commas"),
+        Column("log_sha256", pl.String, "1", "digests of its files, separated by commas"),
         Column("size_bytes", pl.Int64, "B", "size of its files"),
-        Column("stamp", pl.String, "1", "what its storage said of its last change"),
+        Column("stamp", pl.String, "1", "last change of the log, as its storage reports it"),
         Column("basis", pl.String, "1", "digest of machine, settings, calibration and versions"),
         Column("payscope", pl.String, "1", "version that made it"),
         Column("status", pl.String, "1", "replayed, or refused"),
         Column("reason", pl.String, "1", "why it was refused (empty where not)"),
         Column("can_weigh", pl.Boolean, "1", "whether a mass may be given"),
-        Column("failed_checks", pl.String, "1", "checks that failed, by commas"),
+        Column("failed_checks", pl.String, "1", "checks that failed, separated by commas"),
         Column("losses", pl.Int64, "1", "losses of the log"),
         Column("first_loss", pl.String, "1", "the first of them, in a sentence"),
         _declare_float_column("duration_s", "s", "from the first sample to the last"),
-        _declare_float_column("gap_s", "s", "of that without a recording"),
-        _declare_float_column("idle_s", "s", "of that in stands of more than half a minute"),
+        _declare_float_column("gap_s", "s", "part of that without a recording"),
+        _declare_float_column(
+            "idle_s", "s", "part of that in standstills of more than half a minute"
+        ),
         _declare_float_column(
             "longest_gap_at_s", "s", "where the longest gap begins (null: no gap)"
         ),
@@ -60,7 +62,7 @@ RESULTS: Final = Frame(
         _declare_float_column("payload_u_random_kg", "kg", "its random standard uncertainty"),
         _declare_float_column("payload_u_common_kg", "kg", "its common standard uncertainty"),
         _declare_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
-        Column("scale_from", pl.String, "1", "what tells the scale of payloads"),
+        Column("scale_from", pl.String, "1", "what determines the scale of payloads"),
         Column(
             "scale_unknown",
             pl.String,
@@ -72,18 +74,20 @@ RESULTS: Final = Frame(
         ),
         _declare_float_column("gain_u_1", "1", "its standard uncertainty"),
         _declare_float_column("lost_cycles", "1", "cycles expected where nothing was recorded"),
-        _declare_float_column("lost_kg", "kg", "what they would have carried"),
+        _declare_float_column("lost_kg", "kg", "payload that they would have carried"),
         _declare_float_column("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
         _declare_float_column("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
         Column("calibration", pl.String, "1", "id of the evidence in use (empty: none)"),
-        Column("not_calibrated_for", pl.String, "1", "what the log says against it (empty: none)"),
-        Column("results_fingerprint", pl.String, "1", "of all frames of the replay"),
+        Column(
+            "not_calibrated_for", pl.String, "1", "what in the log contradicts it (empty: nothing)"
+        ),
+        Column("results_fingerprint", pl.String, "1", "digest of all frames of the replay"),
         Column("made_unix_ns", pl.Int64, "ns", "unix time of the replay"),
     ),
 )
 GATE_SHARES: Final = Frame(
     "gate_shares",
-    "a row a reason of the gate: its share of the recorded time",
+    "a row for each reason of the gate: its share of the recorded time",
     (
         Column("reason", pl.String, "1", "accepted, or why not"),
         _declare_float_column("share_1", "1", "share of the time"),
@@ -91,7 +95,7 @@ GATE_SHARES: Final = Frame(
 )
 QUALITY: Final = Frame(
     "quality",
-    "a row a topic: how regularly it was recorded",
+    "a row for each topic: how regularly it was recorded",
     (
         Column("topic", pl.String, "1", "its name"),
         Column("messages", pl.Int64, "1", "messages that were read"),

@@ -68,7 +68,7 @@ class ChartedQuantity(NamedTuple):
         column: its column in the frame of days.
         logarithm: whether changes are relative, as of friction.
         unit: unit of changes.
-        means: what a change means.
+        means: meaning of a change.
     """
 
     name: str

@@ -149,7 +149,7 @@ class Answer:
 
 
 def answer(run: Run, recording: str | None = None) -> Answer:
-    """Build the answer from a run's frames; missing frames are left out."""
+    """Build the answer from a run's frames; missing frames are skipped."""
     frames, about = run.frames, run.provenance
     masses, judged, gated = (frames.get(name) for name in ("masses", "verdict", "gate"))
     share = 0.0

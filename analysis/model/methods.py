@@ -144,7 +144,7 @@ def _tls_options(_: MethodOptions, noise: AxisNoise) -> "TlsOptions":
     return noise.ratios
 
 
-def _trace_pooled(_: MethodOptions, noise: AxisNoise) -> "PooledOptions":
+def _pooled_options(_: MethodOptions, noise: AxisNoise) -> "PooledOptions":
     from estimators.methods.pooled import PooledOptions
 
     return PooledOptions(noise.mean)
@@ -179,7 +179,7 @@ METHODS: Final = _methods_by_name(
         FeedKind.SEGMENTS,
         LogSummary.POOL,
         "incremental.Pool.estimate",
-        _trace_pooled,
+        _pooled_options,
         takes_noise_off=True,
     ),
     Method("huber", "Huber's regression", *_WINDOWED, "incremental.huber", _huber_options),

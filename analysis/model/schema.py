@@ -217,13 +217,13 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "noise",
-            "noise of the columns of each axis before the moving mean: a row a pair and lag",
+            "noise of the columns of each axis before the moving mean: a row for each pair and lag",
             (
                 Column("first", pl.String, "1", "column of `excitation` that comes first"),
                 Column("second", pl.String, "1", "column that comes `lag` samples later"),
                 Column("lag", pl.Int64, "1", "samples between the two"),
                 _float("covariance", "1", "covariance of the two, in the product of their units"),
-                Column("source", pl.Enum(NOISE_SOURCES), "1", "what it is estimated from"),
+                Column("source", pl.Enum(NOISE_SOURCES), "1", "samples from which it is estimated"),
             ),
         ),
         Frame(
@@ -237,7 +237,11 @@ FRAMES: Final[dict[str, Frame]] = {
                     "ksg_x_nat", "nat", "mutual information by nearest neighbours (index = ksg)"
                 ),
                 _float("predicted_std_x", "kg", "predicted standard deviation of the mass"),
-                _float("noise_share_x_1", "1", "share of noise in what the acceleration adds"),
+                _float(
+                    "noise_share_x_1",
+                    "1",
+                    "share of noise in the variance that the acceleration explains",
+                ),
                 Column("accepted_x", pl.Boolean, "1", "whether the window is used"),
                 Column("reason_x", REASON, "1", "why, or why not"),
                 _float(
@@ -246,14 +250,18 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("mi_z_nat", "nat", "information index (11) of the window, yaw"),
                 _float("ksg_z_nat", "nat", "the same by nearest neighbours, yaw (index = ksg)"),
                 _float("predicted_std_z", "kg·m²", "predicted standard deviation of the inertia"),
-                _float("noise_share_z_1", "1", "share of noise in what the yaw acceleration adds"),
+                _float(
+                    "noise_share_z_1",
+                    "1",
+                    "share of noise in the variance that the yaw acceleration explains",
+                ),
                 Column("accepted_z", pl.Boolean, "1", "whether the window is used for spins"),
                 Column("reason_z", REASON, "1", "why, or why not"),
             ),
         ),
         Frame(
             "digging",
-            "a row a start whose resistance grows: a bucket driven into a pile, not weighed",
+            "a row for each start whose resistance grows: a bucket driven into a pile, not weighed",
             (
                 Column("start_t_ns", pl.Int64, "ns", "its first sample that drives"),
                 Column("end_t_ns", pl.Int64, "ns", "its last sample that drives"),
@@ -274,7 +282,7 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "segments",
-            "a row a manoeuvre, pooled over its accepted samples",
+            "a row for each manoeuvre, pooled over its accepted samples",
             (
                 Column("segment_id", pl.Int64, "1", "number of the manoeuvre in the log"),
                 Column("start_t_ns", pl.Int64, "ns", "its first sample"),
@@ -321,16 +329,22 @@ FRAMES: Final[dict[str, Frame]] = {
                     "scale_unknown",
                     pl.String,
                     "1",
-                    "what the machine file gives no uncertainty of, for inertia and moments",
+                    "sources without an uncertainty in the machine file, for inertia and moments",
                 ),
-                Column("com_scale_unknown", pl.String, "1", "likewise, for the centre of mass"),
-                Column("withheld", pl.Boolean, "1", "true when a verdict forbids the numbers"),
+                Column(
+                    "com_scale_unknown",
+                    pl.String,
+                    "1",
+                    "sources without an uncertainty in the machine file, for the centre of mass",
+                ),
+                Column("withheld", pl.Boolean, "1", "true when the verdict withholds the numbers"),
                 Column("reason", REASON, "1", "accepted, or why it has no number"),
             ),
         ),
         Frame(
             "planar_budget",
-            "a row a quantity that all motion tells and a source of its uncertainty, by size",
+            "a row for each source of the uncertainty of each quantity that all motion "
+            "determines, by size",
             (
                 Column("quantity", pl.String, "1", "inertia, a first moment or a centre of mass"),
                 Column("cause", pl.String, "1", "where it comes from"),
@@ -339,12 +353,12 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("unit", pl.String, "1", "of the quantity"),
                 _float("share_1", "1", "share of the variance"),
                 Column("meaning", pl.String, "1", "what it is"),
-                Column("shrinks", pl.String, "1", "what would shrink it"),
+                Column("shrinks", pl.String, "1", "what would reduce it"),
             ),
         ),
         Frame(
             "masses",
-            "a row a method: the mass over the whole log (null where it is withheld)",
+            "a row for each method: the mass over the whole log (null where it is withheld)",
             (
                 Column("method", pl.String, "1", "estimator"),
                 *_THETA,
@@ -352,8 +366,10 @@ FRAMES: Final[dict[str, Frame]] = {
                 *_SPIN,
                 Column("rows", pl.Int64, "1", "estimates it summarises"),
                 Column("rows_z", pl.Int64, "1", "estimates of spins that it summarises"),
-                Column("withheld", pl.Boolean, "1", "true when the verdict forbids the mass"),
-                Column("withheld_z", pl.Boolean, "1", "true when it forbids the inertia"),
+                Column("withheld", pl.Boolean, "1", "true when the verdict withholds the mass"),
+                Column(
+                    "withheld_z", pl.Boolean, "1", "true when the verdict withholds the inertia"
+                ),
             ),
         ),
         Frame(
@@ -377,8 +393,8 @@ FRAMES: Final[dict[str, Frame]] = {
                     "own_payload_u_random_kg", "kg", "the part that more starts would average out"
                 ),
                 Column("payload_to", pl.Int64, "1", "first empty load (null: the empty mass)"),
-                Column("empty", pl.Boolean, "1", "true when it is taken for empty"),
-                _float("scatter_kg", "kg", "deviation between manoeuvres of one load"),
+                Column("empty", pl.Boolean, "1", "true when it is taken as empty"),
+                _float("scatter_kg", "kg", "standard deviation between manoeuvres of one load"),
                 Column("scatter_known", pl.Boolean, "1", "true if enough manoeuvres determine it"),
                 _float("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
                 _float("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
@@ -386,14 +402,20 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("mass_doubled_priors_kg", "kg", "the mass with priors twice as wide"),
                 Column("mean_samples", pl.Int64, "1", "samples of the mean that was fitted"),
                 Column("braking_left_out", pl.Boolean, "1", "true when braking disagreed"),
-                Column("scale_unknown", pl.String, "1", "what the machine file gives no u for"),
+                Column(
+                    "scale_unknown",
+                    pl.String,
+                    "1",
+                    "sources without an uncertainty in the machine file",
+                ),
                 Column(
                     "payload_scale_unknown",
                     pl.String,
                     "1",
-                    "of that, what is in the payload: the empty machine tells the rest",
+                    "the part of these that affects the payload; the empty machine determines "
+                    "the rest",
                 ),
-                Column("withheld", pl.Boolean, "1", "true when the verdict forbids the mass"),
+                Column("withheld", pl.Boolean, "1", "true when the verdict withholds the mass"),
                 Column(
                     "withheld_for", pl.String, "1", "why there is no mass (empty when there is)"
                 ),
@@ -403,12 +425,15 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("calibrated_low_kg", "kg", "lower end of its interval"),
                 _float("calibrated_high_kg", "kg", "upper end of its interval"),
                 Column(
-                    "calibrated_reason", pl.String, "1", "why there is none (empty when there is)"
+                    "calibrated_reason",
+                    pl.String,
+                    "1",
+                    "why there is no calibrated mass (empty when there is)",
                 ),
                 _float(
                     "calibrated_unlike_u_kg",
                     "kg",
-                    "of its u, by driving unlike the campaign",
+                    "part of its u due to driving unlike the campaign",
                 ),
                 Column("calibrated_said", pl.String, "1", "notes for the reader"),
                 _float("calibrated_payload_kg", "kg", "payload under the calibration"),
@@ -419,7 +444,7 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "manoeuvres",
-            "a row a manoeuvre that was fitted: the mass it says once the nuisances are off",
+            "a row for each fitted manoeuvre: its mass after correction for the nuisances",
             (
                 Column("load_id", pl.Int64, "1", "the load that it carries"),
                 Column("start_t_ns", pl.Int64, "ns", "its first fitted sample"),
@@ -430,18 +455,21 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "cycles",
-            "a row a cycle, from one dump to the next: payload and times",
+            "a row for each cycle, from one dump to the next: payload and times",
             (
                 Column("cycle", pl.Int64, "1", "number of the cycle, from 1"),
                 Column("start_t_ns", pl.Int64, "ns", "the dump before, or where it is first seen"),
                 Column("end_t_ns", pl.Int64, "ns", "its dump, or where it is last seen"),
                 Column("dig_t_ns", pl.Int64, "ns", "first sample that digs (null: not seen)"),
                 Column(
-                    "dump_t_ns", pl.Int64, "ns", "when it dumps, by boom or stand (null: not seen)"
+                    "dump_t_ns",
+                    pl.Int64,
+                    "ns",
+                    "when it dumps, by boom or standstill (null: not seen)",
                 ),
                 _float("return_s", "s", "from the dump before to digging"),
                 _float("load_s", "s", "from digging to the first start with the load"),
-                _float("haul_s", "s", "from there to the stand to dump"),
+                _float("haul_s", "s", "from there to the stop for dumping"),
                 _float("dump_s", "s", "that stand"),
                 Column("manoeuvres", pl.Int64, "1", "manoeuvres with the load that were fitted"),
                 Column("loaded_id", pl.Int64, "1", "number of the loaded pass"),
@@ -454,13 +482,17 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("empty_after_kg", "kg", "mass of the empty pass after"),
                 _float("empty_after_u_kg", "kg", "its random standard uncertainty"),
                 _float(
-                    "tare_before_1", "1", "weight of the empty pass before; the rest is after's"
+                    "tare_before_1",
+                    "1",
+                    "weight of the empty pass before; the empty pass after has the rest",
                 ),
-                _float("payload_kg", "kg", "what was dumped: loaded less empty, on the scale"),
+                _float("payload_kg", "kg", "dumped payload: loaded less empty mass, on the scale"),
                 _float("payload_u_random_kg", "kg", "the part that differs from cycle to cycle"),
-                _float("payload_u_common_kg", "kg", "the part by what the whole log has in common"),
                 _float(
-                    "payload_u_shared_kg", "kg", "part of it that all payloads share: it adds up"
+                    "payload_u_common_kg", "kg", "the part due to errors common to the whole log"
+                ),
+                _float(
+                    "payload_u_shared_kg", "kg", "part of it that all payloads share, which adds up"
                 ),
                 _float("payload_u_kg", "kg", "standard uncertainty, both"),
                 _float("scale_1", "1", "payload over loaded less empty, by the empty machine"),
@@ -474,13 +506,14 @@ FRAMES: Final[dict[str, Frame]] = {
                     "scale_from",
                     pl.String,
                     "1",
-                    "what tells the whole scale: machine file, empty machine, calibration; or ''",
+                    "what determines the whole scale: machine file, empty machine, calibration; "
+                    "or ''",
                 ),
                 _float("own_u_common_kg", "kg", "u_common by the log alone, of loaded less empty"),
                 _float("own_u_shared_kg", "kg", "u_shared by the log alone"),
                 _float("carry_back_kg", "kg", "empty pass after less the cleanest empty ones"),
                 _float("carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest"),
-                Column("quality", QUALITY, "1", "what the payload is worth"),
+                Column("quality", QUALITY, "1", "how usable the payload is"),
                 Column("counted", pl.Boolean, "1", "whether it is in the sum of the shift"),
                 Column(
                     "withheld_for", pl.String, "1", "why there is no mass, or what is wrong with it"
@@ -513,20 +546,24 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("carry_back_mean_kg", "kg", "mean carry-back"),
                 _float("carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest"),
                 _float("lost_cycles", "1", "cycles expected where nothing was recorded"),
-                _float("lost_cycles_u", "1", "standard uncertainty of that"),
-                _float("lost_kg", "kg", "what they would have carried"),
-                _float("lost_u_kg", "kg", "standard uncertainty of that"),
+                _float("lost_cycles_u", "1", "standard uncertainty of lost_cycles"),
+                _float("lost_kg", "kg", "payload that they would have carried"),
+                _float("lost_u_kg", "kg", "standard uncertainty of lost_kg"),
                 Column("digs", pl.Int64, "1", "cycles whose digging was seen"),
                 Column("boom_dumps", pl.Int64, "1", "dumps that the boom shows, if it does"),
                 _float("uncounted_cycles", "1", "cycles expected that digging or the boom shows"),
-                _float("uncounted_cycles_u", "1", "standard uncertainty of that"),
-                _float("uncounted_kg", "kg", "what they carried, by the mean of the counted"),
-                _float("uncounted_u_kg", "kg", "standard uncertainty of that"),
+                _float("uncounted_cycles_u", "1", "standard uncertainty of uncounted_cycles"),
+                _float(
+                    "uncounted_kg",
+                    "kg",
+                    "payload that they carried, by the mean of the counted cycles",
+                ),
+                _float("uncounted_u_kg", "kg", "standard uncertainty of uncounted_kg"),
                 _float("on_board_kg", "kg", "load that is not dumped when the recording ends"),
                 _float("on_board_u_kg", "kg", "standard uncertainty of that"),
                 _float("total_kg", "kg", "dumped in the shift: counted, uncounted and lost"),
                 _float("total_u_kg", "kg", "standard uncertainty of that"),
-                Column("scale_from", pl.String, "1", "what tells the scale, as in cycles"),
+                Column("scale_from", pl.String, "1", "what determines the scale, as in cycles"),
                 Column(
                     "scale_unknown",
                     pl.String,
@@ -536,23 +573,23 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("gain_1", "1", "empty machine in the log over that of the machine file"),
                 _float("gain_u_1", "1", "its standard uncertainty"),
                 _float("duration_s", "s", "from the first sample to the last"),
-                _float("gap_s", "s", "of that without a recording"),
-                _float("idle_s", "s", "of that in stands of more than half a minute"),
-                _float("utilisation_1", "1", "recorded time without idle stands, as a share"),
+                _float("gap_s", "s", "part of that without a recording"),
+                _float("idle_s", "s", "part of that in standstills of more than half a minute"),
+                _float("utilisation_1", "1", "share of the recorded time without idling"),
             ),
         ),
         Frame(
             "nuisances",
-            "a row a term of the joint fit besides mass and friction: prior and posterior",
+            "a row for each term of the joint fit besides mass and friction: prior and posterior",
             (
                 Column("term", pl.String, "1", "its name"),
                 Column("unit", pl.String, "1", "of its prior and posterior"),
                 _float("prior_mean", "1", "mean of its prior (in its unit)"),
                 _float("prior_std", "1", "standard deviation of its prior (in its unit)"),
-                _float("posterior", "1", "what this log says (in its unit)"),
+                _float("posterior", "1", "posterior estimate by this log (in its unit)"),
                 _float("posterior_std", "1", "standard deviation of that (in its unit)"),
                 _float("u_kg", "kg", "what its prior contributes to the mass' uncertainty"),
-                Column("meaning", pl.String, "1", "what it stands for"),
+                Column("meaning", pl.String, "1", "physical meaning of the term"),
                 _float(
                     "prior_mean_u", "1", "standard uncertainty of a prior's mean that was learnt"
                 ),
@@ -566,28 +603,31 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "responses",
-            "under learnt priors: what one standard uncertainty of each mean moves by",
+            "under learnt priors: change of each result by one standard uncertainty of each mean",
             (
                 Column("of", pl.String, "1", "mass or payload of a load, or payload of a cycle"),
                 Column("number", pl.Int64, "1", "number of the load or cycle"),
-                Column("term", pl.String, "1", "whose mean it is, or the scale"),
-                _float("response_kg", "kg", "how far it moves"),
+                Column("term", pl.String, "1", "name of the term, or the scale"),
+                _float("response_kg", "kg", "change of the result"),
             ),
         ),
         Frame(
             "learnt_errors",
-            "under learnt priors: what this log says of the errors of their means, a row a pair",
+            "under learnt priors: estimates by this log of the errors of their means, a row for "
+            "each pair",
             (
                 Column("term", pl.String, "1", "whose mean it is"),
                 Column("other", pl.String, "1", "another, or the same"),
                 _float("error_1", "1", "error of the term's mean, in its standard uncertainties"),
                 _float("covariance_1", "1", "of the two errors, likewise"),
-                Column("told", pl.Boolean, "1", "true where the masses have that error off"),
+                Column(
+                    "told", pl.Boolean, "1", "true where the masses are corrected for that error"
+                ),
             ),
         ),
         Frame(
             "budget",
-            "a row a load and source of its mass' uncertainty, the largest first",
+            "a row for each load and source of the uncertainty of its mass, the largest first",
             (
                 Column("load_id", pl.Int64, "1", "number of the load"),
                 Column("cause", pl.String, "1", "where it comes from"),
@@ -595,12 +635,12 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("u_kg", "kg", "standard uncertainty (null where it is not known)"),
                 _float("share_1", "1", "share of the variance"),
                 Column("meaning", pl.String, "1", "what it is"),
-                Column("shrinks", pl.String, "1", "what would shrink it"),
+                Column("shrinks", pl.String, "1", "what would reduce it"),
             ),
         ),
         Frame(
             "verdict",
-            "a row a check of the ungated log: can this log weigh the machine",
+            "a row for each check of the ungated log: can this log weigh the machine",
             (
                 Column("check", pl.String, "1", "name of the check"),
                 Column("about", pl.String, "1", "result that it may withhold: mass or inertia"),
@@ -608,9 +648,14 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("minimum", "1", "smallest number that passes"),
                 _float("maximum", "1", "largest number that passes"),
                 Column("passed", pl.Boolean, "1", "null when the check does not apply to this log"),
-                Column("consequence", pl.String, "1", "of failing: withhold, widen, method, tell"),
-                Column("remedy", pl.String, "1", "the setting or change that would mend it"),
-                Column("meaning", pl.String, "1", "what the number says, in a sentence"),
+                Column(
+                    "consequence",
+                    pl.String,
+                    "1",
+                    "consequence of failing: withhold, widen, method, tell",
+                ),
+                Column("remedy", pl.String, "1", "the setting or change that would correct it"),
+                Column("meaning", pl.String, "1", "meaning of the number, in a sentence"),
             ),
         ),
         Frame(
@@ -624,22 +669,39 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("channel", pl.String, "1", "its channel (null: no single one)"),
                 Column("start_t_ns", pl.Int64, "ns", "from where on (null: the whole log)"),
                 Column("end_t_ns", pl.Int64, "ns", "up to where (null: the whole log)"),
-                _float("strength_1", "1", "its evidence over what chance gives; ranks by it"),
+                _float(
+                    "strength_1",
+                    "1",
+                    "its test statistic over the detection threshold; findings are ranked by it",
+                ),
                 Column("evidence", pl.String, "1", "what was measured, in a sentence"),
                 _float(
-                    "mass_change_kg", "kg", "what mending it would do to the mass (null: unknown)"
+                    "mass_change_kg", "kg", "change of the mass by correcting it (null: unknown)"
                 ),
                 _float("mass_change_u_kg", "kg", "standard uncertainty of that"),
                 Column(
-                    "setting", pl.String, "1", "keys of the machine file, by commas (null: none)"
+                    "setting",
+                    pl.String,
+                    "1",
+                    "keys of the machine file, separated by commas (null: none)",
                 ),
-                Column("value", pl.String, "1", "the value proposed for each, as TOML, by commas"),
-                Column("alternatives", pl.String, "1", "causes it cannot be told from, by commas"),
+                Column(
+                    "value",
+                    pl.String,
+                    "1",
+                    "the value proposed for each, as TOML, separated by commas",
+                ),
+                Column(
+                    "alternatives",
+                    pl.String,
+                    "1",
+                    "causes that it cannot be distinguished from, separated by commas",
+                ),
             ),
         ),
         Frame(
             "calibration",
-            "a row a method and load: the points and the fit of (19)",
+            "a row for each method and load: the points and the fit of (19)",
             (
                 Column("method", pl.String, "1", "estimator"),
                 _float("load_kg", "kg", "reference load"),
@@ -660,36 +722,36 @@ FRAMES: Final[dict[str, Frame]] = {
             (
                 _float("alpha_1", "1", "slope: calibrated mass over estimate"),
                 _float("beta_kg", "kg", "offset of the calibrated mass"),
-                _float("valid_from_kg", "kg", "lightest mass that it holds for"),
-                _float("valid_to_kg", "kg", "heaviest mass that it holds for"),
+                _float("valid_from_kg", "kg", "lightest mass for which it is valid"),
+                _float("valid_to_kg", "kg", "heaviest mass for which it is valid"),
                 _float("line_u_kg", "kg", "standard uncertainty of a run's mass, heavy end"),
                 _float("coverage_k_1", "1", "coverage factor of that"),
             ),
         ),
         Frame(
             "points",
-            "of evidence: a row a run",
+            "of evidence: a row for each run",
             (
                 Column("run_id", pl.String, "1", "name of the run"),
-                Column("load", pl.String, "1", "what was on board"),
+                Column("load", pl.String, "1", "masses on board"),
                 Column("day", pl.String, "1", "day of the run"),
                 _float("reference_kg", "kg", "reference of that load"),
                 Column("readings", pl.Int64, "1", "readings in use"),
-                Column("rejected", pl.Int64, "1", "readings that count for nothing"),
+                Column("rejected", pl.Int64, "1", "readings that were rejected"),
                 _float("mean_kg", "kg", "mean estimate, not calibrated"),
                 _float("std_kg", "kg", "standard deviation of a reading"),
                 _float("calibrated_kg", "kg", "calibrated mean"),
                 _float("error_kg", "kg", "calibrated less reference, this load in the fit"),
                 _float("error_left_out_kg", "kg", "the same with this load left out of the fit"),
-                _float("studentised_1", "1", "residual over its own deviation"),
+                _float("studentised_1", "1", "residual over its own standard deviation"),
             ),
         ),
         Frame(
             "readings",
-            "of evidence: a row a manoeuvre of a run",
+            "of evidence: a row for each manoeuvre of a run",
             (
                 Column("run_id", pl.String, "1", "name of the run"),
-                Column("load", pl.String, "1", "what was on board"),
+                Column("load", pl.String, "1", "masses on board"),
                 Column("day", pl.String, "1", "day of the run"),
                 Column("log", pl.String, "1", "its log"),
                 Column("reading", pl.Int64, "1", "number of the reading in its run"),
@@ -699,7 +761,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("std_kg", "kg", "its standard deviation by this manoeuvre alone"),
                 _float("common_u_kg", "kg", "uncertainty that it shares with the other readings"),
                 Column("used", pl.Boolean, "1", "whether it counts"),
-                Column("left_out_for", pl.String, "1", "why it does not (empty when it does)"),
+                Column("left_out_for", pl.String, "1", "why it is not used (empty when it is)"),
             ),
         ),
         Frame(

@@ -18,8 +18,9 @@ class UncertaintySource:
 
     Attributes:
         name: of the source.
-        kind: random (more starts average it out), common (to the log) or scale (no log tells it).
-        u: standard uncertainty, in the unit of what it is of; None where it is not known.
+        kind: random (more starts average it out), common (to the log) or scale (no log determines
+            it).
+        u: standard uncertainty, in the unit of the quantity; None where it is not known.
         meaning: description of the source.
         shrinks: what would shrink it.
     """

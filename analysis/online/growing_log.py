@@ -119,7 +119,7 @@ class GrowingLog:
         if not (self._new or is_whole):
             return None
         try:
-            self._merge()
+            self._append_samples()
             if self.basis is None and not self._find_basis(is_whole=is_whole):
                 return None
             return self._make_next_rows(is_whole=is_whole)
@@ -129,12 +129,12 @@ class GrowingLog:
                 raise
             return None
 
-    def _merge(self) -> None:
+    def _append_samples(self) -> None:
         """Append the new samples to those kept."""
         for topic, parts in self._new.items():
             frame = concatenate_samples(parts)
             if self.basis is not None:
-                frame = self._place_samples(topic, frame)
+                frame = self._add_unix_stamps(topic, frame)
                 self._count_late(frame)
             parts.clear()
             before = self._raw.get(topic)
@@ -148,7 +148,7 @@ class GrowingLog:
             known = self._last_t_ns + self.basis.t0_unix_ns
             self.late_samples += int((frame["unix_ns"] <= known).sum())
 
-    def _place_samples(self, topic: str, frame: pl.DataFrame) -> pl.DataFrame:
+    def _add_unix_stamps(self, topic: str, frame: pl.DataFrame) -> pl.DataFrame:
         assert self.basis is not None
         behind = self.basis.stamps[topic]
         stamps = frame["header_stamp_ns"] if behind is None else frame["log_time_ns"] - behind
@@ -183,7 +183,7 @@ class GrowingLog:
             tuple(notes),
         )
         self._raw = {
-            t: sort_by_time(self._place_samples(t, f), "unix_ns") for t, f in self._raw.items()
+            t: sort_by_time(self._add_unix_stamps(t, f), "unix_ns") for t, f in self._raw.items()
         }
         return True
 

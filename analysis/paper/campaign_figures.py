@@ -137,7 +137,7 @@ def make_figure_7(extracts: Extracts) -> Figure7:
 
 @dataclass(frozen=True, eq=False)
 class Figure8:
-    """Errors by load, and their ratio: own load left out of the fit over own load in the fit.
+    """Errors by load, and their ratio: error without the own load in the fit over that with it.
 
     `ends_1` is the mean ratio of the smallest and largest load, `middle_1` that of the other loads.
     """

@@ -98,7 +98,7 @@ def make_table_2(extracts: Extracts) -> Table2:
 
 
 class Extremes(NamedTuple):
-    """Smallest and largest error of a method over a setting, with the own load left out.
+    """Smallest and largest error of a method over a setting, without the own load in the fit.
 
     `alike` are those of `values` whose error is within the interval of the smallest.
     """

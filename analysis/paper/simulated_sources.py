@@ -132,12 +132,12 @@ def plan_repetitions(
         for number in range(repeats):
             name = source.name if repeats == 1 else f"{source.name} {number + 1}"
             planned.append(
-                Repetition(name, partial(_take_repetition, source, number, of_it, study, extracts))
+                Repetition(name, partial(_add_repetition, source, number, of_it, study, extracts))
             )
     return planned
 
 
-def _take_repetition(
+def _add_repetition(
     source: Source[Any],
     number: int,
     wanted: Iterable[Extract[Any, Any]],

@@ -209,15 +209,15 @@ TERMS: Final = (
         lambda m: (None, m.yaw_rate * m.acc_y**2),
         lambda d, s: s.scrub_share * d.largest_torque / (d.largest_yaw_rate * d.largest_acc_y**2),
         "tyres that slide sideways already, and resist turning less",
-        "spins in place beside what turns under way",
+        "spins in place as well as turns under way",
         "z",
     ),
     Term(
         "turning_under_way",
         lambda m: (None, m.yaw_rate * np.abs(m.speed)),
         lambda d, s: s.scrub_share * d.largest_torque / (d.largest_yaw_rate * d.largest_speed),
-        "friction of turning under way, beside that of a spin in place",
-        "spins in place beside what turns under way",
+        "friction of turning under way, in addition to that of a spin in place",
+        "spins in place as well as turns under way",
         "z",
     ),
     Term(
@@ -225,7 +225,8 @@ TERMS: Final = (
         lambda _: (None, None),
         lambda _, s: s.lateral_arm_m,
         "where the ground's sideways force acts, ahead of the origin",
-        "an accelerometer whose place is known: the force then tells the centre of mass alone",
+        "an accelerometer whose position is known: the force then determines the centre of mass "
+        "alone",
         "z",
         mixture=_lateral_arm_columns,
     ),
@@ -310,7 +311,7 @@ TERMS: Final = (
         _gyro_bias_columns,
         lambda _, s: s.yaw_rate_bias_rad_s,
         "bias of the gyroscope",
-        "a gyroscope that is zeroed at a stand",
+        "a gyroscope that is zeroed at standstill",
         "xz",
     ),
     Term(

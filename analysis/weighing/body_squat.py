@@ -73,12 +73,14 @@ def find_squat(
         None if the change is undetermined.
     """
     if motion.without_gravity is not None:
-        gain, variance = _scale_squat_with_load(wheels.squat[0], _estimate_by_pitch(motion, loads))
+        gain, variance = scale_squat_with_load(
+            wheels.squat[0], estimate_squat_by_pitch(motion, loads)
+        )
         return Squat(gain, float(np.sqrt(variance)), relative_load)
     found = _estimate_by_wheels(_stretch_rows(motion, wheels, loads))
     if wheels.squat[0] > 0.0:
         seen = None if found is None else (found.gain, found.variance)
-        gain, variance = _scale_squat_with_load(wheels.squat[0], seen)
+        gain, variance = scale_squat_with_load(wheels.squat[0], seen)
         return Squat(gain, float(np.sqrt(variance)), relative_load)
     if found is None:
         return None
@@ -102,7 +104,7 @@ def find_squat(
     return Squat(value if squats else 0.0, float(np.sqrt(own + other * value**2)), relative_load)
 
 
-def _scale_squat_with_load(share: float, seen: tuple[float, float] | None) -> tuple[float, float]:
+def scale_squat_with_load(share: float, seen: tuple[float, float] | None) -> tuple[float, float]:
     """Change of gain with the load, and its variance, from the squat of the loaded body.
 
     Linear springs give way in proportion to the mass that they hold.
@@ -154,7 +156,9 @@ def _stretch_rows(
     return found
 
 
-def _estimate_by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[float, float] | None:
+def estimate_squat_by_pitch(
+    motion: MotionSamples, loads: RelativeLoads
+) -> tuple[float, float] | None:
     """Change of gain with the load from the measured pitch, and its variance.
 
     Returns:

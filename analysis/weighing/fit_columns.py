@@ -187,7 +187,7 @@ class FitColumns:
     def average_to_rows(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
         """Average the columns over so many samples."""
         pieces = map_in_threads(lambda piece: _average_piece(piece, samples), self.pieces)
-        return _weigh_piece_rows(
+        return weigh_piece_rows(
             pieces, noise, self.terms, samples, self.found.uneven_1_s, self.rate_hz
         )
 
@@ -213,10 +213,10 @@ def average_columns(
         lambda piece: _average_piece(_make_piece_columns(piece, noise, terms, found), samples),
         list(motion.pieces),
     )
-    return _weigh_piece_rows(pieces, noise, terms, samples, found.uneven_1_s, motion.rate_hz)
+    return weigh_piece_rows(pieces, noise, terms, samples, found.uneven_1_s, motion.rate_hz)
 
 
-def _weigh_piece_rows(
+def weigh_piece_rows(
     pieces: list["_PieceMeans"],
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
@@ -251,7 +251,7 @@ def _weigh_piece_rows(
     f *= weight
     group = np.concatenate([piece.group for piece in pieces])
     if uneven_1_s:
-        _whiten_constants(A, f, group, uneven_1_s / rate_hz * mean_stride(samples))
+        whiten_constants(A, f, group, uneven_1_s / rate_hz * mean_stride(samples))
     return FitRows(
         A,
         f,
@@ -263,7 +263,7 @@ def _weigh_piece_rows(
     )
 
 
-def _whiten_constants(A: Floats, f: Floats, group: Ints, ratio: float) -> None:
+def whiten_constants(A: Floats, f: Floats, group: Ints, ratio: float) -> None:
     """Subtract from each stretch the part of its mean that a random intercept explains.
 
     Args:
@@ -328,7 +328,7 @@ def _make_piece_columns(
         speed,
         rolling_fraction(speed, acting, found.slip_1_N),
         acting,
-        _force_rate(force, motion.rate_hz, force_std, whole=wheels is not None),
+        derive_force_rate(force, motion.rate_hz, force_std, whole=wheels is not None),
         motion.direction,
         motion.progress,
         _samples_since_start(motion.group) / motion.rate_hz,
@@ -351,7 +351,7 @@ def _make_piece_columns(
 
 def _average_piece(piece: _PieceColumns, samples: int) -> _PieceMeans:
     """Average the columns of a piece, without weights."""
-    kept = np.flatnonzero(_thin_stretches(piece.group, mean_stride(samples)))
+    kept = np.flatnonzero(_select_every_nth_sample(piece.group, mean_stride(samples)))
     means, count = trailing_group_means(piece.values, piece.group, samples, kept)
     return _PieceMeans(
         means[:, :-1], means[:, -1], piece.group[kept], count, piece.raw.select_rows(kept)
@@ -391,7 +391,7 @@ def _drop_first_samples(group: Ints, lag: int) -> Ints:
     return np.where((_samples_since_start(group) >= lag) | last_of_stretch(group), group, -1)
 
 
-def _thin_stretches(group: Ints, stride: int) -> Bools:
+def _select_every_nth_sample(group: Ints, stride: int) -> Bools:
     """Select every `stride`-th sample of each stretch, at least its last one, (n,)."""
     since = _samples_since_start(group)
     short = last_of_stretch(group) & (since < stride - 1)
@@ -408,7 +408,7 @@ def _row_weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> 
     return np.sqrt(variances[-1] / np.maximum(variances[which], variances[-1]))
 
 
-def _force_rate(force: Floats, rate_hz: float, noise_N: float, *, whole: bool) -> Floats:
+def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, whole: bool) -> Floats:
     """Derivative of the force in N/s; 0 where it is within the noise.
 
     Args:

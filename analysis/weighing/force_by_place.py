@@ -27,7 +27,7 @@ def _half_wave(place_1: Floats, half_waves: int) -> Floats:
     return np.cos(np.pi * half_waves * (place_1 + 0.5))
 
 
-def _wave_term(half_waves: int) -> Nuisance:
+def _make_wave_term(half_waves: int) -> Nuisance:
     return Nuisance(
         f"place_{half_waves}",
         "N",
@@ -41,7 +41,7 @@ def _wave_term(half_waves: int) -> Nuisance:
 
 
 def _load_proportional_term(term: Nuisance) -> Nuisance:
-    """The part of a term that is proportional to the load."""
+    """Part of a nuisance term that is proportional to the load."""
 
     def column(m: Moments) -> Floats:
         return term.column(m) * m.relative_load
@@ -66,7 +66,7 @@ _OF_EVERY_LOAD: Final = (
         applies=lambda e: e.is_on_bench,
         source=BY_PLACE,
     ),
-    *map(_wave_term, range(1, _HALF_WAVES + 1)),
+    *map(_make_wave_term, range(1, _HALF_WAVES + 1)),
 )
 #: Behind the nuisances that every log may have.
 PLACE: Final = (*_OF_EVERY_LOAD, *map(_load_proportional_term, _OF_EVERY_LOAD))

@@ -185,7 +185,7 @@ def find_growing_loads(
 
 
 def _max_plausible_loss_kg(fit: JointFit) -> float:
-    """Largest plausible loss of a load in kg, by the carried mass if other loads tell it."""
+    """Largest plausible loss of a load in kg, by the carried mass if other loads give it."""
     if fit.count == 1:
         return float("inf")
     return LIMITS.max_loss_load_ratio * float(np.ptp(fit.masses_kg))
@@ -216,7 +216,7 @@ def find_creeping_manoeuvres(fit: JointFit) -> Ints:
 
 
 def _residual_of_rows(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
-    """Residual of the rows, (n,) in N; undefined for rows of no manoeuvre."""
+    """Residual of the rows, (n,) in N; undefined for rows outside manoeuvres."""
     assert fit.states is not None
     place = np.searchsorted(fit.states.unit, unit).clip(0, fit.states.unit.size - 1)
     masses = fit.theta[: fit.count][fit.states.membership[place]]

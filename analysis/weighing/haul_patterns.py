@@ -42,7 +42,7 @@ def hauling_patterns(motion: MotionSamples) -> list[Ints]:
     begins_m = motion.driven_m[first]
     visits = [
         np.isin(begins_m[1:], add_missed_visits(begins_m[1:][each], begins_m[1:]))
-        for each in _find_visits(begins_m, forwards)
+        for each in find_recurrent_visits(begins_m, forwards)
     ]
     changes = [each & (kind > 0) for each in visits]
     taking_turns = [_loaded_between_stands(on, off) for on, off in combinations(visits, 2)]
@@ -50,12 +50,13 @@ def hauling_patterns(motion: MotionSamples) -> list[Ints]:
     return [
         np.append(0, np.cumsum(each))
         for each in changes
-        if each.any() and (not _follows_direction(each, forwards) or _is_hinted(kind[each]))
+        if each.any()
+        and (not _follows_direction(each, forwards) or _is_each_load_hinted(kind[each]))
     ]
 
 
-def _find_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
-    """Visits to each recurrent stop, (units - 1,) flags of the stands each.
+def find_recurrent_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
+    """Visits to each recurrent stop, as flags (units - 1,) of the standstills.
 
     Stands are of one place if they are as far after the last turn and before the next one, between
     the same directions.
@@ -111,7 +112,7 @@ def _loaded_between_stands(on: Bools, off: Bools) -> Bools:
     return np.append(begins, np.where(none_yet, begins, last_on > last_off))
 
 
-def _is_hinted(kind: Ints) -> bool:
+def _is_each_load_hinted(kind: Ints) -> bool:
     """Whether each load has at least one change that is not only a change of direction."""
     return float((kind >= HINTED).mean()) >= _HINTED
 

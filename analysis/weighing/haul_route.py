@@ -49,7 +49,7 @@ class Route:
         dumps = ~loaded[1:] & loaded[:-1]
         if not dumps.any():
             return None
-        dumps_m = _place_dumps(ends_m[:-1][dumps], begins_m[1:][dumps])
+        dumps_m = find_dump_positions(ends_m[:-1][dumps], begins_m[1:][dumps])
         before = np.searchsorted(fills_m, dumps_m) - 1
         if not (before >= 0).any():
             return None
@@ -66,8 +66,8 @@ class Route:
         return np.minimum(np.minimum(ahead, behind) / self.length_m, 1.0)
 
 
-def _place_dumps(arrives_m: Floats, leaves_m: Floats) -> Floats:
-    """Places where the machine leaves empty, or arrived if the next start is not fitted.
+def find_dump_positions(arrives_m: Floats, leaves_m: Floats) -> Floats:
+    """Positions at which the machine leaves empty, or arrives if its next start is not fitted.
 
     Args:
         arrives_m: (dumps,) end of the last manoeuvre with the load.

@@ -118,7 +118,7 @@ def estimate_swing(measured: Floats, motion: MotionSamples) -> BodySwing | None:
 
 
 def _search_springs(compared: "_WheelComparison", first: BodySwing) -> BodySwing | None:
-    """Springs with the smallest residual, for a body driven without its own swing."""
+    """Springs with the smallest residual, for a body that follows the motion."""
     from scipy.optimize import Bounds, minimize
 
     def springs(logs: Floats) -> BodySwing:

@@ -19,8 +19,8 @@ from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.weighing_limits import LIMITS
 
 _NOT_EMPTY: Final = (
-    "settings.loads.empty_from_s and empty_to_s name no load of several: payloads are to the "
-    "machine's empty mass"
+    "settings.loads.empty_from_s and empty_to_s select none of the loads: payloads are "
+    "differences to the machine's empty mass"
 )
 
 
@@ -36,11 +36,11 @@ def make_load_frame(
         verdict: the verdict, which withholds quantities.
     """
     if weighing is None:
-        return _unknown_load()
+        return _make_unknown_load()
     fit = weighing.fit
     times = _span_of_each_state(fit, excitation)
     empty = find_empty_states(weighing, times, machine)
-    datum, against = _empty_datum(weighing, empty, machine)
+    datum, against = _choose_empty_datum(weighing, empty, machine)
     rows = [
         _make_load_row(weighing, state, empty, times[state], machine, verdict, datum)
         for state in range(fit.count)
@@ -113,10 +113,10 @@ def find_empty_states(
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
         return []
-    return _equally_light_states(weighing, lightest, machine)
+    return _find_equally_light_states(weighing, lightest, machine)
 
 
-def _equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
+def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
     """States whose mass equals the lightest within the random uncertainty."""
     fit = weighing.fit
     found = [lightest]
@@ -131,7 +131,7 @@ def _equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -
     return sorted(found)
 
 
-def _empty_datum(
+def _choose_empty_datum(
     weighing: Weighing, empty: list[int], machine: Machine
 ) -> tuple[Datum | None, str]:
     """Datum of the empty states for payloads, or the reason why the log contradicts it."""
@@ -258,7 +258,7 @@ def _note_on_states(fit: JointFit, machine: Machine) -> str:
             for count, scatter_kg in readings
         ]
         said.append(
-            f"states or scatter: {texts[0]}, or {texts[1]}; one load with a probability of "
+            f"states or scatter: {texts[0]}, or {texts[1]}; a single load has a probability of "
             f"{states.single_probability:.0%}"
         )
     if machine.machine.repeatability_kg is None and not states.scatter_known:
@@ -271,11 +271,11 @@ def _note_growing_loads(weighing: Weighing, excitation: pl.DataFrame) -> str:
     t_ns = excitation["t_ns"].to_numpy()
     told = [
         f"the load changes within the manoeuvre at {t_ns[each.first] / 1e9:,.1f} s, by about "
-        f"{each.kg:+,.0f} ± {each.std_kg:,.0f} kg: it is left out"
+        f"{each.kg:+,.0f} ± {each.std_kg:,.0f} kg: this manoeuvre is excluded"
         for each in weighing.growing
     ]
     more = (
-        [f"so it does within {len(told) - LIMITS.max_named_manoeuvres} more"]
+        [f"and it changes within {len(told) - LIMITS.max_named_manoeuvres} more"]
         if len(told) > LIMITS.max_named_manoeuvres
         else []
     )
@@ -311,7 +311,7 @@ def make_manoeuvre_frame(
     )
 
 
-def _unknown_load() -> pl.DataFrame:
+def _make_unknown_load() -> pl.DataFrame:
     """A frame `loads` with one row of unknown mass."""
     said = {
         "load_id": 0,

@@ -73,7 +73,7 @@ def add_load_states(
 
 
 def _has_certain_loads(found: JointFit) -> bool:
-    """Whether a single load is practically excluded."""
+    """Whether the log practically excludes a single load."""
     least = LIMITS.hidden_loads_max_single_probability
     return found.count > 1 and _states_in(found).single_probability < least
 
@@ -134,7 +134,7 @@ def _refit_fixed_states(states: LoadStates, of: JointFitInputs) -> JointFit:
 def _refit_with_own_scatter(
     held: JointFit, of: JointFitInputs, repeatability_kg: float | None, kind: Ints
 ) -> JointFit:
-    """Refit the same states with their own scatter and single-load probability."""
+    """Refit the same load states with their own scatter and single-load probability."""
     if not np.isfinite(held.theta).all():
         return held
     units, states = _manoeuvre_effects(held, of, kind), _states_in(held)
@@ -199,7 +199,7 @@ def _settle_states(
 
 
 def _withhold_masses(found: JointFit) -> JointFit:
-    """The same fit with all masses unknown."""
+    """The same fit with all masses set to unknown."""
     states = found.states
     if found.count == 1 or states is None:
         states = single_unknown_state(np.unique(unit_of_each_stretch(found.motion)))
@@ -212,7 +212,7 @@ def _states_in(found: JointFit) -> LoadStates:
 
 
 def _add_uneven_ground(found: JointFit, of: JointFitInputs, group: Ints) -> JointFitInputs:
-    """Inputs with the variance of ground forces between stretches, from a fit's residual."""
+    """Fit inputs with the variance of ground forces between stretches, from a fit's residual."""
     if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
         return of
     residual = found.fit.residual

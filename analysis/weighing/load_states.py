@@ -168,7 +168,7 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
         samples.max(),
     )
     # where a record begins or ends while the machine cruises, a mass would be any
-    gained_m_s = _gained_speeds_m_s(motion, of, number.size)
+    gained_m_s = gained_speeds_m_s(motion, of, number.size)
     tells &= gained_m_s >= LIMITS.informative_speed_share * float(np.median(gained_m_s[tells]))
     place = np.arange(number.size)
     before = np.maximum.accumulate(np.where(tells, place, -1))
@@ -180,12 +180,13 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
         sooner, later = (last[left][-1], begin), (end, first[right][0])
-        if _change_kind(motion, *sooner, *sooner) > 1 and _change_kind(motion, *later, *later) == 1:
+        at_begin, at_end = (classify_change(motion, *span, *span) for span in (sooner, later))
+        if at_begin > 1 and at_end == 1:
             goes[short] = after[short]
     return number[goes][of]
 
 
-def _gained_speeds_m_s(motion: MotionSamples, unit: Ints, units: int) -> Floats:
+def gained_speeds_m_s(motion: MotionSamples, unit: Ints, units: int) -> Floats:
     """Range of the speeds of each manoeuvre, (units,) in m/s.
 
     Args:
@@ -220,7 +221,7 @@ def load_change_kinds(motion: MotionSamples) -> Ints:
     # a boom may go up before the machine stands, and come down when it moves again
     middle = used[(first + last) // 2]
     spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
-    kind = np.array([_change_kind(motion, *span) for span in spans], np.int64)
+    kind = np.array([classify_change(motion, *span) for span in spans], np.int64)
     # a bucket is in front: it is filled and emptied where the machine arrives, and then backs out
     arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
     backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
@@ -228,7 +229,7 @@ def load_change_kinds(motion: MotionSamples) -> Ints:
     return np.where(backs_out & ~seen, TURNED, kind)
 
 
-def _change_kind(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:
+def classify_change(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:
     """Kind of evidence for a load change between two manoeuvres.
 
     Args:
@@ -246,14 +247,16 @@ def _change_kind(motion: MotionSamples, end: int, begin: int, since: int, until:
         return 0
     if motion.stood is not None and motion.stood[end] == motion.stood[begin]:
         return 0
-    moved = any(_range(arm[since : until + 1]) > LIMITS.arm_movement_rad for arm in motion.arms)
+    moved = any(
+        _known_range(arm[since : until + 1]) > LIMITS.arm_movement_rad for arm in motion.arms
+    )
     if moved:
         return HINTED
     silent = motion.silences is not None and motion.silences[end] != motion.silences[begin]
     return RESTARTED if silent else 1
 
 
-def _range(x: Floats) -> float:
+def _known_range(x: Floats) -> float:
     """Maximum minus minimum of the known values; 0 if none is known."""
     known = x[np.isfinite(x)]
     return float(np.ptp(known)) if known.size else 0.0
@@ -337,7 +340,7 @@ def _count_reversals(found: Partition) -> int:
 def _alternative_partition(
     units: GroupEffects, best: Partition, other: Partition | None, probability: float
 ) -> AlternativePartition | None:
-    """The alternative that the manoeuvres allow; None if the log decides."""
+    """The alternative partition that the manoeuvres allow; None if the log determines one."""
     doubted = (
         LIMITS.several_loads_min_probability
         if best.states == 1

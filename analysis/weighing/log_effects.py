@@ -90,7 +90,7 @@ class LikelyEffects:
         names = sorted(set(effect))
         combinations = list(product((False, True), repeat=len(names)))
         choices = [
-            _score_choice(
+            score_effects(
                 np.array([kept[names.index(name)] for name in effect]),
                 sum(kept) * _LOG_ODDS,
                 information,
@@ -137,7 +137,7 @@ class LikelyEffects:
 
 
 def _drop_effect(kept: tuple[bool, ...], place: int) -> tuple[bool, ...]:
-    """The choice of effects without one of them."""
+    """The same choice of effects without one effect."""
     return (*kept[:place], False, *kept[place + 1 :])
 
 
@@ -150,7 +150,7 @@ def _invert_precision(precision: Floats) -> Floats:
     return inverse.astype(np.float64, copy=False)
 
 
-def _score_choice(
+def score_effects(
     kept: np.ndarray, before: float, information: Floats, scores: Floats, variance: Floats
 ) -> tuple[float, np.ndarray, Floats, Floats]:
     """Log evidence of a choice of effects, the choice, and mean and covariance of its terms.

@@ -43,7 +43,7 @@ def _gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     return priors.low_gear_share * motion.approximate_mass_kg
 
 
-def _gear_term(quarter_m_s: float) -> Nuisance:
+def _make_gear_term(quarter_m_s: float) -> Nuisance:
     def left(m: Moments) -> Floats:
         return _low_gear_fraction(m.speed, quarter_m_s)
 
@@ -62,4 +62,4 @@ def _gear_term(quarter_m_s: float) -> Nuisance:
 
 
 #: Behind the nuisances that every log may have.
-LOW_GEARS: Final = tuple(map(_gear_term, _QUARTER_LEFT_M_S))
+LOW_GEARS: Final = tuple(map(_make_gear_term, _QUARTER_LEFT_M_S))

@@ -33,7 +33,7 @@ _PARTS: Final = {
     ),
     "other_reading": _FitPart(
         "common",
-        "masses that change or that scatter: the log cannot tell which",
+        "masses that change or that scatter: the log cannot distinguish them",
         "more starts with each load; a boom or bucket channel; machine.repeatability_kg",
     ),
     BY_PLACE: _FitPart(
@@ -44,16 +44,16 @@ _PARTS: Final = {
     BY_GEAR: _FitPart(
         "common",
         "rotating mass of low gears, which falls with the speed",
-        "driving in the top gear; machine.rotating_mass_kg says what turns there",
+        "driving in the top gear; machine.rotating_mass_kg for the mass that rotates there",
     ),
     BY_GROUND: _FitPart(
         "common",
-        "ground that holds the machine by another force where it starts with a load",
+        "ground with another resistance where the machine starts with a load",
         "more cycles; a pitch channel; even ground",
     ),
     "ground_shape": _FitPart(
         "common",
-        "ground along the way, whose force is taken for a line between a few places",
+        "ground along the way, whose force is interpolated linearly between a few places",
         "even ground; a pitch channel; larger loads",
     ),
     "other_effects": _FitPart(
@@ -63,17 +63,18 @@ _PARTS: Final = {
     ),
     "drifted_gain": _FitPart(
         "common",
-        "the gain of the force drifts over the log: at which end it is as stated is not known",
+        "the gain of the force drifts over the log: at which end it has its stated value is not "
+        "known",
         "a force sensor at its working temperature; known loads at both ends of the log",
     ),
     "squat": _FitPart(
         "common",
-        "a body that squats more with its load, whose accelerometer sees gravity through it",
+        "a body that squats more with its load, which tilts its accelerometer against gravity",
         "more starts with each load on even ground; a stiffly mounted accelerometer",
     ),
     "misfit": _FitPart(
         "common",
-        "what every start has in common and the model misses",
+        "a residual that every start has and the model does not explain",
         "finding its cause: filters, brakes, tyres",
     ),
     "lag_shape": _FitPart(
@@ -83,7 +84,7 @@ _PARTS: Final = {
     ),
     "averaging": _FitPart(
         "common",
-        "the mass depends on how long is averaged: fast motion that the model misses",
+        "the mass depends on the averaging time: fast motion that the model does not describe",
         "an accelerometer on the body; starts that accelerate longer",
     ),
     "channel_noise": _FitPart(
@@ -93,10 +94,9 @@ _PARTS: Final = {
     ),
     "learnt": _FitPart(
         "common",
-        "means of the priors that a calibration learnt: wrong in the same way in all its "
-        "logs, so that its "
-        "line takes it with it",
-        "the calibration, which has taken it off the calibrated mass",
+        "errors of the prior means that a calibration learnt: common to all its logs, so that "
+        "its line absorbs them",
+        "the calibration, which has removed it from the calibrated mass",
     ),
     "speed_delay": _FitPart(
         "common", "delay of the speed behind the accelerometer", "topics with one clock"

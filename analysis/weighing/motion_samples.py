@@ -142,7 +142,7 @@ class MotionSamples:
         return self._select_samples(np.flatnonzero(near))
 
     def _select_samples(self, cut: slice | Ints) -> "MotionSamples":
-        """Select some of the samples."""
+        """Select a subset of the samples."""
         level, measured = self.without_gravity, self.specific_force
         wheels = self.wheel_acceleration
         return replace(

@@ -76,7 +76,7 @@ def trim_to_means_with_rate(x: Floats) -> Floats:
 
 
 def _rate_of_means(x: Floats) -> Floats:
-    """Differences of the means over a fixed number of them."""
+    """Rate of change by differences of means that are a fixed number of means apart."""
     return x[2 * LIMITS.pitch_rate_means :] - x[: -2 * LIMITS.pitch_rate_means]
 
 

@@ -55,7 +55,7 @@ class _DrivingDirection:
         found = [self._by_load("", lambda m: np.ones(m.speed.size), self._loading_place_std)]
         for begin_m, end_m in places:
             name, column = f"_{begin_m:.0f}_{end_m:.0f}m", _fraction_between(begin_m, end_m)
-            width = _change_std(end_m - begin_m)
+            width = _random_walk_prior_std(end_m - begin_m)
             found.append(self._term(name, column, width, "how the ground's force changes along it"))
             found.append(self._by_load(name, column, width))
         return found
@@ -66,7 +66,7 @@ class _DrivingDirection:
         column: Callable[[Moments], Floats],
         width: Callable[[MotionSamples, PriorSettings], float],
     ) -> Nuisance:
-        meaning = "by how much loaded starts are on other ground than empty ones"
+        meaning = "difference of the ground under loaded and empty starts"
         return self._term(f"{name}_by_load", lambda m: column(m) * m.load_contrast, width, meaning)
 
     def _term(
@@ -79,7 +79,7 @@ class _DrivingDirection:
         return Nuisance(
             f"ground_{self.name}{name}",
             "N",
-            lambda m: _one_way(column(m), m.direction, self.sign),
+            lambda m: _restrict_to_direction(column(m), m.direction, self.sign),
             width,
             f"{meaning}, {self.name}",
             "more cycles; a pitch channel; even ground",
@@ -111,8 +111,8 @@ def _ramp(place: Floats, begin: float, end: float) -> Floats:
 
 
 @compiled_ahead
-def _one_way(column: Floats, direction: Floats, sign: float) -> Floats:
-    """Force along one driving direction, 0 in the other."""
+def _restrict_to_direction(column: Floats, direction: Floats, sign: float) -> Floats:
+    """Force that acts in one driving direction, 0 in the other."""
     out = np.zeros(column.size)
     for k in range(out.size):
         if direction[k] == sign:
@@ -120,7 +120,7 @@ def _one_way(column: Floats, direction: Floats, sign: float) -> Floats:
     return out
 
 
-def _change_std(over_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
+def _random_walk_prior_std(over_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
     """Prior standard deviation of the change over a length of way: a random walk."""
     share = _random_walk_ratio(over_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.weight
@@ -131,8 +131,8 @@ def _random_walk_ratio(over_m: float) -> float:
     return float(np.sqrt(over_m / _CHANGES_OVER_M))
 
 
-def _route_term(part: int) -> Nuisance:
-    """Term for rolling resistance along one part of the route."""
+def _make_route_term(part: int) -> Nuisance:
+    """Nuisance term for rolling resistance along one part of the route."""
     begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
 
     def column(m: Moments) -> Floats:
@@ -156,5 +156,5 @@ def _route_term(part: int) -> Nuisance:
 GROUND: Final = (
     *_DrivingDirection("forward", 1.0).terms(),
     *_DrivingDirection("reverse", -1.0).terms(),
-    *map(_route_term, range(_ROUTE_PARTS)),
+    *map(_make_route_term, range(_ROUTE_PARTS)),
 )

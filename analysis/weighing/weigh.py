@@ -283,7 +283,7 @@ def _exclude_manoeuvres(motion: MotionSamples, units: Sequence[int]) -> MotionSa
 def _fit_without_learnt(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit | None:
-    """Refit without learnt priors; None if there are none."""
+    """Refit without learnt priors; None if no prior was learnt."""
     if not priors.learnt:
         return None
     wheels = fit.kinematics

@@ -155,9 +155,10 @@ def _compare_bodies(
     priors: PriorSettings,
     earlier: WheelKinematics | None,
 ) -> WheelKinematics | None:
-    """Compare them, with gravity removed by the pitch if hills change it within manoeuvres.
+    """Compare wheels and accelerometer, without gravity if hills change it within a manoeuvre.
 
-    Elsewhere gravity stays, so that a squat, which also pitches the body, shows as gain.
+    The measured pitch gives gravity. Otherwise it is kept, so that a squat, which also pitches
+    the body, appears as a gain.
     """
     if motion.specific_force is None:
         return None
@@ -195,7 +196,7 @@ def _subtract_squat(
     """Correct the accelerometer for a squat that wheels of known radius show.
 
     A body that pitches as it gains speed makes the accelerometer read more than the wheels. Grades
-    that come back with every start do so as well, but leave the two in disagreement.
+    that recur with every start have the same effect, but leave a residual between the two.
     """
     share, radius_u_1 = -found.gain[0], motion.wheel_radius_u_1
     if radius_u_1 is None or not found.gain_counts:

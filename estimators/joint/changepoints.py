@@ -139,7 +139,7 @@ def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Part
             )
             for joint in joints
         ]
-        allowed = [_least_log_odds(posterior.units.kind[joint - 1]) for joint in joints]
+        allowed = [_lower_bound_log_odds(posterior.units.kind[joint - 1]) for joint in joints]
         margin = [
             each.log_posterior - (best.log_posterior - odds)
             for each, odds in zip(plainer, allowed, strict=True)
@@ -151,7 +151,7 @@ def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Part
     return best
 
 
-def _least_log_odds(kind: Ints) -> float:
+def _lower_bound_log_odds(kind: Ints) -> float:
     """Minimum log odds of a change that is reported.
 
     At the end of a record even odds suffice, since both sides are separate records.
@@ -170,7 +170,7 @@ def _candidate_partitions(posterior: PartitionPosterior, effects: Floats) -> set
     """Candidates for the most probable partition, starting from given effects."""
     units, spread = posterior.units, posterior.spread
     level = units.y - units.x @ effects
-    tried = {_split_two_levels(level, posterior.variance, units.kind).tobytes()}
+    tried = {split_two_levels(level, posterior.variance, units.kind).tobytes()}
     if np.count_nonzero(units.kind == FILLED) > 1:
         tried |= find_fill_cycles(posterior, effects)
     for probability in _CANDIDATES:
@@ -209,7 +209,7 @@ def _alternate_effects(
     return tried
 
 
-def _split_two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
+def split_two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
     """Assign the units to two alternating levels with the least sum of squares.
 
     Args:

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimators.arrays import Floats, Ints
 from estimators.numerics.autocorrelation import pooled_autocorrelation
@@ -101,7 +100,7 @@ def group_effects(
     variance = float(f[used] @ f[used]) / n
     level, correlation, white = y, np.ones(1), variance
     # few units share their effects with few others: as if each had its own
-    own_columns = A[:, :1] if y.size >= _MANY else A[:, _find_nonzero_columns(A)]
+    own_columns = A[:, :1] if y.size >= _MANY else A[:, np.abs(A).sum(axis=0) > 0.0]
     for _ in range(_NOISE_ROUNDS):
         whole = within / variance + np.diag(precision)
         beta = np.linalg.lstsq(whole, cross / variance + precision * prior_mean * scale[1:])[0]
@@ -127,8 +126,3 @@ def group_effects(
         (cross / variance + precision * prior_mean * back) * back,
         kind,
     )
-
-
-def _find_nonzero_columns(A: Floats) -> NDArray[np.bool_]:
-    """Whether each column has a nonzero entry, (p,)."""
-    return np.abs(A).sum(axis=0) > 0.0

@@ -91,7 +91,9 @@ class Stretches:
     @classmethod
     def from_boundaries(cls, state: Ints, kind: Ints) -> Self:
         """Number the stretches of units with boundaries of these kinds."""
-        return cls(state, _level_choices(int(state[-1]) + 1), _log_prior(kind, np.diff(state) > 0))
+        return cls(
+            state, _iter_level_choices(int(state[-1]) + 1), _log_prior(kind, np.diff(state) > 0)
+        )
 
 
 class PartitionPosterior:
@@ -125,12 +127,12 @@ class PartitionPosterior:
         Args:
             state: (n,) stretch numbers, ascending.
         """
-        whole, right, _ = self._normal_equations(self._states_by_number(state))
+        whole, right, _ = self._normal_equations(self._sums_by_state(state))
         return _solve_with_log_determinant(whole, right)[0]
 
     def evaluate(self, stretches: Stretches) -> Partition:
         """Levels, effects and log posterior of a partition."""
-        by_state = self._states_by_number(stretches.state)
+        by_state = self._sums_by_state(stretches.state)
         best, logs = None, []
         for weight, level in stretches.levels:
             log, levels, effects = self._integrate_levels(_sum_by_level(by_state, level))
@@ -141,7 +143,7 @@ class PartitionPosterior:
         posterior = float(np.logaddexp.reduce(logs)) + self._log + stretches.log_prior
         return Partition(stretches.state, best[1], best[2], self.scatter, best[3], posterior)
 
-    def _states_by_number(self, state: Ints) -> Floats:
+    def _sums_by_state(self, state: Ints) -> Floats:
         first = np.append(0, np.flatnonzero(np.diff(state)) + 1)
         return np.add.reduceat(self._sums, first)
 
@@ -194,7 +196,7 @@ def _solve_with_log_determinant(whole: Floats, right: Floats) -> tuple[Floats, f
     return solution, 2.0 * float(np.log(factor.diagonal()).sum())
 
 
-def _level_choices(states: int) -> list[tuple[float, Ints]]:
+def _iter_level_choices(states: int) -> list[tuple[float, Ints]]:
     """Possible level indices of the states, (states,), each with its log probability."""
     own = np.arange(states)
     if states <= 2:
@@ -253,7 +255,7 @@ def _log_cycle_prior(kind: Ints, changes: Bools) -> float:
 
 
 def _log_rate_prior(kind: Ints, changes: Bools) -> float:
-    """Log prior with no change as likely as some, and all rates of changes equally likely.
+    """Log prior under which no change is as likely as any, and all rates are equally likely.
 
     If other evidence indicates changes, either their rate is as likely as it is high, or the
     evidence is unrelated to the level. Separate records have one level, mostly one each, or any

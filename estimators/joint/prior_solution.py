@@ -59,12 +59,14 @@ def _weight_units(
     sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
     tau = shape.levels.scatter * shape.scale
     return WeightedNormalEquations(
-        *_weighted_equations(sums, level_of_unit, shape.levels.count, kept, theta, tau**2, variance)
+        *compute_weighted_equations(
+            sums, level_of_unit, shape.levels.count, kept, theta, tau**2, variance
+        )
     )
 
 
 @compiled_ahead
-def _weighted_equations(
+def compute_weighted_equations(
     sums: tuple[Floats, Floats, Floats, Floats],
     level_of_unit: Ints,
     count: int,
@@ -133,7 +135,7 @@ def _subtract_fit_by_arrays(
 
 
 @compiled_beside(_subtract_fit_by_arrays)
-def _residual_of_grouped_samples(
+def residual_of_grouped_samples(
     A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
 ) -> Floats:
     """Residuals f - A θ, (n,); 0 for samples without a group (group < 0).
@@ -233,7 +235,7 @@ def solve_with_priors(
             np.linalg.inv(weighed @ turned.clean + np.diag(wide_precision)), np.float64
         )
         theta = bread @ (weighed @ turned.bare + wide_believed)
-        residual = _residual_of_grouped_samples(
+        residual = residual_of_grouped_samples(
             A, f, index, theta, level_of_unit, shape.levels.count
         )
         correlation, _ = pooled_autocorrelation(residual, group, taken, loss)

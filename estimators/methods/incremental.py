@@ -210,7 +210,7 @@ def _feed_newest(
 def _recursive_estimate(
     theta: Floats, past: WindowHistory, R: Floats, rss: float, mean: int, condition: float
 ) -> Estimate:
-    """Estimate from θ = R⁻¹ Aᵀf, whose errors are R⁻¹ (p, p) times those of Aᵀf."""
+    """Estimate from θ = R⁻¹ Aᵀf, whose errors are R⁻¹ (p, p) times the errors of Aᵀf."""
     p = theta.size
     bread = inverse_spd(R)
     M = unpack(past.squares, p + 1, p)

@@ -169,7 +169,7 @@ def _estimate_window_autocorrelation(
 ) -> tuple[Floats, float]:
     """Residual autocorrelation and variance of separately fitted windows.
 
-    That of the recursion is not known.
+    The autocorrelation of the recursion itself is unknown.
     """
     least = solve_windows(A, f, window, index).theta
     return pooled_autocorrelation(*window_residuals(A, f, least, index, window), A)

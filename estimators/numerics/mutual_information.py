@@ -87,8 +87,8 @@ def correlation(moments: Floats, centre: Floats, window: int, rho: Floats, sprea
 def information_index(rho: Floats) -> Floats:
     """The index (11), -½ ln(1 - ρ) in nat: ρ = 1 → ∞, 0 → 0, -1 → -0.3466; NaN stays NaN.
 
-    It is no mutual information (that would take ρ²) but is monotone in ρ: gating on Î ≥ γ is
-    gating on ρ ≥ 1 - exp(-2γ).
+    It is not a mutual information (which depends on ρ²), but it is monotone in ρ: gating on Î ≥ γ
+    is gating on ρ ≥ 1 - exp(-2γ).
     """
     with np.errstate(divide="ignore"):
         return -0.5 * np.log1p(-rho)

@@ -19,7 +19,7 @@ from estimators.numerics.small_systems import packed_index
 
 
 def window_ends(accepted: Bools, window: int) -> Ints:
-    """Last samples of the accepted windows, ascending; incomplete windows are left out."""
+    """Last samples of the accepted windows, ascending; incomplete windows are skipped."""
     ends = np.flatnonzero(accepted).astype(np.int64)
     return ends[ends >= window - 1]
 

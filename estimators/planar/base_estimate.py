@@ -50,7 +50,7 @@ class BaseEstimate:
         covariance: (p, p) covariance; NaN likewise.
         responses: (q, p) response to one standard deviation of each prior; NaN likewise. Correlated
             priors are as in `Prior.covariance`.
-        coefficients: (p,) coefficients of the columns of A in the fit; 0 for those left out.
+        coefficients: (p,) coefficients of the columns of A in the fit; 0 for excluded ones.
         combination: (c,) values of `identifiability.combinations`.
         combination_std: (c,) their standard deviations.
         residual_rms: (k,) r.m.s. of the residuals of each axis, in its unit.

@@ -50,12 +50,9 @@ def triangular_factors(A: Blocks, f: Floats, used: Bools) -> Floats:
     for part in sample_blocks(used):
         both = np.concatenate([A[part], f[part][..., None]], axis=-1)[used[part]]
         for axis in range(k):
-            out[axis] = _triangular_factor(np.concatenate([out[axis], both[:, axis]]))
+            rows = np.concatenate([out[axis], both[:, axis]])
+            out[axis] = np.linalg.qr(rows, mode="r")
     return out
-
-
-def _triangular_factor(rows: Floats) -> Floats:
-    return np.asarray(np.linalg.qr(rows, mode="r"), np.float64)
 
 
 def residuals(A: Blocks, f: Floats, used: Bools, theta: Floats) -> Floats:
@@ -74,7 +71,7 @@ def sandwich_meat(
     Args:
         A: (n, k, p) regressor.
         columns: (r,) selected columns.
-        segment_id: (n,) stretch of each sample, negative for those left out.
+        segment_id: (n,) stretch of each sample, negative for excluded ones.
         correlations: k of (lags,), the residuals' autocorrelation of each axis.
         weight: (k, r) factors of each axis' columns.
     """

@@ -66,7 +66,7 @@ def identify(
         noise: (p,) r.m.s. noise of each measured column, in its unit. Directions below
             `NOISE_MARGIN` times the noise do not count and are left to the residuals; without it A
             is taken as exact, and noise makes everything appear determined.
-        samples: number of rows that A stands for, if A holds triangular factors.
+        samples: number of rows that A represents, if A holds triangular factors.
 
     Raises:
         DataError: A holds NaN, or there is not one name and one noise a column, above zero unless

@@ -68,8 +68,8 @@ def straight(specific_force_x: Floats, speed: Floats, direction: Floats | None =
 def spin(yaw_acceleration: Floats, yaw_rate: Floats) -> Floats:
     """Stage 2, the yaw row of (8) alone: ω̇ Izz + ω b_ψ = τ_z, for a spin about the origin.
 
-    Rows 1 and 2 as printed say ω̇ I13 - ω² I23 = 0 and ω̇ I23 + ω² I13 = 0, which only I13 = I23 = 0
-    obeys: they weigh reactions of the ground that nothing measures.
+    Rows 1 and 2 as printed require ω̇ I13 - ω² I23 = 0 and ω̇ I23 + ω² I13 = 0, which holds for I13
+    = I23 = 0 only: they weigh reactions of the ground that nothing measures.
 
     Args:
         yaw_acceleration: (n,) ω̇ in rad/s².

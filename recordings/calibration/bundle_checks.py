@@ -60,8 +60,8 @@ if TYPE_CHECKING:
 #: Of entries that are no bundle's.
 _MOST_NAMED: Final = 20
 _UNKNOWN_KEY: Final = (
-    "{}: whoever made this folder may have made the key as well, and any name; get the key from "
-    "the signer by another way, then give it with --key, or keep it: {}"
+    "{}: whoever made this folder may have made up the key and the name as well; get the key "
+    "from the signer through another channel, then give it with --key, or keep it: {}"
 )
 
 
@@ -152,7 +152,7 @@ def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, Bundle
         checked.add(BundleOutcome.TAMPERED, name, what)
     if len(strange) > _MOST_NAMED:
         more = f"{len(strange) - _MOST_NAMED} entries more"
-        checked.add(BundleOutcome.TAMPERED, more, "are no bundle's")
+        checked.add(BundleOutcome.TAMPERED, more, "do not belong to a bundle")
     held: dict[str, BundleFile] = {}
     for name in names:
         try:
@@ -181,7 +181,7 @@ def _check_file_sums(
         if name in held and held[name].sha256 != digest:
             checked.add(BundleOutcome.TAMPERED, name, f"is not the file whose digest {SUMS} has")
         if name not in names and name not in REQUIRED:
-            checked.add(BundleOutcome.INCOMPLETE, name, f"is missing, and {SUMS} lists it")
+            checked.add(BundleOutcome.INCOMPLETE, name, f"is missing, although {SUMS} lists it")
     for name in sorted(set(held) - set(listed) - set(UNLISTED)):
         checked.add(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
 
@@ -192,7 +192,7 @@ def _check_recordings(
     """Check that the recordings of runs are those that the evidence names."""
     named = {log.recording for log in document.logs if log.recording}
     for name in sorted(named - set(digests)):
-        checked.add(BundleOutcome.INCOMPLETE, name, "is missing, and the evidence names it")
+        checked.add(BundleOutcome.INCOMPLETE, name, "is missing, although the evidence names it")
     for name in sorted(digests):
         if name.startswith(f"{RUNS}/") and name not in named:
             checked.add(
@@ -274,10 +274,14 @@ def _add_unsigned_findings(
     """Add the findings of a bundle that has no signed statement."""
     if document is not None and document.signer is not None:
         checked.add(
-            BundleOutcome.INCOMPLETE, STATEMENT, "is missing, and evidence.json has a signer"
+            BundleOutcome.INCOMPLETE, STATEMENT, "is missing, although evidence.json names a signer"
         )
     elif key is not None:
-        checked.add(BundleOutcome.INCOMPLETE, STATEMENT, "is missing: unsigned, and --key is given")
+        checked.add(
+            BundleOutcome.INCOMPLETE,
+            STATEMENT,
+            "is missing: the bundle is unsigned, but --key is given",
+        )
     elif document is not None:
         checked.notes.append(
             "UNSIGNED: nobody vouches for this; whoever held the folder could have changed "
@@ -320,7 +324,7 @@ def _check_signer(
     """Check that envelope and evidence name the same key."""
     if stated is None or document.signer is None:
         checked.add(
-            BundleOutcome.TAMPERED, EVIDENCE, "signer: names nobody, and there is a signature"
+            BundleOutcome.TAMPERED, EVIDENCE, "signer: names nobody, although there is a signature"
         )
     elif not stated.key_id == document.signer.key_id == signed.key_id:
         checked.add(
@@ -352,7 +356,9 @@ def _check_statement(
             checked.add(BundleOutcome.TAMPERED, name, "was not there when the bundle was signed")
         elif name not in wanted:
             checked.add(
-                BundleOutcome.INCOMPLETE, name, "is missing, and was there when it was signed"
+                BundleOutcome.INCOMPLETE,
+                name,
+                "is missing, although it was there when it was signed",
             )
         elif found[name] != {"sha256": wanted[name]}:
             checked.add(BundleOutcome.TAMPERED, name, "is not the file that was signed")

@@ -69,7 +69,11 @@ def list_bundle(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
         EvidenceError: it is not a folder, has no file of a bundle, or too many entries.
     """
     if not folder.is_dir():
-        fault = "is no folder; name that of the bundle" if folder.exists() else "no such folder"
+        fault = (
+            "is not a folder; name the folder of the bundle"
+            if folder.exists()
+            else "no such folder"
+        )
         raise EvidenceError(f"{folder}: {fault}; `payscope calibrate` writes one")
     good: list[str] = []
     bad: list[tuple[str, str]] = []
@@ -80,14 +84,16 @@ def list_bundle(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
                 "folder of one bundle"
             )
         if stat.S_ISLNK(mode):
-            bad.append((name, "is a link, which no bundle has; it was not followed"))
+            bad.append((name, "is a link, which a bundle cannot contain; it was not followed"))
         elif stat.S_ISDIR(mode):
             if name != RUNS:
-                bad.append((f"{name}/", "is a folder, which no bundle has; it was not opened"))
+                bad.append(
+                    (f"{name}/", "is a folder, which a bundle cannot contain; it was not opened")
+                )
         elif not stat.S_ISREG(mode):
-            bad.append((name, "is no regular file; it was not opened"))
+            bad.append((name, "is not a regular file; it was not opened"))
         elif not is_bundle_file(name):
-            bad.append((name, "is no file of a bundle"))
+            bad.append((name, "does not belong to a bundle"))
         else:
             good.append(name)
     if not good and not any(name in (*REQUIRED, *UNLISTED) for name, _ in bad):

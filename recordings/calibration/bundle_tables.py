@@ -79,12 +79,12 @@ def read_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
     if said is None and len(tables) > 1:  # one of them ended the reader: which?
         return [each for table in tables for each in read_tables([table])]
     if said is None:
-        return ["is damaged so that no reader survives it"]
+        return ["is so damaged that it crashes the reader"]
     return [_make_frame(each, table.schema) for each, table in zip(said, tables, strict=True)]
 
 
 def _read_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
-    """Results of the reader's process for each table; None if it crashed."""
+    """Results of the reader process for each table; None if it crashed."""
     asked = json.dumps(
         [
             {

@@ -51,8 +51,8 @@ def _draw_line(fitted: Calibration) -> Drawing:
     picture = Drawing(
         "line",
         "Calibrated against reference mass",
-        f"A point a run, {len(known)} in all, on the line of equal masses from {low:,.0f} to "
-        f"{high:,.0f} kg. The band holds the calibrated mass of {percent} of later runs.",
+        f"One point per run, {len(known)} in all, on the line of equal masses from {low:,.0f} to "
+        f"{high:,.0f} kg. The band contains the calibrated mass of {percent} of later runs.",
         _HEIGHT,
     )
     masses = [low, high, *(point.calibrated_kg or 0.0 for point in known)]
@@ -77,9 +77,9 @@ def _draw_residuals(fitted: Calibration) -> Drawing:
     worst = max((abs(error) for _, error, _ in [*errors, *left]), default=0.0)
     picture = Drawing(
         "residuals",
-        "Errors by load: filled in the fit, open with the load left out",
+        "Errors by load: filled with the load in the fit, open without it",
         f"Calibrated less reference mass of every run; the largest is {worst:,.1f} kg. Open "
-        "circles are errors of a line that has not seen that load.",
+        "circles are errors of a line fitted without that load.",
         _HEIGHT,
     )
     heights = [0.0, *(e for _, e, _ in [*errors, *left]), *(e for _, *es in edges for e in es)]
@@ -90,7 +90,7 @@ def _draw_residuals(fitted: Calibration) -> Drawing:
         *axes.place_in_drawing(axes.x[0], 0.0), *axes.place_in_drawing(axes.x[1], 0.0), "ideal"
     )
     for point, error_kg, look in [*left, *errors]:
-        what = " with its load left out" if look == "left" else ""
+        what = " with its load excluded" if look == "left" else ""
         tip = f"{point.run_id}{what}: {error_kg:+,.1f} kg"
         picture.draw_dot(*axes.place_in_drawing(point.reference_kg, error_kg), look, tip)
     return picture
@@ -129,9 +129,8 @@ def _draw_points(points: pl.DataFrame) -> Drawing:
     picture = Drawing(
         "repeatability",
         "Readings about the mean of their run",
-        f"{len(used)} readings of {len(runs)} runs; dashed circles were rejected and count for "
-        f"nothing. The largest of those that count is "
-        f"{max(map(abs, used), default=0.0):,.1f} kg off.",
+        f"{len(used)} readings of {len(runs)} runs; dashed circles were rejected. The largest of "
+        f"those that count is {max(map(abs, used), default=0.0):,.1f} kg off.",
         _HEIGHT,
     )
     axes = Axes.from_data([0.5, len(runs) + 0.5], [0.0, *points["off_kg"].to_list()], _BOX, 0.05)

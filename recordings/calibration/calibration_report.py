@@ -289,4 +289,4 @@ def _make_run_rows(document: EvidenceDocument, readings: pl.DataFrame) -> list[M
 
 
 def _refuse_fetch(url: str, *_: Any, **__: Any) -> Any:
-    raise ValueError(f"a report loads nothing, so not {url[:80]}")
+    raise ValueError(f"a report loads nothing from outside, so it may not load {url[:80]}")

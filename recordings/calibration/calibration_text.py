@@ -24,8 +24,8 @@ _MOST_NAMED: Final = 12
 _MUCH: Final = 0.5
 
 _NO_CONFORMITY: Final = (
-    "This compares with the limits of a class, and is no statement of conformity with the "
-    "recommendation: its other tests were not made."
+    "This is a comparison with the limits of a class, not a statement of conformity with the "
+    "recommendation, whose other tests were not made."
 )
 
 _UNLISTED: Final = (
@@ -37,9 +37,8 @@ _UNSEEN: Final = (
     "are genuine.",
     "Whether the machine has changed since: tyres, sensors, bucket, firmware. A check against one "
     "known mass (payscope calibrate --check) shows some of that.",
-    "Whoever has the signing key can make everything again: a signature is worth what the "
-    "keeping of "
-    "its key is.",
+    "Whoever has the signing key can make all of this again: a signature is only as trustworthy "
+    "as the protection of its key.",
 )
 
 
@@ -58,7 +57,7 @@ def report_paragraphs(
             *(f"{_capitalise_first_letter(said)}." for said in fitted.says),
             *_describe_learnt_priors(document),
             *(limits_of_one_day_evidence(document) if document.kind == "calibration" else ()),
-            *(_unlike_driving_lines(fitted) if document.kind == "calibration" else ()),
+            *(_describe_unlike_driving(fitted) if document.kind == "calibration" else ()),
             *(_advise_next_load(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
@@ -80,8 +79,8 @@ def undetectable_faults(document: EvidenceDocument) -> list[str]:
     undated = [run.id for run in runs_without_date(document)]
     days = (
         (
-            f"On which day these runs were made: {', '.join(undated)}. Their logs have no absolute "
-            "time; the day is not provable, the campaign file alone says it.",
+            f"On which day these runs were made: {', '.join(undated)}. Their logs have no "
+            "absolute time; the day is not provable, only the campaign file states it.",
         )
         if undated
         else ()
@@ -89,7 +88,7 @@ def undetectable_faults(document: EvidenceDocument) -> list[str]:
     return [
         _describe_unlisted_runs(document),
         *_UNSEEN,
-        *_unseen_machine(document),
+        *_describe_recording_machine(document),
         *first,
         *later,
         *days,
@@ -123,8 +122,8 @@ def _describe_notary_logs(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def _unseen_machine(document: EvidenceDocument) -> Iterator[str]:
-    """Sentences on which machine recorded the logs."""
+def _describe_recording_machine(document: EvidenceDocument) -> Iterator[str]:
+    """Sentences on whether this machine recorded the logs."""
     without = logs_without_machine(document.logs)
     told = len(document.logs) - len(without)
     if without:
@@ -136,8 +135,8 @@ def _unseen_machine(document: EvidenceDocument) -> Iterator[str]:
         )
     if told:
         yield (
-            f"Whether {counted(told, 'log')} whose metadata name this machine were recorded by it: "
-            "whoever writes a log can write any name."
+            f"Whether {counted(told, 'log')} whose metadata name this machine were recorded by "
+            "it: a log can be written with any name."
         )
 
 
@@ -148,19 +147,19 @@ def _describe_outcome(document: EvidenceDocument) -> list[str]:
         found.append(f"{_capitalise_first_letter(document.limits.statement)}. {_NO_CONFORMITY}")
     drift = document.drift
     if drift is not None and drift.drifted is None:
-        found.append(f"Whether the machine has drifted cannot be told: {drift.reason}.")
+        found.append(f"It cannot be decided whether the machine has drifted: {drift.reason}.")
     elif drift is not None and drift.difference_kg is not None and drift.limit_kg is not None:
         risk = (
             f"A machine that has not drifted would be as far off with a probability of "
             f"{drift.p_1:.2g}."
             if drift.drifted
-            else f"A drift of {drift.matters_kg:,.1f} kg would have been missed with a probability "
-            f"of {drift.missed_1:.2g}."
+            else f"A drift of {drift.matters_kg:,.1f} kg would have gone undetected with a "
+            f"probability of {drift.missed_1:.2g}."
         )
         found.append(
             f"{'Drifted' if drift.drifted else 'Not drifted'}: the known mass comes out "
-            f"{drift.difference_kg:+,.1f} kg off, and up to {drift.limit_kg:,.1f} kg is what the "
-            f"calibration allows. {risk} The line is that of the calibration before."
+            f"{drift.difference_kg:+,.1f} kg off, and up to {drift.limit_kg:,.1f} kg is the limit "
+            f"of the calibration. {risk} The line is that of the calibration before."
         )
     return found
 
@@ -173,7 +172,7 @@ def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
     logs = len({each.log for each in learnt.logs})
     return [
         f"The mass is found with what {logs} logs say together of {len(learnt.terms)} nuisances; "
-        "what that has wrong is in every mass alike, and the line takes it with it."
+        "errors of these estimates are common to all masses, and the line absorbs them."
     ]
 
 
@@ -183,21 +182,23 @@ def limits_of_one_day_evidence(document: EvidenceDocument) -> list[str]:
     if fitted is None or not fitted.responses or not fitted.is_of_one_day:
         return []
     return [
-        "Evidence of one day: its intervals do not have what changes until another. Runs of "
-        "several days (five tell it well), or day_known_kg from earlier campaigns, would put it "
-        "in; until then an empty start in each later log shows whether the machine is the same."
+        "Evidence of one day: its intervals do not include changes from day to day. Runs of "
+        "several days (five determine it well), or day_known_kg from earlier campaigns, would "
+        "include it; until then an empty start in each later log shows whether the machine is "
+        "the same."
     ]
 
 
-def _unlike_driving_lines(fitted: Calibration) -> list[str]:
+def _describe_unlike_driving(fitted: Calibration) -> list[str]:
     """Sentences on the uncertainty of logs driven unlike these runs, and how to reduce it."""
     if not fitted.responses:
         return []
     most = max(fitted.responses, key=lambda each: abs(each.level_kg))
     return [
-        f"Logs that are driven unlike these runs pay most for the {TERMS[most.term][0]}: its "
-        f"uncertainty moved these runs by {abs(most.level_kg):,.1f} kg, and moves others by "
-        f"another amount. {_capitalise_first_letter(RUNS[most.term])} would tell it better."
+        f"Logs that are driven unlike these runs lose most accuracy by the {TERMS[most.term][0]}: "
+        f"its uncertainty moved these runs by {abs(most.level_kg):,.1f} kg, and moves other runs "
+        f"by a different amount. {_capitalise_first_letter(RUNS[most.term])} would determine it "
+        "better."
     ]
 
 
@@ -221,11 +222,11 @@ def constant_share_text(fitted: Calibration) -> str:
     ).replace("%", " %")
     if abs(share) > _MUCH:
         return (
-            f"{begin}. That part is a constant, and no sensor had a say in it. What the machine "
-            f"measured moves the result by {fitted.alpha_1:.3f} kg for each kg of the estimate. So "
-            "a small error relative to the machine's whole mass is no merit of the estimate: judge "
-            "errors by the range of loads. An error of β stays whole in every result, and outside "
-            "the range the line says nothing."
+            f"{begin}. That part is a constant, which no sensor influences. What the machine "
+            f"measured moves the result by {fitted.alpha_1:.3f} kg for each kg of the estimate. "
+            "So a small error relative to the machine's whole mass is not a merit of the "
+            "estimate: judge errors by the range of loads. An error of β stays whole in every "
+            "result, and outside the range the line says nothing."
         )
     return (
         f"{begin}. The rest is measured: the estimate moves the result by {fitted.alpha_1:.3f} kg "

@@ -86,12 +86,12 @@ def machine_faults(wanted: str, machine: Machine, logs: Sequence[EvidenceLog]) -
     """
     named = machine.machine.id
     if named not in (None, wanted):
-        yield f"the machine file belongs to machine '{named}', and the campaign of '{wanted}'"
+        yield f"the machine file belongs to machine '{named}', but the campaign to '{wanted}'"
     for log in logs:
         if log.machine_id not in ("", wanted):
             yield (
-                f"{log.log}: its metadata say that it is of machine '{log.machine_id}', and the "
-                f"campaign is of '{wanted}'"
+                f"{log.log}: its metadata name machine '{log.machine_id}', but the campaign is "
+                f"for '{wanted}'"
             )
 
 

@@ -109,6 +109,7 @@ def weighings_by_load(
         many = len(errors) > 1
         std = (sum((e - mean) ** 2 for e in errors) / (len(errors) - 1)) ** 0.5 if many else None
         limit = allowed.get(load_id)
+        kept = 0 if limit is None else sum(abs(error) <= limit for error in errors)
         found.append(
             {
                 "load": load_id,
@@ -117,14 +118,10 @@ def weighings_by_load(
                 "std_kg": std,
                 "largest_kg": max(errors, key=abs),
                 "limit_kg": limit,
-                "within": "–" if limit is None else _count_loads_within_limits(errors, limit),
+                "within": "–" if limit is None else f"{kept} of {len(errors)}",
             }
         )
     return found
-
-
-def _count_loads_within_limits(errors: list[float], limit_kg: float) -> str:
-    return f"{sum(abs(error) <= limit_kg for error in errors)} of {len(errors)}"
 
 
 def range_sentences(document: EvidenceDocument) -> Iterator[str]:

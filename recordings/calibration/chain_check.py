@@ -19,7 +19,7 @@ def check_counter(checked: CheckedBundle, document: EvidenceDocument) -> None:
         checked.add(
             BundleOutcome.TAMPERED,
             f"{EVIDENCE}: chain.counter",
-            "does not follow that of the link before",
+            "does not follow that of the previous link",
         )
 
 
@@ -38,8 +38,8 @@ def check_chain(
     if before is None:
         if link is not None:
             checked.notes.append(
-                f"chained to evidence {link.id} (number {link.counter}), which was not given: "
-                "--previous checks it"
+                f"chained to evidence {link.id} (number {link.counter}), which was not given; "
+                "give it with --previous to check it"
             )
         return
     last = before.document
@@ -61,7 +61,9 @@ def check_chain(
             "grows, so this is older",
         )
     elif link is None:
-        checked.add(BundleOutcome.TAMPERED, item, "names no evidence before it, and there is some")
+        checked.add(
+            BundleOutcome.TAMPERED, item, "names no previous evidence, although there is some"
+        )
     elif link.id != last.id or link.sums_sha256 != digest_chain_link(before):
         checked.add(BundleOutcome.TAMPERED, f"{item}.previous", "is other evidence than that given")
     else:
@@ -97,7 +99,7 @@ def chain_findings(bundles: Sequence[CheckedBundle]) -> tuple[list[BundleFinding
         if after == number:
             what = (
                 f"a fork: {last.id} of {last.made} ({before.signed_by}) and {document.id} of "
-                f"{document.made} ({checked.signed_by}) have one number"
+                f"{document.made} ({checked.signed_by}) have the same number"
             )
             found.append(BundleFinding(BundleOutcome.TAMPERED, item, what))
         elif after == number + 1:
@@ -141,7 +143,7 @@ def _check_kept(checked: CheckedBundle, document: EvidenceDocument, last: Eviden
     """Check the parts that a single-mass check copies from the calibration."""
     for name in ("calibration", "expires", "machine", "learnt", "options"):
         if getattr(document, name) != getattr(last, name):
-            what = "is not that of the evidence before, which it is a check of"
+            what = "is not that of the previous evidence, which it checks"
             checked.add(BundleOutcome.TAMPERED, f"{EVIDENCE}: {name}", what)
 
 
@@ -154,5 +156,5 @@ def _check_as_found(
         checked.add(
             BundleOutcome.IRREPRODUCIBLE,
             f"{EVIDENCE}: as_found",
-            "is not the line before it",
+            "is not the previous line",
         )

@@ -23,7 +23,7 @@ _COUNTER: Final = re.compile(r"\d+\s*/\s*\d+\s*\Z")
 
 def main() -> None:
     """Read the files that the command line names, as its first word says."""
-    _bound_process()
+    _limit_process()
     kind, *files = sys.argv[1:]
     read = {"recording": _digest_recording, "pdf": _words_of_pdf}[kind]
     sys.stdout.write(json.dumps([read(Path(each)) for each in files]))
@@ -62,7 +62,7 @@ def _words_of_pdf(path: Path) -> dict[str, Any]:
     return {"words": [word for text in texts for word in text.split()]}
 
 
-def _bound_process() -> None:
+def _limit_process() -> None:
     """Bound memory and time, where the system can."""
     try:
         import resource

@@ -43,10 +43,10 @@ def check_notary(
     stretch = document.campaign.notary
     if stretch is None:
         if data is not None:
-            checked.add(BundleOutcome.TAMPERED, NOTARY, "is a list that the campaign does not name")
+            checked.add(BundleOutcome.TAMPERED, NOTARY, "is a list, but the campaign names none")
         return
     if data is None:
-        checked.add(BundleOutcome.INCOMPLETE, NOTARY, "is missing, and the campaign names it")
+        checked.add(BundleOutcome.INCOMPLETE, NOTARY, "is missing, although the campaign names it")
         return
     kept = check_list(data, dt.datetime.now(dt.UTC), stretch.first)
     checked.findings += stretch_findings(document, stretch, kept)
@@ -74,13 +74,13 @@ def stretch_findings(
     machine = document.campaign.machine.id
     if kept.head.machine_id not in ("", machine):
         what = (
-            f"is the list of machine '{kept.head.machine_id}', and the campaign is of '{machine}'"
+            f"is the list of machine '{kept.head.machine_id}', but the campaign is for '{machine}'"
         )
         yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, what)
     listed = {entry.counter for entry in kept.entries}
     for number in range(stretch.first, stretch.last + 1):
         if number not in listed:
-            what = f"number {number} is missing, and the campaign names it"
+            what = f"number {number} is missing, although the campaign names it"
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
     for what in find_unaccounted_logs(stretch, document.logs, kept.entries):
         yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
@@ -93,7 +93,7 @@ def find_unaccounted_logs(
     """Yield logs that are neither used nor left out, and used logs without a line."""
     for entry in entries:
         if not stretch.first <= entry.counter <= stretch.last:
-            yield f"number {entry.counter} is not of the numbers that the campaign names"
+            yield f"number {entry.counter} is not among the numbers that the campaign names"
         elif entry.counter not in stretch.reasons and not any(
             _is_entry_of_log(log, entry) for log in logs
         ):
@@ -103,7 +103,7 @@ def find_unaccounted_logs(
             )
     for log in logs:
         if not any(_is_entry_of_log(log, entry) for entry in entries):
-            yield f"{log.log}: is in no line from number {stretch.first} to {stretch.last}"
+            yield f"{log.log}: is not listed among numbers {stretch.first} to {stretch.last}"
 
 
 def _is_entry_of_log(log: EvidenceLog, entry: NotaryEntry) -> bool:
@@ -125,12 +125,13 @@ def find_contradictions(
         if listed > made + _CLOCK:
             said = f"number {number} was listed {entry.listed}, after the evidence was made"
         elif own is not None and number in stretch.reasons:
-            said = f"number {number} is left out, and {own.log} is a log of the campaign"
+            said = f"number {number} is left out, although {own.log} is a log of the campaign"
         elif own is not None and entry.machine_id not in ("", machine):
             said = f"number {number} names machine '{entry.machine_id}', the campaign '{machine}'"
         elif own is not None and not begins_within_entry(own, entry):
             said = (
-                f"number {number}: {own.log} begins {own.begins}, and the list has {entry.begins}"
+                f"number {number}: {own.log} begins {own.begins}, but the list states "
+                f"{entry.begins}"
             )
         if said:
             yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, NOTARY, said)
@@ -160,8 +161,8 @@ def list_keeper(
         )
     if known is None:
         checked.notes.append(
-            f"{NOTARY}: is {by}: get the key from whoever keeps the recorder by another way, and "
-            f"keep it: {by.add_line}"
+            f"{NOTARY}: is {by}: get the key from the keeper of the recorder through another "
+            f"channel, and keep it: {by.add_line}"
         )
         return by
     last = max((parse_stamp(entry.listed) or creation_time(document)) for entry in kept.entries)

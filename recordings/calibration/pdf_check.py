@@ -49,7 +49,7 @@ def pdf_fault(folder: Path, sha256: str, html: str) -> tuple[str, str]:
     if isinstance(found, str):
         return found, ""
     if isinstance(wanted, str):
-        return "", f"the PDF that is made here {wanted}"
+        return "", f"the PDF that this payscope makes {wanted}"
     heads = table_heads(html)
     fault = describe_first_difference(
         text_without_spaces(wanted, heads), text_without_spaces(found, heads)
@@ -90,7 +90,7 @@ def describe_first_difference(wanted: str, found: str) -> str:
     return f"reads '{there}' where report.html has '{here}'"
 
 
-class _Heads(HTMLParser):
+class _TableHeadParser(HTMLParser):
     """HTML parser that collects the text of each `thead`."""
 
     def __init__(self) -> None:
@@ -114,6 +114,6 @@ class _Heads(HTMLParser):
 
 def table_heads(html: str) -> set[str]:
     """Table heads of a page, without spaces."""
-    parser = _Heads()
+    parser = _TableHeadParser()
     parser.feed(html)
     return {head for head in parser.found if head}

@@ -37,7 +37,7 @@ from recordings.calibration.evidence_document import EvidenceDocument
 
 #: Another processor or library has other last bits.
 _LAST_BITS: Final = 1e-9
-_LATER: Final = "made before there was {}: taken so, the default that it came with"
+_LATER: Final = "made before {} existed: the first default of that setting is used"
 _NOTHING: Final = (None, "", [], {}, ())
 #: Of a list of differences, so many are named.
 _MOST: Final = 5
@@ -163,7 +163,7 @@ def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
         yield _irreproducible_finding("campaign.runs", fault)
     if made > now + dt.timedelta(seconds=CLOCK_S):
         yield _irreproducible_finding(
-            "made", f"is in the future: {document.made}, and now is {now:%F %R}"
+            "made", f"is in the future: {document.made}, but now it is {now:%F %R}"
         )
     for fault in machine_faults(campaign.machine.id, machine, document.logs):
         yield _irreproducible_finding("campaign.machine.id", fault)
@@ -178,7 +178,7 @@ def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
         yield _irreproducible_finding("references", str(fault))
         return
     if document.references != loads:
-        yield _irreproducible_finding("references", "are not what the masses on board add up to")
+        yield _irreproducible_finding("references", "are not the sums of the masses on board")
     if document.reference_covariance_kg2 != covariance:
         yield _irreproducible_finding("reference_covariance_kg2", "does not follow from the masses")
     own = {each.component for each in campaign.method.stated}
@@ -199,13 +199,13 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
     if learnt is None:
         return
     if not campaign.learns_priors:
-        yield _irreproducible_finding("learnt", "is there, and the campaign learns nothing")
+        yield _irreproducible_finding("learnt", "is there, although the campaign learns nothing")
     stored, computed = (
         {name: term.model_dump() for name, term in terms.items()}
         for terms in (learnt.terms, learn_terms_of_logs(learnt.logs))
     )
     if not all(near for _, near in find_differences(stored, computed)):
-        yield _irreproducible_finding("learnt", "does not follow from what its logs say")
+        yield _irreproducible_finding("learnt", "does not follow from its logs")
     said = {each.log for each in learnt.logs}
     if document.kind == "calibration" and not said <= set(campaign.logs):
         yield _irreproducible_finding("learnt", "belongs to other logs than the campaign's")
@@ -240,21 +240,21 @@ def _run_faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool
     if row["reading"] != number:
         yield f"should be number {number}: one is missing, or they are out of order"
     if row["used"] is None or row["reason"] is None:
-        yield "does not say whether it is used, or why not"
+        yield "does not state whether it is used, or why it is not"
         return
     if row["mass_kg"] is None:
         if row["used"]:
-            yield "is used and has no mass"
+            yield "is used, but has no mass"
     elif row["start_s"] is None or row["end_s"] is None or not row["start_s"] < row["end_s"]:
         yield "has no stretch of time"
     elif not run.covers_middle_of(row["start_s"], row["end_s"]):
         yield "is not in the stretch of its run"
     if row["used"] and row["reason"]:
-        yield "is used, with a reason why not"
+        yield "is used, but has a reason for its exclusion"
     if row["used"] and run.excluded:
-        yield "is used, and its run is excluded"
+        yield "is used, although its run is excluded"
     if row["used"] and not weighs:
-        yield "is used, and its log cannot weigh"
+        yield "is used, although its log cannot weigh"
 
 
 def compare_fit(
@@ -316,7 +316,7 @@ def compare_verdicts(document: EvidenceDocument) -> Findings:
         yield BundleFinding(BundleOutcome.OUTSIDE, f"{EVIDENCE}: limits", limits.statement)
     if drift is not None and drift.drifted is not False:
         what = (
-            f"cannot be told: {drift.reason}"
+            f"cannot be decided: {drift.reason}"
             if drift.drifted is None
             else f"the machine has drifted, by {drift.difference_kg:+.4g} kg"
         )

@@ -17,7 +17,7 @@ _PATIENCE_S: Final = 900.0
 _READER: Final = "recordings.calibration.digest_process"
 #: Bytes of JSON that a process may answer with.
 _MOST_OUTPUT: Final = 64 << 20
-_DAMAGED: Final = "is damaged so that no reader survives it"
+_DAMAGED: Final = "is so damaged that it crashes the reader"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ def pdf_words(folder: Path, name: str, sha256: str) -> list[str] | str:
 def read_in_process(
     kind: str, folder: Path, sums: Mapping[str, str]
 ) -> dict[str, dict[str, Any] | str]:
-    """Results of a process that reads copies of the files, so that nobody can change them."""
+    """Read the files in a process of its own, from copies that no other process can change."""
     found: dict[str, dict[str, Any] | str] = {}
     with tempfile.TemporaryDirectory(prefix="payscope-") as place:
         copies: dict[str, Path] = {}

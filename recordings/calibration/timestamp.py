@@ -83,7 +83,9 @@ def authority_certificates(path: Path) -> "tuple[Certificate, ...]":
     try:
         return tuple(load_pem_x509_certificates(data))
     except ValueError:
-        raise EvidenceError(f"{path}: holds no certificate in PEM; name the authority's") from None
+        raise EvidenceError(
+            f"{path}: holds no certificate in PEM; name the certificate of the authority"
+        ) from None
 
 
 def check_timestamp(
@@ -102,7 +104,7 @@ def check_timestamp(
     """
     if TIMESTAMP not in held:
         if authorities:
-            what = "is missing, and --tsa is given: when it was signed is not proven"
+            what = "is missing, although --tsa is given: the time of the signature is not proven"
             checked.add(BundleOutcome.INCOMPLETE, TIMESTAMP, what)
         return
     if STATEMENT not in held:
@@ -119,7 +121,7 @@ def check_timestamp(
         imprint = response.tst_info.message_imprint
         hashed = _HASHES.get(imprint.hash_algorithm.dotted_string)
     except Exception as error:  # noqa: BLE001  the parser is another's, the bytes a stranger's
-        what = f"is no time-stamp response that was granted ({str(error)[:_LONGEST]})"
+        what = f"is not a granted time-stamp response ({str(error)[:_LONGEST]})"
         checked.add(BundleOutcome.TAMPERED, TIMESTAMP, what)
         return
     statement = held_bytes(held, STATEMENT)
@@ -132,8 +134,8 @@ def check_timestamp(
         checked.add(BundleOutcome.IRREPRODUCIBLE, TIMESTAMP, what)
     elif not authorities:
         checked.notes.append(
-            f"a time stamp says that it was signed by {stamped:%F %R} UTC; whose it is, only the "
-            "authority's certificate shows: --tsa CA.pem"
+            f"a time stamp states that the evidence was signed by {stamped:%F %R} UTC; only "
+            "the authority's certificate proves whose time stamp this is: --tsa CA.pem"
         )
     else:
         fault = timestamp_fault(response, statement, authorities)
@@ -154,5 +156,5 @@ def timestamp_fault(
     try:
         verifier.verify_message(response, statement)
     except (VerificationError, ValueError) as error:
-        return f"is by no authority of --tsa, or not valid ({str(error)[:_LONGEST]})"
+        return f"is not by an authority of --tsa, or not valid ({str(error)[:_LONGEST]})"
     return ""

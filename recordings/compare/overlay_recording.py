@@ -57,7 +57,7 @@ def write_overlay(
 ) -> Path:
     """Write a recording of two runs over each other, with B less A.
 
-    Views in which nothing differs are left out, but for the speed.
+    Views without differences are omitted, except for the speed.
 
     Args:
         a: reference run; the drawn columns suffice.
@@ -168,7 +168,7 @@ def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | 
 def _shorten_shared_names(
     mine: Sequence[DisplayColumn], theirs: Sequence[DisplayColumn], *, lone: bool
 ) -> set[str]:
-    """Labels that A and B share and show without their side."""
+    """Labels common to A and B, which are shown without the name of the run."""
     both = {each.label for each in mine} & {each.label for each in theirs}
     return {each.label for each in mine if not lone or each.column == "threshold"} & both
 
@@ -183,7 +183,7 @@ def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Pane
     drawn = [
         each
         for each in less.columns_drawn_in_view(plain)
-        if _has_changed_numbers(less.shown[each.frame][each.column])
+        if (less.shown[each.frame][each.column].fill_null(0.0) != 0.0).any()
     ]
     if not drawn:
         return None
@@ -196,10 +196,6 @@ def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Pane
         axis_range(plain, less.run),
         named_above=above.issuperset(each.label for each in named),
     )
-
-
-def _has_changed_numbers(numbers: pl.Series) -> bool:
-    return bool((numbers.fill_null(0.0) != 0.0).any())
 
 
 def count_named_lines(drawn: Sequence[DisplayColumn]) -> int:
@@ -244,8 +240,8 @@ def comparison_text(found: Comparison, a: str, b: str) -> str:
     """
     parts = [
         "# A and B" if not found.equal else "# A and B are equal",
-        f"- A: {a}\n- B: {b}\n\n"
-        "Times are those of A. What has no panel in any tab does not differ.",
+        f"- A: {a}\n- B: {b}\n\nTimes are those of A. Columns without a panel in any tab do not "
+        "differ.",
     ]
     for title, changes in (
         ("Settings", found.settings),

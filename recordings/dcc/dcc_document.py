@@ -84,7 +84,7 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
     version = root.get("schemaVersion", "none")
     if version != VERSION:
         raise EvidenceError(
-            f"{what}: is of DCC version {version[:20]}, and only {VERSION} is read; ask the "
+            f"{what}: is of DCC version {version[:20]}, but only {VERSION} is supported; ask the "
             f"laboratory for one of {VERSION}, or state the masses by value_kg and u_kg"
         )
     fault = next(schema_faults(root), None)
@@ -109,11 +109,11 @@ def schema_faults(root: "_Element") -> Iterator[str]:
                 yield f"has two elements of the id '{value[:60]}'"
             if value is not None:
                 seen.add(value)
-    yield from _frame_faults(root)
+    yield from _find_frame_faults(root)
 
 
-def _frame_faults(root: "_Element") -> Iterator[str]:
-    """Required single parts that are missing or repeated."""
+def _find_frame_faults(root: "_Element") -> Iterator[str]:
+    """Yield faults: parts that must occur once, but are missing or repeated."""
     names = [child.tag for child in root]
     for name in ("administrativeData", "measurementResults"):
         if names.count(f"{{{DCC}}}{name}") != 1:

@@ -56,8 +56,8 @@ def read_certified_masses(root: "_Element", item: str, what: str) -> list[Certif
         what: the certificate's name, for errors.
 
     Raises:
-        EvidenceError: no such item, no or several masses of it, another unit, a value or an
-            uncertainty that is none, or an uncertainty without its coverage factor.
+        EvidenceError: no such item, no or several masses of it, another unit, a value or an invalid
+            uncertainty, or an uncertainty without its coverage factor.
     """
     admin = root.find(f"{{{DCC}}}administrativeData")
     assert admin is not None
@@ -85,7 +85,7 @@ def read_certified_masses(root: "_Element", item: str, what: str) -> list[Certif
 
 
 def _list_item_names(item: "_Element") -> list[str]:
-    """Names by which an item may be referred to."""
+    """Names by which a certificate may refer to an item."""
     values = item.findall(f"{{{DCC}}}identifications/{{{DCC}}}identification/{{{DCC}}}value")
     names = [item.get("id"), *(leaf_text(value) for value in values)]
     return [name for name in names if name]
@@ -123,8 +123,8 @@ class _CertificateMasses:
             }
         )[:_MOST_NAMED]
         raise EvidenceError(
-            f"{what}: no quantity of it is a mass by its refType ({', '.join(_KINDS)}); "
-            f"there {'are ' + ', '.join(kinds) if kinds else 'is none'}"
+            f"{what}: no quantity of it is a mass by its refType ({', '.join(_KINDS)}); it has "
+            f"{'only ' + ', '.join(kinds) if kinds else 'none at all'}"
         )
 
     def _may_quantity_be_of_item(
@@ -179,7 +179,7 @@ def weights_of_list(
         what: the certificate's name, for errors.
 
     Raises:
-        EvidenceError: the certificate does not say which, or says it in two ways.
+        EvidenceError: the certificate does not state it, or states it ambiguously.
     """
     count = value_count(quantity, what)
     assert count is not None
@@ -187,7 +187,7 @@ def weights_of_list(
         (each, names) for each, names in items if named_by is None or each.get("id") in named_by
     ]
     by_name: list[_Element] | None = None
-    for texts in _name_lists(quantity, what):
+    for texts in _iter_name_lists(quantity, what):
         found = _find_named_items(texts, scope, count, what)
         if found is not None and by_name is not None and found != by_name:
             raise EvidenceError(f"{what}: a list of masses has two lists of names that disagree")
@@ -196,20 +196,21 @@ def weights_of_list(
         return by_name
     if len(scope) != count:
         raise EvidenceError(
-            f"{what}: a list of masses names no weights, and has {count} values for a result whose "
-            f"number of items is {len(scope)}, so which mass is whose is not said; {_REMEDY}"
+            f"{what}: a list of masses names no weights, and has {count} values for a result "
+            f"whose number of items is {len(scope)}, so it is not clear which mass belongs to "
+            f"which weight; {_REMEDY}"
         )
     order = [each.get("id") for each, _ in scope]
     if named_by is not None and [each for each in named_by if each in order] != order:
         raise EvidenceError(
-            f"{what}: a list of masses names no weights, and its refId has another order than "
-            f"the items, so which mass is whose is not said; {_REMEDY}"
+            f"{what}: a list of masses names no weights, and its refId has another order than the "
+            f"items, so it is not clear which mass belongs to which weight; {_REMEDY}"
         )
     return [each for each, _ in scope]
 
 
-def _name_lists(quantity: "_Element", what: str) -> Iterator[list[str]]:
-    """Yield lists that may name weights: labels of the list, and texts beside it."""
+def _iter_name_lists(quantity: "_Element", what: str) -> Iterator[list[str]]:
+    """Yield lists that may name weights: labels of the list, and texts next to it."""
     values = quantity.find(f"{{{SI}}}realListXMLList")
     assert values is not None
     if values.find(f"{{{SI}}}labelXMLList") is not None:
@@ -238,8 +239,8 @@ def _find_named_items(
     for text, items in zip(texts, found, strict=True):
         if len(items) != 1:
             raise EvidenceError(
-                f"{what}: a list of names beside a list of masses has '{text[:40]}', which "
-                f"{len(items)} items of that result are called"
+                f"{what}: a list of names beside a list of masses has '{text[:40]}', which is the "
+                f"name of {len(items)} items of that result"
             )
     weights = [items[0] for items in found]
     if len(weights) != count:

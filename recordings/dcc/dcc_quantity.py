@@ -121,7 +121,7 @@ def read_value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> t
         raise EvidenceError(f"{what}: {value_kg:g} kg is not a possible mass of a weight")
     if not 0.0 < u_kg <= _MOST_U_1 * value_kg:
         raise EvidenceError(
-            f"{what}: a standard uncertainty of {u_kg:g} kg is none of {value_kg:g} kg"
+            f"{what}: a standard uncertainty of {u_kg:g} kg is not possible for {value_kg:g} kg"
         )
     return value_kg, u_kg
 

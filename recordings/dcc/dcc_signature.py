@@ -90,7 +90,7 @@ def check_signature(root: "_Element", what: str) -> SignedDcc:
         if each.get("Algorithm") not in _TRANSFORMS
     ]
     if strange:
-        raise EvidenceError(f"{what}: its signature has a transform that is not read: {strange[0]}")
+        raise EvidenceError(f"{what}: its signature has an unsupported transform: {strange[0]}")
     signed, pem = _verify_signed_info(root, found[0], what)
     if len(list(signed.iter(f"{{{DS}}}Signature"))) or signed.tag != root.tag:
         raise EvidenceError(f"{what}: its signature does not cover the whole certificate")
@@ -124,11 +124,11 @@ def _verify_signed_info(
         result = XMLVerifier().verify(root, expect_config=config, **options)
     except (SignXMLException, ValueError, TypeError, KeyError, AttributeError) as fault:
         raise EvidenceError(
-            f"{what}: its signature does not hold ({str(fault)[:160] or type(fault).__name__})"
+            f"{what}: its signature is not valid ({str(fault)[:160] or type(fault).__name__})"
         ) from None
     except Exception as fault:  # noqa: BLE001  a stranger chose the bytes; cryptography has its own
         raise EvidenceError(
-            f"{what}: its signature does not hold ({type(fault).__name__})"
+            f"{what}: its signature is not valid ({type(fault).__name__})"
         ) from None
     if isinstance(result, list) or result.signed_xml is None:
         raise EvidenceError(f"{what}: its signature does not cover the whole certificate")
@@ -200,7 +200,8 @@ def dcc_key(path: Path, certificate: Path | None = None) -> DccKey:
         raise EvidenceError(f"{error.filename}: cannot be read ({error.strerror})") from None
     except (ValueError, TypeError):
         raise EvidenceError(
-            f"{path}: is not a private key in PEM without a password, or its certificate is none"
+            f"{path}: is not a private key in PEM without a password, or its certificate is not "
+            "valid"
         ) from None
     if not isinstance(key, ec.EllipticCurvePrivateKey | rsa.RSAPrivateKey):
         raise EvidenceError(

@@ -58,7 +58,7 @@ def make_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element":
         sums_sha256: SHA-256 of the SHA256SUMS of its bundle, which binds the two.
 
     Raises:
-        EvidenceError: it is no calibration with a line, or lacks what a certificate needs.
+        EvidenceError: it is not a calibration with a line, or lacks what a certificate needs.
     """
     refuse_incomplete(document.campaign, document.id)
     if document.kind != "calibration" or document.calibration is None:

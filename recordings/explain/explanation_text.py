@@ -121,7 +121,7 @@ def determined_parameter_lines(found: DeterminedParameters | None) -> Iterator[s
         yield f"determined together only: {said}"
     if found.lost:
         names = ", ".join(_PARAMETERS[name] for name in found.lost)
-        yield f"not determined: {names}; what is said of them comes from priors"
+        yield f"not determined: {names}; their estimates come from priors"
     for a, b, correlation in found.trade_offs:
         yield (
             f"{_PARAMETERS[a]} and {_PARAMETERS[b]} trade off: their estimates are correlated by "
@@ -134,7 +134,7 @@ def manoeuvre_line(seen: ManoeuvreReport) -> str:
     span = f"{seen.start_s:,.1f} to {seen.end_s:,.1f} s"
     if seen.mass_kg is None:
         return f"{span}: no mass ({seen.reason.replace('_', ' ')})"
-    mass = f"{span}: {format_plus_minus(seen.mass_kg, seen.mass_std_kg)} kg by itself"
+    mass = f"{span}: {format_plus_minus(seen.mass_kg, seen.mass_std_kg)} kg on its own"
     if seen.load_kg is None or seen.deviations is None:
         return mass
     apart = f"{seen.deviations:+.1f} standard deviations from load {seen.load_id}"

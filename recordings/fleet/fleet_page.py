@@ -144,7 +144,7 @@ def _make_fact_rows(
     refused = int((status == "refused").sum())
     cannot = page.results.filter(~pl.col("can_weigh")).height
     return [
-        ("interval", "95 % (k = 2); machines are taken as independent of each other"),
+        ("interval", "95 % (k = 2); machines are assumed independent of each other"),
         (
             "recordings",
             f"{total['recordings']:,.0f}: {refused:,} refused, {cannot:,} that cannot weigh, "
@@ -164,18 +164,18 @@ def _list_warnings(page: FleetPage) -> list[str]:
     other = page.results.filter(~pl.col("current")).height
     if other:
         found.append(
-            f"{counted(other, 'recording')} with other settings or versions than the last run had: "
-            "run it again over them, where their logs still are."
+            f"{counted(other, 'recording')} with other settings or versions than those of the "
+            "last run: run the fleet again, where their logs still exist."
         )
     undated = page.results.filter(pl.col("day") == "undated").height
     if undated:
-        found.append(f"{counted(undated, 'recording')} without a date: in no week and no chart.")
+        found.append(f"{counted(undated, 'recording')} without a date: not in any week or chart.")
     scale = int(sum_results(page.results, ["machine"])["without_scale"].sum())
     if scale:
         found.append(
-            f"Scale not known in {counted(scale, 'recording')}: neither the empty machine's stated "
-            "mass nor a calibration nor the machine file's uncertainties tell it, so it is not in "
-            "the ±."
+            f"Scale not known in {counted(scale, 'recording')}: neither the empty machine's "
+            "stated mass nor a calibration nor the machine file's uncertainties determine it, so "
+            "it is not in the ±."
         )
     without = page.results.filter((pl.col("calibration") == "") & (pl.col("cycles_counted") > 0))
     if page.calibrations and without.height:

@@ -304,7 +304,7 @@ def read_recording_end(path: Path) -> RecordingEnd | None:
     """Read the end of a recording; None if it has no rows yet.
 
     Raises:
-        RecordingError: it is none that `follow` wrote.
+        RecordingError: it was not written by `follow`.
     """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         messages = list(find_messages(data))

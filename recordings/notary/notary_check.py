@@ -88,7 +88,7 @@ def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
     whole, tail = split_lines(data)
     if tail:
         checked.faults.append(
-            ListFault(False, 0, f"breaks off: {len(tail)} bytes behind its last whole line")
+            ListFault(False, 0, f"is truncated: {len(tail)} bytes follow its last complete line")
         )
     lines: list[NotaryLine] = []
     for number, line in enumerate(whole, start=1):
@@ -154,7 +154,7 @@ def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) 
             checked.add_forgery(f"{span} missing", end)
         elif entry.previous != before.digest:
             checked.add_forgery(
-                f"number {entry.counter} does not follow number {last.counter} as it stands here",
+                f"number {entry.counter} does not follow number {last.counter} as this list has it",
                 entry.counter,
             )
 
@@ -179,7 +179,7 @@ def _time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[L
                 False,
                 number,
                 f"number {number} ends {entry.ends}, after it was listed, {entry.listed}: one of "
-                "the two clocks is wrong, or was set back",
+                "the two clocks is wrong or was set back",
             )
         if latest is not None and entry.listed < latest.listed:
             yield ListFault(
@@ -228,8 +228,8 @@ def list_notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
     if late:
         named, days = _line_numbers_text(list(late)), max(late.values())
         yield (
-            f"{named}: listed up to {days:.0f} days after the log ended; what was done to it in "
-            "between, the list does not show"
+            f"{named}: listed up to {days:.0f} days after the log ended; the list does not show "
+            "what was done to it in between"
         )
 
 

@@ -126,14 +126,14 @@ def signed_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLin
 
 
 def parse_line(data: bytes, what: str) -> NotaryLine:
-    """Read a line of a stranger; nothing in it is to be believed before `NotaryLine.by`.
+    """Read a line of a stranger; do not trust its contents before `NotaryLine.by` has verified it.
 
     Args:
         data: bytes without the newline.
         what: name of the line, for the error.
 
     Raises:
-        EvidenceError: it is no line as `signed_line` writes it.
+        EvidenceError: it is not a line as written by `signed_line`.
     """
     if len(data) > MOST_LINE_BYTES:
         raise EvidenceError(f"{what}: is longer than the {MOST_LINE_BYTES} bytes allowed")
@@ -158,7 +158,7 @@ def _format_validation_fault(fault: Exception) -> str:
     if isinstance(fault, ValidationError):
         first = fault.errors(include_url=False)[0]
         return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
-    return "its signature is no base64"
+    return "its signature is not base64"
 
 
 def split_lines(data: bytes) -> tuple[list[bytes], bytes]:

@@ -165,7 +165,7 @@ def method_error_table_sentences(found: SweptTable) -> ItemSentences:
             "The text says that most methods have their smallest error at 0.7 nat. Its table has "
             f"it at {_best_settings(found.best_printed, 'nat')}.",
             _extremes_sentence(found.extremes, "nat"),
-            _nearest_bound(found.nearest_bound_1),
+            _nearest_bound_sentence(found.nearest_bound_1),
             "The printed columns jump by a factor of eight between neighbours (RLS 42.6 kg at 0.7, "
             "10.4 kg at 0.9); 54 runs of one campaign cannot tell neighbours apart.",
             _constant_sentence(found.best_kg),
@@ -217,7 +217,7 @@ def _extremes_sentence(methods: Sequence[Extremes], unit: str) -> str:
     return f"Ours, own load left out: {'; '.join(sentences)}."
 
 
-def _nearest_bound(nearest: Mapping[str, float]) -> str:
+def _nearest_bound_sentence(nearest: Mapping[str, float]) -> str:
     """Sentence that compares pooled LS and RLS with the bound of one run."""
     return (
         f"Pooled LS comes to {nearest['pooled']:.2f} times the bound of one run. "
@@ -332,7 +332,7 @@ def raw_mass_figure_sentences(found: Figure6) -> ItemSentences:
     return ItemSentences(
         (
             "Means of nine runs over the campaigns, ± the standard deviation of one run; the "
-            "dashed lines are what Table 2 implies that the paper measured.",
+            "dashed lines are the masses that the paper measured, as Table 2 implies them.",
         ),
         (
             f"With an ideal torque chain raw means are within {found.bias_kg:.0f} kg of the truth "

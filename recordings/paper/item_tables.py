@@ -34,8 +34,8 @@ def render_table_1(frame: pl.DataFrame) -> list[RenderedItem]:
     trials = frame["trials"].max()
     return [
         RenderedItem(
-            f"RMS error of the mass in kg over {trials} windows [95 % interval], beside the "
-            "paper's one; bound: Cramér–Rao",
+            f"RMS error of the mass in kg over {trials} windows [95 % interval], next to the "
+            "paper's value; bound: Cramér–Rao",
             *errors,
         ),
         RenderedItem("R.m.s. error divided by the Cramér–Rao bound", *ratios),
@@ -69,12 +69,12 @@ def render_table_2(frame: pl.DataFrame) -> list[RenderedItem]:
 
 
 def render_table_3(frame: pl.DataFrame) -> list[RenderedItem]:
-    """Tables of errors by threshold, with the own load in the fit and left out."""
+    """Tables of errors by threshold, with the own load in the fit and without it."""
     return _render_swept(frame, campaign_tables.THRESHOLD, "threshold, nat")
 
 
 def render_table_4(frame: pl.DataFrame) -> list[RenderedItem]:
-    """Tables of errors by window length, with the own load in the fit and left out."""
+    """Tables of errors by window length, with the own load in the fit and without it."""
     return _render_swept(frame, campaign_tables.WINDOW, "samples")
 
 
@@ -89,7 +89,7 @@ def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[Rendere
     return [
         RenderedItem(
             f"RMS error of a run in kg, every load in the fit: mean over {campaigns} campaigns "
-            "[95 % interval], beside the paper's; bound: Cramér–Rao",
+            "[95 % interval], next to the paper's; bound: Cramér–Rao",
             *within,
         ),
         RenderedItem("The same with the run's own load left out of the fit", *without),
@@ -97,7 +97,7 @@ def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[Rendere
 
 
 def render_figure_8(frame: pl.DataFrame) -> list[RenderedItem]:
-    """Tables of errors by load, in the fit and left out."""
+    """Tables of errors by load, with the load in the fit and without it."""
     header, rows = rows_by_method(
         frame,
         "load_kg",

@@ -140,7 +140,7 @@ def draw_masses(figure: "Figure", table: pl.DataFrame, mean: str, std: str, labe
         if "paper_implied_kg" in part.columns:
             implied = part["paper_implied_kg"].fill_null(float("nan")).to_numpy()
             axes.plot(part["reference_kg"].to_numpy(), implied, color="black", lw=0.8, ls="--",
-                      label="what Table 2 implies")  # fmt: skip
+                      label="implied by Table 2")  # fmt: skip
     figure.supxlabel("true mass (kg)", fontsize=8)
     panels[0].legend(fontsize=6, loc="best")
 

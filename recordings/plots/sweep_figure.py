@@ -159,10 +159,10 @@ def _draw_masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]
             axes.errorbar(
                 shifted, values, yerr=std, fmt="o-", ms=3, label=method, **_line_style(method)
             )
-    _say_if_empty(axes)
+    _label_if_empty(axes)
 
 
-def _say_if_empty(axes: "Axes") -> None:
+def _label_if_empty(axes: "Axes") -> None:
     if not axes.lines:
         axes.text(0.5, 0.5, "no mass", ha="center", transform=axes.transAxes)
         axes.set_yticks([])
@@ -181,7 +181,7 @@ def _draw_by_method(
         values = _values_of_method(parts, method)
         if np.isfinite(values).any():
             axes.plot(at, values, "o-", ms=3, label=method, **_line_style(method))
-    _say_if_empty(axes)
+    _label_if_empty(axes)
 
 
 def _draw_used_setting(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:

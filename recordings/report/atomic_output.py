@@ -83,7 +83,7 @@ def atomic_files(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
         try:
             yield stage
             for target in targets:
-                _move(stage / target.name, target)
+                _replace_target(stage / target.name, target)
         except OSError as error:
             reason = error.strerror or error
             raise OutputError(f"{targets[0]}: cannot be written ({reason})") from None
@@ -135,7 +135,7 @@ def _refuse_folder(target: Path) -> None:
 
 @contextmanager
 def staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
-    """Context with a hidden folder beside the targets, which is always removed at the end."""
+    """Context with a hidden folder next to the targets, which is always removed at the end."""
     folder = targets[0].parent
     if not folder.is_dir():
         raise OutputError(f"{targets[0]}: no folder '{folder}'; create it first")
@@ -170,7 +170,7 @@ def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
         raise OutputError(f"{target}: exists already; name another output, or give --force")
 
 
-def _move(written: Path, target: Path) -> None:
+def _replace_target(written: Path, target: Path) -> None:
     # only a file can be renamed over what is there, and only over a file
     if target.exists() and (target.is_dir() or written.is_dir()):
         target.replace(written.with_name(f"{target.name}.replaced"))

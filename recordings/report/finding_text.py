@@ -18,7 +18,7 @@ _LEADS_TO: Final = {
 def consequence_text(finding: Finding) -> str:
     """Effect of a finding on the mass, in words."""
     if finding.severity == "tell" and finding.mass_change_kg is None:
-        return "its effect on the mass is not known"
+        return "effect on the mass unknown"
     return _LEADS_TO[finding.severity]
 
 

@@ -35,7 +35,7 @@ def planar_fit_lines(
 ) -> list[str]:
     """Lines for each fit over several arcs, or for a single arc, with its uncertainty sources."""
     whole = [row for row in rows if row["kind"] in _OF] or list(rows)
-    return [_fit_line(row) for row in whole] + largest_parts(budget) + missing_values(whole)
+    return [_describe_fit(row) for row in whole] + largest_parts(budget) + missing_values(whole)
 
 
 def largest_parts(budget: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -110,7 +110,7 @@ def planar_rows(run: Run) -> list[dict[str, Any]]:
     return run.frames["planar"].to_dicts() if "planar" in run.frames else []
 
 
-def _fit_line(row: Mapping[str, Any]) -> str:
+def _describe_fit(row: Mapping[str, Any]) -> str:
     of = _OF.get(row["kind"], "one arc")
     if row["withheld"]:
         return f"centre of mass from {of}: withheld"

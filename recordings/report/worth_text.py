@@ -79,13 +79,13 @@ def answer_lines(said: Answer, *, brief: bool = False) -> list[str]:
         mass = empty[0]["mass_kg"]
         known = "" if mass is None else f" ({format_plus_minus(mass, empty[0]['u_kg'])} kg)"
         lines.append(
-            f"payloads are differences to load {empty[0]['load_id']}, taken as empty{known}; "
-            "--empty FROM:TO says when it was"
+            f"payloads are differences to load {empty[0]['load_id']}, taken as empty{known}; set "
+            "the time span with --empty FROM:TO"
         )
     elif empty:
         lines.append(
-            f"payloads are differences to the mean of {len(empty)} loads taken as empty; "
-            "--empty FROM:TO says when it was"
+            f"payloads are differences to the mean of {len(empty)} loads taken as empty; set the "
+            "time span with --empty FROM:TO"
         )
     known = [load for load in said.loads if load["mass_kg"] is not None]
     return lines + (_note_on_all_loads(known[0]) if known else [])
@@ -156,8 +156,8 @@ def describe_starts_to_goal(said: Answer, goal_kg: float) -> list[str]:
             ]
             most = f": first {causes[0]['cause']}, by {causes[0]['shrinks']}" if causes else ""
             lines.append(
-                f"{begin}; no number of starts like these reaches ± {goal_kg:g} kg, what is "
-                f"common to them is ± {common_kg:.3g} kg{most}"
+                f"{begin}; no number of starts like these reaches ± {goal_kg:g} kg, their common "
+                f"part is ± {common_kg:.3g} kg{most}"
             )
         else:
             times = random_kg**2 / (goal_kg**2 - common_kg**2)
@@ -268,8 +268,8 @@ def summarise_shift_lines(answer: Answer) -> list[str]:
     # a recording of an earlier version has no total
     if shift.get("total_kg") is not None and shift["total_kg"] != shift["payload_kg"]:
         total = (
-            f"; in the shift {shift['total_kg'] / 1e3:,.3f} ± {2.0 * shift['total_u_kg'] / 1e3:.3f}"
-            " t with what is not counted"
+            f"; in the shift {shift['total_kg'] / 1e3:,.3f} ± "
+            f"{2.0 * shift['total_u_kg'] / 1e3:.3f} t including what is not counted"
         )
     scale = f", {SCALE_NOT_KNOWN}" if shift.get("scale_unknown") else ""
     return [

@@ -133,7 +133,8 @@ def _draw_friction(state: ReviewState) -> Drawing:
         f"Viscous friction in N·s/m in {len(parts)} parts of the shift, from "
         f"{first.friction_N_s_m:,.0f} ± {2.0 * first.std_N_s_m:,.0f} in the first to "
         f"{last.friction_N_s_m:,.0f} ± {2.0 * last.std_N_s_m:,.0f} in the last, with loads as "
-        "weighed; bars reach two standard deviations either way, by how starts of a part differ.",
+        "weighed; bars reach two standard deviations either way, from the scatter of the starts "
+        "in each part.",
         _HEIGHT,
     )
     # what changes by less than a tenth is to look like it
@@ -159,7 +160,7 @@ def _draw_reasons(state: ReviewState) -> Drawing:
     picture = Drawing(
         "reasons",
         "Share of time by the gate's reason",
-        f"What the gate says of the recorded time: {words}.",
+        f"Decisions of the gate by share of the recorded time: {words}.",
         int(20 + _ROW * len(rows)),
     )
     begin, room = 140.0, WIDTH - 140.0 - 44.0

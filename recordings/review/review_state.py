@@ -78,7 +78,7 @@ class ReviewState(BaseModel):
         motions: motion of each cycle.
         motion: motion of the whole shift.
         energy: energy of the shift and of each cycle.
-        idle_s: stands of more than half a minute, since the first sample.
+        idle_s: standstills of more than half a minute, since the first sample.
         torn: truncated logs.
         calibration: description of the calibration, and objections to it.
         mixed_machines: warning that the logs may be of two machines; else empty.
@@ -250,7 +250,7 @@ def reason_for_no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
         return str(loads["withheld_for"][0])
     if loads.height == 1:
         return f"{counted(int(loads['manoeuvres'][0]), 'usable start')}, one load throughout"
-    return f"of {loads.height} load states none can be told to be loaded or empty"
+    return f"none of {loads.height} load states can be identified as loaded or empty"
 
 
 def _topic_sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:

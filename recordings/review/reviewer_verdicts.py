@@ -120,7 +120,7 @@ def read_verdicts(folder: Path) -> VerdictFile:
     """Verdicts in a review's folder; none if it has no file of verdicts.
 
     Raises:
-        ReviewError: the file cannot be read or says something else.
+        ReviewError: the file cannot be read or is not a file of verdicts.
     """
     return parse_verdicts(read_verdict_text(folder), folder)
 
@@ -148,7 +148,7 @@ def parse_verdicts(text: str, folder: Path) -> VerdictFile:
         folder: folder of the review, for error messages.
 
     Raises:
-        ReviewError: the text says something else.
+        ReviewError: the text is not one of verdicts.
     """
     path = folder / VERDICTS
     try:

@@ -38,7 +38,9 @@ def summarise_shift(shift: Mapping[str, Any], why_not: str, state: ReviewState) 
     end = torn_last_log(state.torn)
     if end is None or why_not:
         return answer
-    return f"{answer}; until {state.clock.format_time(end.ends_s)}, the rest is unknown"
+    return (
+        f"{answer}; until {state.clock.format_time(end.ends_s)}, the rest of the shift is unknown"
+    )
 
 
 def reason_for_no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
@@ -68,8 +70,8 @@ def missing_load_sentences(shift: Mapping[str, Any]) -> list[str]:
     found: list[str] = []
     if shift["uncounted_cycles"] > 0.0 and not shift["cycles_counted"]:
         found.append(
-            f"Not weighed: about {shift['uncounted_cycles']:.0f} cycles that digging or the boom "
-            "shows; no load has a mass to price them by."
+            f"Not weighed: about {shift['uncounted_cycles']:.0f} cycles seen by digging or the "
+            "boom; no load has a mass from which to estimate theirs."
         )
     if shift["on_board_kg"] is not None:
         load = format_tonnes(shift["on_board_kg"], K * shift["on_board_u_kg"])
@@ -82,7 +84,7 @@ def long_hole_sentence(shift: Mapping[str, Any], state: ReviewState) -> str:
     spans = long_gap_spans_text(state)
     if not spans:
         return ""
-    price = "what was loaded then is unknown"
+    price = "the loads of that time are unknown"
     if shift["lost_cycles"] > 0.0:
         price = (
             f"estimated for all that was not recorded: "
@@ -226,8 +228,8 @@ def payload_place_text(shift: Mapping[str, Any]) -> str:
         )
     u_1 = K * (shift["arriving_u_1"] or 0.0)
     return (
-        f"at the dump: {arriving_1:.1%} ± {u_1:.1%} of what is weighed arrives, by the spillage "
-        "that the machine file states"
+        f"at the dump: {arriving_1:.1%} ± {u_1:.1%} of the weighed load arrives, by the spillage "
+        "in the machine file"
     )
 
 
@@ -263,8 +265,8 @@ def scale_text(shift: Mapping[str, Any]) -> str:
     # what changes with the load is left where the empty machine tells the rest
     remedy = "known loads" if gain else "a weighbridge ticket (machine.empty_mass_u_kg)"
     return (
-        f"not known: the machine file gives no uncertainty of {shift['scale_unknown']}, so none is "
-        f"in the ±; {remedy} or a calibration would tell it{gain}"
+        f"not known: the machine file gives no uncertainty of {shift['scale_unknown']}, so the ± "
+        f"does not include it; {remedy} or a calibration would determine it{gain}"
     )
 
 

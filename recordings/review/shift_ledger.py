@@ -92,7 +92,7 @@ def make_ledger(
 
 
 def add_motion_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
-    """Ledger with local times, distances, speeds, stands and energy by cycle number.
+    """Ledger with local times, distances, speeds, standstills and energy by cycle number.
 
     Args:
         rows: the ledger.

@@ -33,9 +33,8 @@ class TornLog(BaseModel):
         which = f"Log {self.number} of {self.logs} ({self.name})"
         if self.next_s is None:
             return (
-                f"{which} breaks off at {clock.format_time(self.ends_s)}: what came after it is "
-                "unknown, "
-                "and in no number here."
+                f"{which} breaks off at {clock.format_time(self.ends_s)}: the rest of that log is "
+                "unknown, and no number here includes it."
             )
         missing = duration_text(max(self.next_s - self.ends_s, 0.0))
         return (
@@ -48,7 +47,7 @@ class TornLog(BaseModel):
     def loss(self) -> str:
         """Entry for the list of losses, with a duration instead of bytes."""
         if self.next_s is None:
-            return f"the end of log {self.number} ({self.name}), nobody knows how much"
+            return f"an unknown part of the end of log {self.number} ({self.name})"
         last = duration_text(max(self.next_s - self.ends_s, 0.0))
         return f"at most the last {last} of log {self.number} ({self.name})"
 

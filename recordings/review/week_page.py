@@ -56,14 +56,12 @@ def write_week_page(
         path: page to write; an existing page of a week is replaced.
 
     Raises:
-        OutputError: it is no .html, or another file is there.
+        OutputError: it is not .html, or another file exists there.
     """
     if path.suffix != ".html":
         raise OutputError(f"{path}: the page of a week is one file; name it like week.html")
     if path.is_file() and _MARK not in path.read_text(encoding="utf-8", errors="replace")[:200]:
-        raise OutputError(
-            f"{path}: is there already and is not a page of a week; name another file"
-        )
+        raise OutputError(f"{path}: exists already and is not a page of a week; name another file")
     with atomic_file(path, force=True) as stage:
         text = week_html(parts, shifts, limit_N_s_m, path.parent)
         stage.write_text(text.replace("<html", f"{_MARK}\n<html", 1), encoding="utf-8")

@@ -110,12 +110,12 @@ def trend_sentences(trends: Mapping[str, FrictionTrend]) -> list[str]:
 def _trend_sentence(trend: FrictionTrend) -> str:
     limit = f"{trend.limit_N_s_m:,.0f} N·s/m"
     if trend.slope_N_s_m_d is None or trend.slope_u_N_s_m_d is None or trend.now_N_s_m is None:
-        return f"when friction reaches {limit} cannot be said: {trend.why_not}"
+        return f"when friction reaches {limit} cannot be predicted: {trend.why_not}"
     change = (
         f"{trend.slope_N_s_m_d:+,.1f} ± {K * trend.slope_u_N_s_m_d:,.1f} N·s/m a day, "
         f"{trend.now_N_s_m:,.0f} N·s/m at the last shift"
     )
     if trend.reached_d is None:
-        return f"friction {change}; when it reaches {limit} cannot be said: {trend.why_not}"
+        return f"friction {change}; when it reaches {limit} cannot be predicted: {trend.why_not}"
     first, last = map(day_text, trend.reached_d)
     return f"friction {change}; it reaches {limit} between {first} and {last} (95 %)"

@@ -261,7 +261,7 @@ def _side_by_side(views: "list[rrb.View]") -> "rrb.View | rrb.Container":
 def _height_shares(page: Page) -> list[float]:
     """Relative heights of a page's panels, events and pictures.
 
-    Lanes get what they need; the others are equal, except for tall legends.
+    Lanes get the height they need; the other panels are equal, except for tall legends.
     """
     others = page.events + len(page.pictures)
     lanes = [max(panel.lanes_share for panel in row) for row in page.rows] + [0.0] * others

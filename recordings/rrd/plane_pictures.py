@@ -210,7 +210,7 @@ def _draw_errors(run: Run) -> PlanePicture | None:
         for label, level_kg in error_limit_lines(run)
     ]
     return PlanePicture(
-        "Errors of the calibration (paler: of a load that the line has not seen)",
+        "Errors of the calibration (paler: with that load excluded from the line)",
         "reference (kg)",
         "calibrated less reference (kg)",
         tuple(series),

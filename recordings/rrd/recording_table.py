@@ -26,7 +26,7 @@ _ACCELERATION = line_view(
     regressor_acc_x_m_s2="multiplies the mass",
     specific_force_x_m_s2="accelerometer",
     acc_x_m_s2="kinematic",
-    speed_rate_x_m_s2="tells the phase",
+    speed_rate_x_m_s2="determines the phase",
 )
 _SPEED = line_view("Speed", "excitation", speed_x_m_s="speed")
 _YAW_TORQUE = line_view("Yaw torque", "excitation", torque_z_N_m="yaw torque")
@@ -122,7 +122,7 @@ TABS: Final = (
                 corr_z_1="yaw",
             ),
             line_view(
-                "Share of noise in what the acceleration explains",
+                "Share of noise in the variance that the acceleration explains",
                 "gate",
                 "gate.noise_share_max",
                 noise_share_x_1="along",
@@ -164,14 +164,14 @@ TABS: Final = (
         (
             band_view("Mass a manoeuvre", "segments", "mass_kg", "mass_std_kg", "mass"),
             band_view(
-                "Viscous friction a manoeuvre",
+                "Viscous friction of each manoeuvre",
                 "segments",
                 "friction_x_N_s_m",
                 "friction_x_std_N_s_m",
                 "viscous friction",
             ),
             band_view(
-                "Coulomb friction a manoeuvre",
+                "Coulomb friction of each manoeuvre",
                 "segments",
                 "coulomb_x_N",
                 "coulomb_x_std_N",
@@ -179,7 +179,7 @@ TABS: Final = (
             ),
             line_view("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
             band_view(
-                "Yaw inertia a manoeuvre",
+                "Yaw inertia of each manoeuvre",
                 "segments",
                 "inertia_z_kg_m2",
                 "inertia_z_std_kg_m2",
@@ -201,7 +201,7 @@ TABS: Final = (
                 "Yaw acceleration, smoothed", "excitation", yaw_acc_rad_s2="yaw acceleration"
             ),
             line_view(
-                "Lateral force a mass", "excitation", regressor_acc_y_m_s2="regressor, to the left"
+                "Lateral force / mass", "excitation", regressor_acc_y_m_s2="regressor, to the left"
             ),
             _DECISIONS,
             _COM,

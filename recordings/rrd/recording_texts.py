@@ -113,7 +113,7 @@ def answer_headline(said: Answer) -> str:
             mass = _format_value_of_method(row, best, *_MASS)
             return f"{mass} kg ({best}, statistical standard deviation)"
     if not said.verdict.checks:
-        return "This recording holds no answer."
+        return "This recording contains no answer."
     return "No window of this log was accepted: there is no mass."
 
 
@@ -127,7 +127,7 @@ def _several_loads_text(said: Answer) -> str:
     known = [load for load in said.loads if load["payload_kg"] is not None]
     count = f"{len(said.loads)} loads"
     if not known:
-        return f"{count}: no one mass of the log"
+        return f"{count}: the log has no single mass"
     most = max(known, key=lambda load: load["payload_kg"])
     return (
         f"{count}, payloads up to {format_plus_minus(most['payload_kg'], most['payload_u_kg'])} kg"
@@ -183,7 +183,7 @@ def format_answer(run: Run) -> str:
     ]
     parts.append(_AXES if about.t0_unix_ns >= FIRST_DATE_NS else _AXES_WITHOUT_DATE)
     if is_shift(said):
-        parts.append("As weighed; what reviewers say is on the page of the review.")
+        parts.append("As weighed; the verdicts of reviewers are on the page of the review.")
     if failed := said.verdict.failed("mass"):
         parts.append("**The mass is withheld**, because:")
         parts.append(
@@ -194,13 +194,13 @@ def format_answer(run: Run) -> str:
             )
         )
     if found := findings_of_run(run):
-        parts.append("## What this log shows")
+        parts.append("## Findings in this log")
         parts.append(
             "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
         )
     parts += _describe_worth(said, _make_cycle_lines(run) if is_shift(said) else [])
     if len(said.loads) > 1:
-        parts.append("The paper's methods give one mass a log, and are not shown.")
+        parts.append("The paper's methods give one mass per log, and are not shown.")
     else:
         parts += [each for row in said.rows for each in _make_mass_cells(row)]
     if lines := planar_fit_lines(said.planar, said.planar_budget):
@@ -326,7 +326,7 @@ def _describe_worth(said: Answer, cycles: list[str]) -> list[str]:
             f"- **{cause}** ({kind}): {u} kg {share}; shrinks with {shrinks}"
             for cause, kind, u, share, shrinks in budget_rows(said, _MARK)
         ),
-        "## What the fit allows besides mass and friction",
+        "## Terms of the fit besides mass and friction",
         "\n".join(
             f"- **{row['term']}**, {row['meaning']}: "
             f"{format_plus_minus(row['posterior'], row['posterior_std'])} {row['unit']}, prior ± "
@@ -367,7 +367,8 @@ def _make_verdict_lines(verdict: Verdict) -> list[str]:
     parts = ["## Can this log weigh?", "\n".join(checks)]
     if verdict.has_spins and not verdict.can_tell_inertia:
         parts.append(
-            "**The yaw inertia is withheld**: its spins, or the signs of the force, failed."
+            "**The yaw inertia is withheld**: the checks of its spins, or of the sign of the "
+            "force, failed."
         )
     return parts
 

@@ -10,7 +10,7 @@ class Kind(Enum):
     """How a view draws its series."""
 
     LINES = "lines"
-    BANDS = "a line with ±1σ around it"
+    BANDS = "a line with a ±1σ band"
     STATES = "a lane a series, coloured by state"
 
 
@@ -56,12 +56,12 @@ class Methods(Enum):
     """How a tab draws several methods: overlaid, or side by side."""
 
     ONE = "one of them, as an example for all"
-    ROWS = "a row a method, all with the same axis"
+    ROWS = "a row for each method, all with the same axis"
 
 
 @dataclass(frozen=True, slots=True)
 class Tab:
-    """One tab: its views from top to bottom, and the texts beside them.
+    """One tab: its views from top to bottom, and the texts next to them.
 
     Attributes:
         name: name of the tab.

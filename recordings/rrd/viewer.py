@@ -75,7 +75,7 @@ def start_viewer() -> str:
     with tempfile.TemporaryFile() as log:
         process, port = start_viewer_process(None, log)
         wait_until_connected(
-            process, port, log, "a screen; leave out --live without one", waiting=True
+            process, port, log, "a screen; without one, leave out --live", waiting=True
         )
     return _viewer_address(port)
 
@@ -316,5 +316,5 @@ def wait_until_connected(
     process.terminate()
     process.wait()
     log.seek(0)
-    said = log.read().decode(errors="replace").strip().splitlines() or ["it said nothing"]
+    said = log.read().decode(errors="replace").strip().splitlines() or ["no message"]
     raise RecordingError(f"the viewer did not start; it needs {needs} ({said[-1]})")

@@ -298,7 +298,7 @@ def verify_written(run: Run, partial: Path, path: Path) -> None:
         with open_recording(partial) as held:
             if held.provenance != run.provenance:
                 raise OutputError(
-                    f"{path}: the provenance read back differs; it takes plain JSON only"
+                    f"{path}: the provenance read back differs; only plain JSON is supported"
                 )
             for name, frame in run.frames.items():
                 back = held.read(name)

@@ -28,7 +28,7 @@ from recordings.signatures.signing import PublicKey
 KEYRING_VARIABLE: Final = "PAYSCOPE_KEYRING"
 #: Bytes of a keyring; a key takes some two hundred.
 _MOST_BYTES: Final = 1 << 20
-_HEAD: Final = "# Keys that payscope knows, and whose they are; changed by `payscope keys`.\n"
+_HEAD: Final = "# Keys that payscope knows, and their owners; changed by `payscope keys`.\n"
 
 Owner = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\n\r]*$")]
 
@@ -71,13 +71,13 @@ class KnownKey(BaseModel):
         if self.revoked is not None and (proven is None or proven >= self.revoked):
             why = f" ({self.because})" if self.because else ""
             return (
-                f"was revoked on {self.revoked}{why}: whoever has it since can give any earlier "
-                "day; only a time stamp from before that would show otherwise"
+                f"was revoked on {self.revoked}{why}: whoever has had it since then can backdate "
+                "a signature; only a time stamp from before that day would prove otherwise"
             )
         if self.valid_from is not None and day < self.valid_from:
-            return f"is valid from {self.valid_from} only, and signed on {day}"
+            return f"is valid from {self.valid_from} only, but signed on {day}"
         if self.valid_to is not None and day > self.valid_to:
-            return f"was valid to {self.valid_to} only, and signed on {day}"
+            return f"was valid to {self.valid_to} only, but signed on {day}"
         return ""
 
 
@@ -118,7 +118,7 @@ def load_keyring(path: Path | None = None) -> Keyring:
         path: path of the file; None for the user's.
 
     Raises:
-        EvidenceError: it cannot be read, is no keyring, or holds a key that is weak or twice there.
+        EvidenceError: it cannot be read, is not a keyring, or holds a weak or repeated key.
     """
     path = path or keyring_path()
     try:
@@ -196,7 +196,7 @@ def revoke_key(keyring: Keyring, key_id: str, day: dt.date, because: str) -> Key
     known = keyring.find(key_id)
     if known is None:
         have = ", ".join(each.public.key_id[:12] for each in keyring.keys) or "none"
-        raise EvidenceError(f"{keyring.path}: no key '{key_id}', or several; it has {have}")
+        raise EvidenceError(f"{keyring.path}: no key '{key_id}', or several; it contains {have}")
     revoked = known.model_copy(update={"revoked": day, "because": because})
     return save_keyring(
         keyring.path, tuple(revoked if each is known else each for each in keyring.keys)

@@ -82,7 +82,7 @@ class PublicKey:
         """Parse a key in base64, as `text` returns it.
 
         Raises:
-            EvidenceError: it is no base64 of 32 bytes, or a weak key.
+            EvidenceError: it is not base64 of 32 bytes, or the key is weak.
         """
         raw = _decode_base64(text, "a public key")
         if len(raw) != 32:
@@ -156,7 +156,7 @@ def signing_key(path: Path | None) -> SigningKey | None:
     """Private key from the file, or else from the environment variable; None without either.
 
     Raises:
-        EvidenceError: it cannot be read, or is no private Ed25519 key in PEM without a password.
+        EvidenceError: it cannot be read, or is not a private Ed25519 key in PEM without a password.
     """
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -181,7 +181,7 @@ def public_key(path: Path) -> PublicKey:
     """Public key from a file.
 
     Raises:
-        EvidenceError: it cannot be read, is no public Ed25519 key in PEM, or a weak one.
+        EvidenceError: it cannot be read, is not a public Ed25519 key in PEM, or is weak.
     """
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -257,10 +257,10 @@ class EnvelopeContent:
 
 
 def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
-    """Read an envelope of a stranger; nothing in it is to be believed before `Signed.by`.
+    """Read an envelope of a stranger; do not trust its contents before `Signed.by` has verified it.
 
     Raises:
-        EvidenceError: it is no envelope as `make_envelope` writes it.
+        EvidenceError: it is not an envelope as written by `make_envelope`.
     """
     held = parse(data, what)
     try:
@@ -319,11 +319,11 @@ def key_weakness(raw: bytes) -> str:
     """
     y = int.from_bytes(raw, "little") & ((1 << 255) - 1)
     if y >= _P:
-        return "is not in its one canonical form"
+        return "is not in canonical form"
     if y in _SMALL_ORDER:
         return "has small order: anyone can forge its signatures"
     if not _is_on_curve(y):
-        return "is no point of the curve"
+        return "is not a point of the curve"
     if raw in _published_keys():
         return "has a private half that is published: anyone can sign for it"
     return ""

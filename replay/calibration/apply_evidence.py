@@ -229,7 +229,7 @@ def load_calibration(asked: CalibrationRequest) -> MachineCalibration:
             f"{folder}: calibrates nothing: {first}{more}; `payscope verify` lists all"
         )
     by = (
-        _require_known_signature(asked, found.signed_by, keyring)
+        require_known_signature(asked, found.signed_by, keyring)
         if asked.signed
         else found.signed_by
     )
@@ -247,7 +247,7 @@ def load_calibration(asked: CalibrationRequest) -> MachineCalibration:
     return MachineCalibration(folder, document, document.calibration, by)
 
 
-def _require_known_signature(asked: CalibrationRequest, by: SignedBy, keyring: Keyring) -> SignedBy:
+def require_known_signature(asked: CalibrationRequest, by: SignedBy, keyring: Keyring) -> SignedBy:
     """Return the signature if its key is known; a key trusted on first use is kept.
 
     Raises:

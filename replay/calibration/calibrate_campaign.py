@@ -104,7 +104,9 @@ class CalibrationOutcome:
         """Whether there is a line within its limits and without drift."""
         said = self.document
         limits = said.limits is None or said.limits.verdict == WITHIN
-        return said.calibration is not None and limits and not _has_drift(said.drift)
+        # a check without a result is not a good one either
+        steady = said.drift is None or said.drift.drifted is False
+        return said.calibration is not None and limits and steady
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as JSON-compatible values."""
@@ -116,11 +118,6 @@ class CalibrationOutcome:
             "signed": self.document.signer is not None,
             "remarks": list(self.remarks),
         }
-
-
-def _has_drift(drift: DriftCheck | None) -> bool:
-    """Whether a check found drift or was inconclusive."""
-    return drift is not None and drift.drifted is not False
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,8 +265,8 @@ def previous_evidence(
     machine = checked.document.campaign.machine.id
     if machine_id not in (None, machine):
         raise EvidenceError(
-            f"{previous}: is evidence of machine '{machine}', this campaign of '{machine_id}'; "
-            "name that of the same machine"
+            f"{previous}: is evidence of machine '{machine}', this campaign is for "
+            f"'{machine_id}'; name evidence of the same machine"
         )
     by = checked.signed_by
     if key is not None and by.how == "unsigned":
@@ -313,8 +310,8 @@ def finish_evidence(
     readings, points = evidence.replayed.readings, evidence.fitted.frame
     if readings["mass_kg"].null_count() == readings.height:
         raise CampaignError(
-            f"{', '.join(evidence.campaign.logs)}: no run gave a reading; run `payscope run` on "
-            "each log to see why"
+            f"{', '.join(evidence.campaign.logs)}: no run yielded a reading; run `payscope run` "
+            "on each log to see why"
         )
     tables, digests = encode_tables(readings, points)
     document = _make_document(evidence, digests, key, before)

@@ -85,7 +85,7 @@ def machine_with_serial_number(machine: Machine, wanted: str, what: object) -> M
     named = machine.machine.id
     if named not in (None, wanted):
         raise CampaignError(
-            f"{what}: is for machine '{wanted}', but its machine file is of '{named}'; name the "
+            f"{what}: is for machine '{wanted}', but its machine file is for '{named}'; name the "
             f"machine file of '{wanted}', or correct machine.id"
         )
     return machine.model_copy(update={"machine": machine.machine.model_copy(update={"id": wanted})})

@@ -76,7 +76,7 @@ def check_mass(
     last = before.document
     if last is None or last.calibration is None:
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")
-    campaign = _check_campaign(last, log, known)
+    campaign = _make_single_run_campaign(last, log, known)
     require_writable_folder(folder, force=force)
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
@@ -94,10 +94,10 @@ def check_mass(
         return finish_evidence(evidence, made, folder, key, before, previous)
 
 
-def _check_campaign(
+def _make_single_run_campaign(
     last: EvidenceDocument, log: Path, known: KnownMassOnBoard
 ) -> CalibrationCampaign:
-    """A campaign with a single run."""
+    """Make a campaign with a single run."""
     if known.value_kg < 0.0:
         raise CampaignError(f"--check {known.value_kg:g}: give a mass of at least 0 kg")
     mass = ReferenceMass.model_validate(

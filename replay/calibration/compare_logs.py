@@ -26,11 +26,11 @@ _TERMS: Final = 1e-6
 _NUMBERS: Final = ("start_s", "end_s", "mass_kg", "std_kg", "common_u_kg")
 #: What evidence keeps of a log besides its readings and its verdict.
 _OF_THE_LOG: Final = {
-    "files": "the files are others",
-    "topics": "topics, counts of messages or their stamps are others",
-    "begins": "it begins at another time",
-    "duration_s": "it takes another time",
-    "speed_range_m_s": "its speeds are others",
+    "files": "the files differ",
+    "topics": "topics, counts of messages or their stamps differ",
+    "begins": "its start time differs",
+    "duration_s": "its duration differs",
+    "speed_range_m_s": "its speeds differ",
     "losses": "other losses",
     "notes": "other notes",
     "machine_id": "its metadata name another machine",
@@ -79,18 +79,18 @@ def _compare_log(
     """Compare everything that evidence records about a log."""
     item = f"{EVIDENCE}: logs: {kept.log}"
     if (kept.can_weigh, kept.failed_checks) != (anew.can_weigh, anew.failed_checks):
-        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives another verdict")
+        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives a different verdict")
     if any(name.startswith("machine.") for name in document.settings_at_default):
         checked.notes.append(
             f"{kept.log}: settings and frames are compared value by value alone, not by their "
-            "digests: this version has settings that the evidence has not"
+            "digests: this version has settings that the evidence lacks"
         )
     elif kept.settings_fingerprint != anew.settings_fingerprint:
-        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "was replayed with other settings")
+        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "was replayed with different settings")
     elif kept.results_fingerprint != anew.results_fingerprint:
         checked.notes.append(
-            f"{kept.log}: the frames of its replay differ in their last bits, as other "
-            "processors and libraries make them"
+            f"{kept.log}: the frames of its replay differ in their last bits, as happens with "
+            "other processors and libraries"
         )
     for name, what in _OF_THE_LOG.items():
         if name == "machine_id" and name not in kept.model_fields_set:
@@ -128,10 +128,10 @@ def _compare_learnt_terms(
     ]
     for each in wrong[:_MOST_NAMED]:
         item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
-        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay says something else")
+        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives different estimates")
     if not wrong and len(stored) != len(anew):
         item = f"{EVIDENCE}: learnt"
-        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its logs say more than it has")
+        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its logs yield more terms than it has")
 
 
 def _do_terms_agree(kept: TermOfLog, now: TermOfLog | None) -> bool:
@@ -147,7 +147,7 @@ def compare_readings(
 ) -> None:
     """Compare reading by reading, within the declared tolerance."""
     if stored.height != anew.height:
-        what = f"has {stored.height} readings, and the replay gives {anew.height}"
+        what = f"has {stored.height} readings, but the replay gives {anew.height}"
         checked.add(BundleOutcome.IRREPRODUCIBLE, READINGS, what)
         return
     tolerance = document.replay_tolerance_kg
@@ -161,7 +161,7 @@ def compare_readings(
             wrong += 1
             if wrong <= _MOST_NAMED:
                 item = f"{READINGS}: run '{kept['run_id']}', reading {kept['reading']}"
-                what = f"the replay gives another {', '.join(differing)}"
+                what = f"the replay gives a different {', '.join(differing)}"
                 checked.add(BundleOutcome.IRREPRODUCIBLE, item, what)
     if wrong > _MOST_NAMED:
         checked.add(

@@ -79,14 +79,14 @@ def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
         )
     if last < stretch.last:
         raise CampaignError(
-            f"{source}: notary.last is {stretch.last}, and {path} ends at number {last}; `payscope "
-            "notarise` continues the list"
+            f"{source}: notary.last is {stretch.last}, but {path} ends at number {last}; "
+            "`payscope notarise` continues the list"
         )
     wanted = campaign.machine.id
     if kept.head is not None and kept.head.machine_id not in ("", wanted):
         raise CampaignError(
-            f"{path}: is the notary list of machine '{kept.head.machine_id}', and the campaign is "
-            f"of '{wanted}'; name the list of that machine's recorder"
+            f"{path}: is the notary list of machine '{kept.head.machine_id}', but the campaign is "
+            f"for '{wanted}'; name the list of that machine's recorder"
         )
     return stretch_bytes(data, stretch)
 

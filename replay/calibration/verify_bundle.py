@@ -38,8 +38,8 @@ from replay.calibration.compare_logs import replay_and_compare_logs
 
 #: What the viewer draws of a recording is made of its frames when it is written.
 _DRAWN = (
-    "What a viewer draws of a recording: its frames are compared, and not the series and texts "
-    "that were drawn of them. `payscope view` of a replay of your own draws them anew."
+    "What a viewer shows of a recording: its frames are compared, but not the curves and texts "
+    "drawn from them. `payscope view` of your own replay draws them again."
 )
 
 
@@ -121,11 +121,11 @@ def verify_bundle(
         raise EvidenceError(f"{logs}: no such folder; name the folder with the logs")
     checked = check_bundle(folder, key, previous, load_keyring(), authorities)
     if signed and not checked.signed_by.is_trusted and not checked.faults:
-        what = f"{checked.signed_by}, and a signature by a known key is asked for"
+        what = f"{checked.signed_by}, but a signature by a known key is required"
         checked.add(BundleOutcome.INCOMPLETE, STATEMENT, what)
     keeper = checked.notarised_by
     if signed and keeper is not None and not keeper.is_trusted and not checked.faults:
-        what = f"is {keeper}, and one by a key of the keyring is asked for"
+        what = f"is {keeper}, but a signature by a key of the keyring is required"
         checked.add(BundleOutcome.INCOMPLETE, NOTARY, what)
     document = checked.document
     done = list_checks_done(checked, previous is not None)
@@ -140,7 +140,7 @@ def verify_bundle(
         )
     elif document is not None:
         checked.notes.append(
-            "the logs were not replayed: that the readings are theirs, only --logs shows"
+            "the logs were not replayed: only --logs shows that the readings come from them"
         )
     done += files.done
     if document is not None:
@@ -161,8 +161,9 @@ def verify_bundle(
 def unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
     """Claims that `verify` cannot check, whatever files it has."""
     yield (
-        "Whether what the campaign file says of people, place, conditions, sensors and parts is "
-        "true, and which software and platform made this: only the maker says so."
+        "Whether what the campaign file states about people, place, conditions, sensors and "
+        "parts is true, and which software and platform made this: there is only the maker's "
+        "statement."
     )
     if document.signer is None:
         yield "Who made this: it is unsigned."
@@ -241,14 +242,14 @@ def compare_files(
         done.append(f"the frames of {RECORDING}, recomputed")
     elif not whole:
         unseen.append(
-            f"Whether {RECORDING} and {PDF} show what {REPORT} does: with --logs they are compared."
+            f"Whether {RECORDING} and {PDF} show the same as {REPORT}: --logs compares them."
         )
     if whole and PDF in sums:
         why = _compare_pdf(checked, document, folder, sums)
         if why:
-            unseen.append(f"Whether {PDF} reads as {REPORT} does: {why}.")
+            unseen.append(f"Whether {PDF} has the same words as {REPORT}: {why}.")
         else:
-            done.append(f"the words of {PDF}, with those of {REPORT}")
+            done.append(f"the words of {PDF}, compared with those of {REPORT}")
     if runs or whole:
         unseen.append(_DRAWN)
     return FilesCheck(tuple(done), tuple(unseen))
@@ -269,8 +270,8 @@ def _compare_run(checked: CheckedBundle, log: EvidenceLog, found: RecordingDiges
             checked.add(
                 BundleOutcome.TAMPERED,
                 log.recording,
-                f"is of other {what} than the replay of {log.log} whose fingerprint the evidence "
-                "has",
+                f"differs in its {what} from the replay of {log.log} with the fingerprint in the "
+                "evidence",
             )
 
 
@@ -296,7 +297,7 @@ def _compare_calibration(
         return
     what = f"frames {', '.join(other)}" if other else "words"
     outcome = BundleOutcome.OTHER_VERSION if document.other_version else BundleOutcome.TAMPERED
-    checked.add(outcome, RECORDING, f"has other {what} than the evidence gives")
+    checked.add(outcome, RECORDING, f"differs in its {what} from the evidence")
 
 
 def _compare_pdf(
@@ -304,7 +305,7 @@ def _compare_pdf(
 ) -> str:
     """Compare the PDF; returns why that was not possible, or ""."""
     if document.other_version:
-        return f"its page is one by {document.other_version}"
+        return f"its page was made by {document.other_version}"
     if checked.readings is None or checked.points is None:
         return "its page could not be recomputed"
     html = report_html(document, checked.readings, checked.points)

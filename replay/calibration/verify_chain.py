@@ -39,7 +39,7 @@ class VerifiedChain:
         """The outcome in a sentence."""
         these = counted(len(self.bundles), "bundle")
         if self.outcome is None:
-            return f"{these}: each verified, and one chain a machine"
+            return f"{these}: each verified, with one chain for each machine"
         wrong = sum(len(made.findings) for made in self.bundles) + len(self.findings)
         kind = BundleFinding(self.outcome, "", "").kind
         return f"{these}: {kind.upper()} ({counted(wrong, 'finding')})"

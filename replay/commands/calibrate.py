@@ -21,7 +21,7 @@ def command(
         ),
     ] = None,
     previous: Annotated[
-        Path | None, typer.Option(help="Evidence of this machine before this one.")
+        Path | None, typer.Option(help="Previous evidence of this machine.")
     ] = None,
     recordings: Annotated[
         bool, typer.Option("--recordings", help="Keep the recording of each log's replay.")
@@ -58,12 +58,12 @@ def command(
     dcc_certificate: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Certificate (PEM) of --dcc-key, if any.")
     ] = None,
-    force: Annotated[bool, typer.Option(help="Replace evidence that is there.")] = False,
+    force: Annotated[bool, typer.Option(help="Replace existing evidence.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Replay a campaign's runs, fit the line to reference masses, and write evidence of it.
 
-    Exit status 1 where there is no line, a limit is not kept, or a check finds drift.
+    Exit status 1 if there is no line, a limit is exceeded, or a check finds drift.
     """
     from replay.calibration.calibrate_campaign import calibrate_from_campaign
     from replay.calibration.check_mass import KnownMassOnBoard, check_mass
@@ -100,12 +100,12 @@ def command(
     if as_json:
         print_json(made.to_dict())
     else:
-        _print(stdout_console(), made)
+        _print_evidence(stdout_console(), made)
     if not made.is_good:
         raise typer.Exit(1)
 
 
-def _print(screen: "Console", made: "CalibrationOutcome") -> None:
+def _print_evidence(screen: "Console", made: "CalibrationOutcome") -> None:
     from recordings.calibration.calibration_report import kilograms_text, report_facts
     from recordings.calibration.calibration_text import report_paragraphs
     from recordings.calibration.certificate_text import traceability_warnings

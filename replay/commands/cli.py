@@ -78,7 +78,7 @@ app.add_typer(
 
 @app.callback(invoke_without_command=True)
 def _print_version(
-    version: bool = typer.Option(False, "--version", help="Show the version and leave."),
+    version: bool = typer.Option(False, "--version", help="Show the version and exit."),
 ) -> None:
     if version:
         from importlib.metadata import version as version_of
@@ -93,9 +93,9 @@ def _print_version(
 def main() -> None:
     """Run the command line and exit with its status."""
     _open_closed_streams()
-    received = _end_by_exception()
+    received = _raise_on_signals()
     try:
-        with _tell_old_names():
+        with _warn_of_old_names():
             status = app(standalone_mode=False)
         sys.stdout.flush()
     except PayscopeError as error:
@@ -145,7 +145,7 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, flag), mode, encoding="utf-8"))
 
 
-def _end_by_exception() -> list[int]:
+def _raise_on_signals() -> list[int]:
     """Turn signals into exceptions, so that partial outputs are removed on exit.
 
     Returns:
@@ -165,7 +165,7 @@ def _end_by_exception() -> list[int]:
 
 
 @contextmanager
-def _tell_old_names() -> Generator[None]:
+def _warn_of_old_names() -> Generator[None]:
     """Warn once on stderr if a file uses old names of keys."""
     from replay.machines.old_names import OldNameWarning
 

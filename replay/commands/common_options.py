@@ -130,9 +130,11 @@ def ask_for_owner(by: "SignedBy") -> str:
 
     typer.echo(f"This evidence is {one_line(str(by))}.", err=True)
     typer.echo(f"SHA-256 of the key: {by.key_id}", err=True)
-    typer.echo("Compare it with what the signer told you by another way.", err=True)
+    typer.echo(
+        "Compare it with the one that the signer gave you through another channel.", err=True
+    )
     return typer.prompt(
-        "Whose key is it? (a name keeps the key, nothing refuses it)",
+        "Who owns this key? (a name stores the key, an empty answer rejects it)",
         default="",
         show_default=False,
         err=True,

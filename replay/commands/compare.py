@@ -67,13 +67,13 @@ def command(
     if as_json:
         print_json({"a": str(a), "b": str(b), **found.to_dict()})
     else:
-        _print(found, a, b, rtol)
+        _print_differences(found, a, b, rtol)
     if not found.equal:
         raise typer.Exit(1)
 
 
-def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
-    """Print the differences, the answer first; equal items are not printed."""
+def _print_differences(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
+    """Print the differences, those of the answer first; equal items are not printed."""
     from estimators.errors import counted
     from replay.commands.print_tables import print_line, print_table, stdout_console
 
@@ -110,10 +110,12 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
             print_line(screen, f"stages in {name} alone: {', '.join(only)}")
     if found.stages:
         differing = sum(len(stage.columns) for stage in found.stages)
-        title = f"columns: {differing} of {found.columns} differ; of each stage, what changed most:"
+        title = (
+            f"columns: {differing} of {found.columns} differ; the largest changes of each stage:"
+        )
         part(title, _column_table(found), 0)
     whole = counted(found.columns, "column")
-    exact = f"to a relative difference of {rtol:g}" if rtol else "bit for bit"
+    exact = f"within a relative difference of {rtol:g}" if rtol else "bit for bit"
     said = f"Equal: {whole}, {exact}." if found.equal else f"They differ, compared {exact}."
     screen.print(f"\n{said}", markup=False)
 

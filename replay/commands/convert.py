@@ -46,10 +46,10 @@ def command(
     if as_json:
         print_json(made.to_dict())
     else:
-        _print(made, stdout_console())
+        _print_conversion(made, stdout_console())
 
 
-def _print(made: "Conversion", screen: "Console") -> None:
+def _print_conversion(made: "Conversion", screen: "Console") -> None:
     from rich.markup import escape
 
     from estimators.errors import one_line

@@ -84,7 +84,7 @@ def _print_demo(result: "Demo") -> "RenderableType":
     line = result.calibrated.document.calibration
     if line is not None:
         half_kg = line.u_kg * line.coverage_k_1
-        notes.append(f"Evidence: a later mass of nine starts is known to ± {half_kg:.1f} kg.")
-    notes.append("It is signed with a key made for the demo; a real one is kept elsewhere.")
+        notes.append(f"Evidence: a later mass from nine starts is known to ± {half_kg:.1f} kg.")
+    notes.append("The evidence is signed with a key made for the demo; keep a real key elsewhere.")
     notes += [*(str(finding) for finding in result.verified.findings), result.verified.verdict]
     return Group(loads, "", methods, *notes, "", "Files:", *made)

@@ -43,18 +43,18 @@ def command(
         bool,
         typer.Option(
             "--apply",
-            help="Write the machine file of -m with the proposals that pay.",
+            help="Write the machine file of -m with the proposals that improve the mass.",
         ),
     ] = False,
     force: Annotated[bool, typer.Option(help="Replace existing files.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
 ) -> None:
-    """Say why a run weighs what it weighs: causes that show, the gate, what is not determined.
+    """Explain the mass of a run: detected causes, the gate, and undetermined parameters.
 
     Each cause comes with its measurement, its effect on the mass, the key of the machine file, and
     the causes that cannot be distinguished from it in this log. With --apply -o mended.toml the
-    machine file is written with the proposals that pay, and the log is replayed with it. Exit
-    status 1 if nothing pays.
+    machine file is written with the proposals that improve the mass, and the log is replayed with
+    it. Exit status 1 if nothing pays.
     """
     from replay.commands.print_tables import print_json
     from replay.commands.progress_bar import Stages
@@ -69,7 +69,7 @@ def command(
     with Stages(_STAGES) as stages:
         explained, mended = explain_run(asked, stages.begin)
     if as_json:
-        told = {} if mended is None else {"mended": _mended_dict(mended)}
+        told = {} if mended is None else {"mended": _mended_machine_as_dict(mended)}
         print_json({**explained.to_dict(), **told})
     else:
         _print_explanation(explained, mended, asked.picture)
@@ -97,7 +97,7 @@ def picture_and_machine_file(paths: list[Path], *, apply: bool) -> tuple[Path | 
     return (pictures[0] if pictures else None), (files[0] if files else None)
 
 
-def _mended_dict(mended: "MendedMachine") -> dict[str, Any]:
+def _mended_machine_as_dict(mended: "MendedMachine") -> dict[str, Any]:
     from dataclasses import asdict
 
     return {
@@ -134,7 +134,7 @@ def _print_explanation(
             print_line(screen, line)
 
     if mended is not None and mended.path is None:
-        print_line(screen, "no proposal pays, so no machine file was written")
+        print_line(screen, "no proposal improves the mass, so no machine file was written")
     print_line(screen, verdict_sentence(explained))
     failed = explained.said.verdict.failed("mass")
     if failed:
@@ -143,22 +143,22 @@ def _print_explanation(
     part("causes, the likeliest first:", describe_findings(explained))
     if explained.manoeuvre is not None:
         part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
-    part("manoeuvres that stand out:", map(manoeuvre_line, explained.worst))
+    part("conspicuous manoeuvres:", map(manoeuvre_line, explained.worst))
     around = "the gate around it:" if explained.at_s is not None else "the gate, by share of time:"
     part(around, describe_gate(explained))
     part("the motion:", determined_parameter_lines(explained.determined))
     if mended is not None:
-        _print_mended(screen, mended)
+        _print_mended_machine(screen, mended)
     if picture is not None:
         screen.print()
         print_line(screen, f"picture: {picture}")
 
 
-def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
+def _print_mended_machine(screen: "Console", mended: "MendedMachine") -> None:
     from recordings.report.finding_text import cause_name
     from replay.commands.print_tables import print_line, value_text
 
-    screen.print("\nmended, each proposal tried by a replay:", markup=False)
+    screen.print("\nproposed corrections, each tested by a replay:", markup=False)
     for each in mended.changes:
         claim = ""
         if each.change_kg is not None:
@@ -173,7 +173,7 @@ def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
     before, after = _format_mass(mended.before), _format_mass(mended.after)
     print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
     left = ", ".join(cause_name(each.cause) for each in mended.left) or "no cause"
-    print_line(screen, f"the log still shows: {left}")
+    print_line(screen, f"remaining findings: {left}")
     print_line(screen, f"machine file: {mended.path}")
 
 

@@ -32,9 +32,11 @@ Address = Annotated[
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(min=1, help="Recordings at once on this machine; default: one a processor."),
+    typer.Option(
+        min=1, help="Recordings replayed in parallel on this machine; default: one per processor."
+    ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print it as JSON.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 First = Annotated[
     str | None, typer.Option("--from", metavar="DAY", help="First day, such as 2026-10-01.")
 ]
@@ -188,7 +190,9 @@ def compare_command(
     overrides: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="KEY=VALUE", help="Compare A with its logs replayed so; repeatable."
+            "--set",
+            metavar="KEY=VALUE",
+            help="Setting with which to replay the logs of A for the comparison; repeatable.",
         ),
     ] = None,
     first: First = None,
@@ -196,7 +200,10 @@ def compare_command(
     address: Address = None,
     workers: Workers = None,
     shown: Annotated[
-        int, typer.Option("-n", min=0, help="Recordings to list that differ most.")
+        int,
+        typer.Option(
+            "-n", min=0, help="Number of recordings to list, those that differ most first."
+        ),
     ] = _SHOWN,
     as_json: AsJson = False,
 ) -> None:
@@ -240,7 +247,7 @@ def compare_command(
 @app.command(name="open")
 def open_command(
     destination: Results,
-    key: Annotated[str, typer.Argument(help="The result's key, or how it begins.")],
+    key: Annotated[str, typer.Argument(help="Key of the result, or its first characters.")],
     at_s: Annotated[
         float | None, typer.Option("--at", help="Move the time cursor to this second of the run.")
     ] = None,
@@ -306,7 +313,7 @@ def _replay_with_other_settings(
         told = RunCallbacks(shown.begin, shown.mark_done, shown.note_engine_slots)
         other, did, gone = replay_with_settings(results, overrides, days, engine, told)
     if gone:
-        typer.echo(f"{gone} logs are no longer where they were, and left out", err=True)
+        typer.echo(f"{gone} logs are no longer at their old paths and were left out", err=True)
     for source, why in sorted(did.failed.items()):
         typer.echo(f"without a result: {source}: {why}", err=True)
     return other
@@ -320,7 +327,7 @@ def _print_run(did: "FleetRun") -> None:
     total = did.made + did.there + len(did.refused) + len(did.failed)
     print_line(
         screen,
-        f"{counted(total, 'recording')}: {did.made:,} replayed, {did.there:,} there already, "
+        f"{counted(total, 'recording')}: {did.made:,} replayed, {did.there:,} up to date, "
         f"{len(did.refused):,} refused, {len(did.failed):,} without a result",
     )
     for source, why in sorted(did.refused.items()):

@@ -21,7 +21,7 @@ def command(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", help="Record as it goes; at the end, the causal replay (.rrd)."
+            "-o", "--output", help="Record while following; at the end, the causal replay (.rrd)."
         ),
     ] = None,
     overrides: Annotated[
@@ -36,7 +36,7 @@ def command(
         float, typer.Option("--idle-s", min=0.0, help="End after this many seconds without growth.")
     ] = 10.0,
     valid_s: Annotated[
-        float, typer.Option("--valid-s", min=0.0, help="A mass older than this is old.")
+        float, typer.Option("--valid-s", min=0.0, help="Age after which a mass counts as old.")
     ] = 120.0,
     until_u: Annotated[
         float | None,
@@ -44,12 +44,12 @@ def command(
             "--until-u",
             metavar="KG",
             min=1e-3,
-            help="Tell how far from a mass of the load to ± KG (2 % of the empty mass).",
+            help="Report the progress towards a mass of the load to ± KG (2 % of the empty mass).",
         ),
     ] = None,
     reports: Annotated[
         Path | None,
-        typer.Option("--reports", metavar="MCAP", help="Write reports as a topic, as they come."),
+        typer.Option("--reports", metavar="MCAP", help="Write each report to a topic of this log."),
     ] = None,
     live: Annotated[
         bool, typer.Option("--live", help="Show it in a browser on this machine as it grows.")
@@ -61,10 +61,10 @@ def command(
 ) -> None:
     """Follow a log while it is recorded: gate, estimates and masses as the machine drives.
 
-    Steps what is whole on disk, as on board. Ends when the recorder closes the log, when it has
-    not grown for --idle-s, or on ctrl-C. With -o it is recorded as it goes. The replay of the log
-    with settings.filter.causal=true then takes the place of that recording, and what was
-    followed is compared with it bit for bit. Started again, it goes on where it was.
+    Processes complete messages on disk, as on board. Ends when the recorder closes the log, when it
+    has not grown for --idle-s, or on ctrl-C. With -o it is recorded as it goes. The replay of the
+    log with settings.filter.causal=true then replaces that recording, and the followed results are
+    compared with it bit for bit. Started again, it goes on where it was.
     """
     import json
     from contextlib import ExitStack

@@ -79,7 +79,7 @@ class FollowPanel:
         if following.losses:
             parts.append(Text(f"{len(following.losses)} losses: {following.losses[-1]}"))
         if late := following.follower.log.late_samples:
-            parts.append(Text(f"{late:,} samples came too late for their rows", style="yellow"))
+            parts.append(Text(f"{late:,} samples arrived too late for their rows", style="yellow"))
         return parts
 
     def _make_head(self, following: Following) -> Text:
@@ -87,7 +87,7 @@ class FollowPanel:
         rows = following.follower.rows_stepped
         state = following.ended or "ctrl-C ends"
         return Text(
-            f"{names}  {rows:,} rows, last look {1e3 * following.look_s:.0f} ms  ({state})",
+            f"{names}  {rows:,} rows, last poll {1e3 * following.look_s:.0f} ms  ({state})",
             style="bold",
         )
 

@@ -97,7 +97,7 @@ def print_frame(
 
 
 def _format_times_as_text(frame: pl.DataFrame) -> pl.DataFrame:
-    """Times as text in ISO 8601 to the nanosecond: Python's own end at microseconds."""
+    """Times as ISO 8601 text to the nanosecond; Python's own formatting stops at microseconds."""
     return frame.with_columns(pl.col(pl.Datetime).dt.to_string("iso:strict"))
 
 

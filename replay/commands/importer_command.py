@@ -66,12 +66,16 @@ def _make_parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
         prog="rerun-importer-payscope",
         description="Importer of the Rerun viewer for robots' logs (.bag, .db3, .csv; .mcap and "
-        ".parquet with a machine file beside them).",
+        ".parquet with a machine file next to them).",
     )
     parser.add_argument("path", type=Path, help="the file or folder that the viewer opens")
     parser.add_argument("--application-id", help="of the recording that the viewer waits for")
     parser.add_argument("--recording-id", help="likewise")
-    parser.add_argument("--entity-path-prefix", default="", help="of everything that is shown")
+    parser.add_argument(
+        "--entity-path-prefix",
+        default="",
+        help="name of the application for everything that is shown",
+    )
     for kind in ("sequence", "duration_nanos", "timestamp_nanos"):
         parser.add_argument(
             f"--time_{kind}",

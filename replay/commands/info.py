@@ -127,9 +127,9 @@ def _make_verdict_lines(info: "LogInfo") -> Iterator[tuple[str, str]]:
     if info.checked is None:
         return
     found, done = (
-        ("[green]checked and whole[/]", "decoded")
+        ("[green]checked, complete[/]", "decoded")
         if info.is_whole
-        else ("[red]checked and not whole[/]", "read")
+        else ("[red]checked, incomplete[/]", "read")
     )
     agree = "agrees" if info.checked.crcs == 1 else "agree"
     crcs = f"{counted(info.checked.crcs, 'CRC')} {agree}" if info.checked.crcs else _NO_CRC

@@ -75,9 +75,12 @@ def add(
 def revoke(
     key: Annotated[str, typer.Argument(help="First digits of the key's id, or the key.")],
     day: Annotated[
-        dt.datetime | None, typer.Option(formats=_DAY, help="Since when; today by default.")
+        dt.datetime | None,
+        typer.Option(formats=_DAY, help="Day of the revocation; today by default."),
     ] = None,
-    because: Annotated[str, typer.Option(help="Why, such as a lost disk.")] = "",
+    because: Annotated[
+        str, typer.Option(help="Reason of the revocation, such as a lost disk.")
+    ] = "",
 ) -> None:
     """Revoke a key: none of its signatures counts, but for those that a time stamp proves older."""
     from recordings.signatures.keyring import load_keyring, revoke_key
@@ -99,5 +102,5 @@ def _read_public_key(key: str) -> "PublicKey":
         return PublicKey.from_text(key)
     except EvidenceError as fault:
         raise EvidenceError(
-            f"{key}: no such file, and no key in base64 ({fault}); name a public key in PEM"
+            f"{key}: no such file, and not a key in base64 ({fault}); name a public key in PEM"
         ) from None

@@ -30,11 +30,15 @@ def command(
     ] = "",
     quiet: Annotated[
         float,
-        typer.Option(metavar="SECONDS", min=0, help="A log left alone for so long is finished."),
+        typer.Option(
+            metavar="SECONDS",
+            min=0,
+            help="Time without a write after which a log counts as finished.",
+        ),
     ] = 60.0,
     every: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", min=1, help="Look again and again, until it is ended."),
+        typer.Option(metavar="SECONDS", min=1, help="Repeat until interrupted."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print each pass as JSON.")] = False,
 ) -> None:
@@ -55,14 +59,14 @@ def command(
         if as_json:
             print_json(made.to_dict())
         else:
-            _print(made)
+            _print_pass(made)
         if every is None:
             return
         stdout_console().file.flush()
         time.sleep(every)
 
 
-def _print(made: "NotarisedFolder") -> None:
+def _print_pass(made: "NotarisedFolder") -> None:
     from replay.commands.print_tables import print_line, stdout_console
 
     screen = stdout_console()

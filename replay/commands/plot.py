@@ -30,9 +30,9 @@ def command(
         typer.Option("--at", help="Mark this second, and draw the 30 s around it."),
     ] = None,
     from_s: Annotated[
-        float | None, typer.Option("--from", help="Draw only what begins here (s).")
+        float | None, typer.Option("--from", help="Start of the time span to draw (s).")
     ] = None,
-    to_s: Annotated[float | None, typer.Option("--to", help="And ends here (s).")] = None,
+    to_s: Annotated[float | None, typer.Option("--to", help="End of the time span (s).")] = None,
     force: Annotated[bool, typer.Option(help="Replace an existing picture.")] = False,
 ) -> None:
     """Draw a recording: forces, motion, index, gate, masses and the answer on one page.

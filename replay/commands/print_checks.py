@@ -28,7 +28,7 @@ def make_check_table(checks: Sequence["Check"]) -> "Table":
 
 
 def print_remedies(screen: "Console", failed: Sequence["Check"]) -> None:
-    """Print what would mend each failed check that has a number."""
+    """Print the remedy of each failed check that has a number."""
     for check in failed:
         if check.remedy and check.value is not None:
             print_line(screen, f"{check.check}: {check.remedy}")

@@ -55,7 +55,7 @@ def print_table(screen: Console, table: Table, least: int = _NARROWEST) -> None:
 
 
 def print_rows(titles: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int]) -> None:
-    """Print a table of any number of rows, of which rich would take a millisecond each.
+    """Print a table of any number of rows without rich, which takes a millisecond per row.
 
     Nothing is cut: a cell that is much longer than the others runs over its column.
 

@@ -40,7 +40,7 @@ def command(
             "--moments",
             metavar="SECONDS",
             min=0.0,
-            help="Give moments, not rows: rows at most SECONDS apart are one.",
+            help="Print moments instead of rows: rows at most SECONDS apart are merged.",
         ),
     ] = None,
     output_format: FormatOption = None,
@@ -75,13 +75,13 @@ def command(
         if output is not None and apart_s is None and chosen in _STREAMED:
             asked.write(output, chosen, force=force)
         else:
-            _print(asked, apart_s, chosen, output, force=force)
+            _print_rows(asked, apart_s, chosen, output, force=force)
     finally:
         for loss in dict.fromkeys(map(str, asked.named.losses)):
             typer.echo(f"lost: {loss}", err=True)
 
 
-def _print(
+def _print_rows(
     asked: "Query", apart_s: float | None, chosen: str, output: Path | None, *, force: bool
 ) -> None:
     from recordings.report.atomic_output import require_writable_output

@@ -41,7 +41,7 @@ def command(
     ] = ReproductionFormat.md,
     force: Annotated[bool, typer.Option(help="Replace existing files.")] = False,
 ) -> None:
-    """Reproduce the paper's tables, figures and claims by simulation, beside the printed numbers.
+    """Reproduce the paper's tables, figures and claims by simulation, next to the printed numbers.
 
     Simulated logs pass the filter, gate and estimators of run. Numbers are means over many trials
     with 95 % intervals and, where it is known, the Cramér–Rao bound; sentences say where they

@@ -134,7 +134,7 @@ def command(
     timing: Annotated[bool, typer.Option(help="Print the duration of each stage.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the sums as JSON.")] = False,
 ) -> None:
-    """Review a shift: ledger, recording and one page with tonnes, cycles and what is wrong.
+    """Review a shift: ledger, recording and one page with tonnes, cycles and faults.
 
     Verdicts are added to verdicts.toml in the folder.
 
@@ -171,8 +171,8 @@ def command(
         needs_logs = (asked is not None, target is not None, overrides, full, decimal_comma, label)
         if any(needs_logs):
             raise typer.BadParameter(
-                "--calibration, --target, --set, --full, --decimal-comma and --label count the "
-                "loads again and need the logs; give them, with -m and -o"
+                "--calibration, --target, --set, --full, --decimal-comma and --label need the "
+                "logs, to count the loads again; give them, with -m and -o"
             )
         made = recount_review(logs[0], given)
     elif machine is None or output is None:
@@ -205,7 +205,7 @@ def _check_options_of_one_shift(context: typer.Context) -> None:
         if name in _WEEK_OPTIONS or source is None or source.name != "COMMANDLINE":
             continue
         raise typer.BadParameter(
-            "--week takes folders of reviews, -o, --friction-limit and --json, nothing else"
+            "--week accepts only folders of reviews, -o, --friction-limit and --json"
         )
 
 
@@ -256,7 +256,7 @@ def report_week(
     for shift in shifts:
         for sentence in shift.missing:
             print_line(screen, f"{shift.begins}: {sentence}")
-    print_line(screen, "counted loads; what holes and missing logs hide is on each review's page")
+    print_line(screen, "counted loads; loads in gaps and missing logs are on each review's page")
     if page is not None:
         print_line(screen, f"page: {page}")
 

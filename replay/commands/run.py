@@ -63,7 +63,11 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     empty: Annotated[
         str | None,
-        typer.Option("--empty", metavar="FROM:TO", help="Seconds in which it carried nothing."),
+        typer.Option(
+            "--empty",
+            metavar="FROM:TO",
+            help="Time span in which the machine was empty, in seconds.",
+        ),
     ] = None,
     goal: Annotated[
         float | None,
@@ -223,7 +227,7 @@ def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
         for load in shown:
             loads.add_row(*load)
         print_table(screen, loads)
-        for line in _count_left(len(rows) - len(shown), "load", "loads"):
+        for line in _describe_omitted(len(rows) - len(shown), "load", "loads"):
             print_line(screen, line)
     most = uncertainty_advice(answer)
     if most:
@@ -267,10 +271,10 @@ def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
 def _limit_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterator[str]":
     """The first `most` lines, and a line that counts the others."""
     yield from lines[:most]
-    yield from _count_left(len(lines) - most, one, several)
+    yield from _describe_omitted(len(lines) - most, one, several)
 
 
-def _count_left(left: int, one: str, several: str) -> "Iterator[str]":
+def _describe_omitted(left: int, one: str, several: str) -> "Iterator[str]":
     """Say how many are not printed; nothing if none are left."""
     if left > 0:
         yield f"{left} more {one if left == 1 else several} (-v)"

@@ -75,7 +75,7 @@ def command(
     calibration: Calibration = None,
     key: SignerKey = None,
     require_signed: RequireSigned = False,
-    as_json: Annotated[bool, typer.Option("--json", help="As --format json.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Same as --format json.")] = False,
     output: OutputFile = None,
     figure: Annotated[
         Path | None,
@@ -85,7 +85,7 @@ def command(
 ) -> None:
     """Replay logs once for each combination of settings and compare masses and verdicts.
 
-    If the truth of a simulation lies beside the logs, the root mean square errors of the runs'
+    If the truth of a simulation lies next to the logs, the root mean square errors of the runs'
     masses are given as in the paper's Tables 3 and 4, and drawn with --figure. A combination that
     cannot weigh has no mass. Exit status 1 if none can.
     """
@@ -157,7 +157,7 @@ def _print_sweep(
         stdout_console().print(render_sweep(rows))
     else:
         print_frame(
-            _result_frame(rows),
+            _make_result_frame(rows),
             output_format,
             output,
             force=force,
@@ -201,13 +201,14 @@ def _nest_row_for_json(row: Row) -> dict[str, Any]:
     return {"over": _type_swept_columns(row), **told, **row.errors}
 
 
-def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
+def _make_result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     """Frame with a row per combination and a column per method and quantity."""
     names = shorten_dotted_names(rows[0].over)
     flat = [
         {
             **{
-                names[key]: _value_for_file(value, row.over[key])
+                # a column holds no lists and tables: they stay as written
+                names[key]: row.over[key] if isinstance(value, list | dict) else value
                 for key, value in _type_swept_columns(row).items()
             },
             **{
@@ -326,11 +327,6 @@ def _type_swept_columns(row: Row) -> dict[str, Any]:
     from replay.machines.toml_file import read_value
 
     return {key: read_value(text) for key, text in row.over.items()}
-
-
-def _value_for_file(value: Any, written: str) -> Any:
-    """Value for a column of a file; lists and tables stay as written."""
-    return written if isinstance(value, list | dict) else value
 
 
 def shorten_dotted_names(keys: Iterable[str]) -> dict[str, str]:

@@ -17,7 +17,7 @@ def command(
         list[Path] | None,
         typer.Argument(
             metavar="FOLDER",
-            help="Evidence; several are a chain. Or the list of a notary.",
+            help="Folder of evidence, several for a chain, or a notary list.",
             show_default=False,
         ),
     ] = None,
@@ -28,17 +28,19 @@ def command(
         Path | None, typer.Option(help="Public Ed25519 key (PEM) of the signer that you trust.")
     ] = None,
     previous: Annotated[
-        Path | None, typer.Option(help="Evidence before it, which you know to be genuine.")
+        Path | None, typer.Option(help="Previous evidence, which you know to be genuine.")
     ] = None,
     require_signed: Annotated[
         bool,
         typer.Option(
-            "--require-signed", help="Ask for a signature by --key, or by a key of the keyring."
+            "--require-signed", help="Require a signature by --key, or by a key of the keyring."
         ),
     ] = False,
     on: Annotated[
         dt.datetime | None,
-        typer.Option(formats=["%Y-%m-%d"], metavar="DATE", help="Judge its expiry on that day."),
+        typer.Option(
+            formats=["%Y-%m-%d"], metavar="DATE", help="Day for which to judge the expiry."
+        ),
     ] = None,
     tsa: Annotated[
         Path | None,
@@ -69,7 +71,11 @@ def command(
         _write_page(folders or [], output, force=force)
         return
     if output is not None or not folders:
-        what = "-o is of --page" if folders else "name the folder of the evidence, or give --page"
+        what = (
+            "-o applies to --page only"
+            if folders
+            else "name the folder of the evidence, or give --page"
+        )
         raise typer.BadParameter(what)
     from replay.calibration.verify_bundle import verify_bundle
     from replay.calibration.verify_chain import VerifiedChain, verify_chain
@@ -99,7 +105,7 @@ def command(
     elif isinstance(found, VerifiedChain):
         _print_chain(found)
     else:
-        _print(found)
+        _print_findings(found)
     if found.outcome is not None:
         raise typer.Exit(int(found.outcome))
 
@@ -107,7 +113,9 @@ def command(
 def _write_page(folders: list[Path], output: Path | None, *, force: bool) -> None:
     """Write the page that checks evidence in a browser."""
     if folders:
-        raise typer.BadParameter("--page is the same for all evidence; leave out the folder")
+        raise typer.BadParameter(
+            "--page writes the same page for all evidence; leave out the folder"
+        )
     from recordings.calibration.page.verifier_page import NAME, verifier_page, verifier_sha256
     from recordings.report.atomic_output import atomic_file
 
@@ -144,7 +152,7 @@ def _print_chain(found: "VerifiedChain") -> None:
 
     screen = stdout_console()
     for made in found.bundles:
-        _print(made)
+        _print_findings(made)
         screen.print()
     for finding in found.findings:
         print_line(screen, str(finding), "[bold red]!![/] ")
@@ -153,7 +161,7 @@ def _print_chain(found: "VerifiedChain") -> None:
     print_line(screen, found.verdict)
 
 
-def _print(found: "Verification") -> None:
+def _print_findings(found: "Verification") -> None:
     from replay.commands.print_tables import print_line, stdout_console
 
     screen = stdout_console()

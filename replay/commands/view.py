@@ -19,9 +19,11 @@ def command(
     ] = None,
     from_s: Annotated[
         float | None,
-        typer.Option("--from", help="Open only what begins here (s); a long run shows its detail."),
+        typer.Option(
+            "--from", help="Start of the time span to open (s); a long run then shows its detail."
+        ),
     ] = None,
-    to_s: Annotated[float | None, typer.Option("--to", help="And ends here (s).")] = None,
+    to_s: Annotated[float | None, typer.Option("--to", help="End of the time span (s).")] = None,
     screenshot: Annotated[
         Path | None,
         typer.Option(help="Write a picture of each tab into this folder, without a screen."),

@@ -12,8 +12,8 @@ def command(
 ) -> None:
     """Compile the numerical code ahead: a minute and a half, once a version.
 
-    Without it the first log of a few minutes takes some seconds more, and a longer one waits
-    until what it needs is compiled. Several processes may compile at once.
+    Without it the first short log takes some seconds more, and a longer one waits until the loops
+    that it needs are compiled. Several processes may compile at once.
     """
     from estimators.compile_cache import are_all_compiled, mark_all_compiled, persistent_folder
     from estimators.errors import OutputError

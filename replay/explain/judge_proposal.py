@@ -60,7 +60,7 @@ class ProposalTrial:
         still = find_matching_finding(self.finding, self.after)
         claimed = is_change_as_claimed(was, now, self.finding)
         if still is not None and not is_cause_reduced(still, self.finding, as_claimed=claimed):
-            return "the log still shows it"
+            return "the log still shows the finding"
         by_mass = self._object_by_empty_mass(was, now)
         if by_mass:
             return by_mass
@@ -69,7 +69,7 @@ class ProposalTrial:
         worse = sorted(failed_checks(now) - failed_checks(was))
         if worse:
             return f"the log would fail {', '.join(worse)}"
-        if self.finding.severity == "tell" and _u_kg(now) > _WIDER * _u_kg(was):
+        if self.finding.severity == "tell" and _best_load_u_kg(now) > _WIDER * _best_load_u_kg(was):
             return "the uncertainty would grow"
         return ""
 
@@ -82,18 +82,18 @@ class ProposalTrial:
             off, now_off = abs(one[0] - empty_kg), abs(other[0] - empty_kg)
             nearer = now_off < off
             if off <= _COVERAGE * one[1] and now_off > max(off, _COVERAGE * other[1]):
-                return "the mass agreed with that of the empty machine, and would no longer"
+                return "the mass agrees with that of the empty machine, but would no longer"
         if empty_kg and other is not None and self.finding.cause == "wrong_unit":
             below_kg = max(_COVERAGE * other[1], _LIGHTER_1 * empty_kg)
             if empty_kg - other[0] > below_kg:
-                return "the machine would weigh less than it does empty: it is another factor"
+                return "the machine would weigh less than when empty: the wrong factor is elsewhere"
         if self.finding.cause != "wheel_radius" or nearer:
             return ""
         if _reads_gravity(self.after) and "imu_loose" not in self.finding.alternatives:
             return ""
         return (
-            "the accelerometer's scale may be off as well: gravity along z at rest, or the mass of "
-            "the empty machine, would tell"
+            "the accelerometer's scale may be off as well: gravity along z at rest, or the mass "
+            "of the empty machine, would show it"
         )
 
 
@@ -111,28 +111,28 @@ def held_out_objection(
     Returns:
         Empty where it holds.
     """
-    middle_ns = _middle_ns(before, *span_ns)
+    middle_ns = _find_middle_ns(before, *span_ns)
     if middle_ns is None:
-        return "the log is too short to try it on stretches that it was not fitted to"
+        return "the log is too short to test the correction on stretches that it was not fitted to"
     first, second = (None, middle_ns), (middle_ns + 1, None)
     try:
         fitted = find_matching_finding(finding, replay((), first))
         if fitted is None:
-            return "the first half of the log does not show it"
+            return "the first half of the log does not show the finding"
         unchanged = replay((), second)
         seen = find_matching_finding(finding, unchanged)
         if seen is None:
-            return "the second half of the log does not show it"
+            return "the second half of the log does not show the finding"
         changed = replay(proposals_of_finding(fitted), second)
     except (DataError, MachineError):
-        return "a half of the log is too short to try it on"
+        return "half of the log is too short to test the correction"
     was, now = answer(unchanged), answer(changed)
     left = find_matching_finding(finding, changed)
     claimed = is_change_as_claimed(was, now, seen)
     if left is not None and not is_cause_reduced(left, seen, as_claimed=claimed):
-        return "found in the first half of the log, it does not mend the second"
+        return "the correction from the first half of the log does not improve the second"
     if was.verdict.can_weigh and not now.verdict.can_weigh:
-        return "found in the first half of the log, it spoils the second"
+        return "the correction from the first half of the log worsens the second"
     return ""
 
 
@@ -143,7 +143,7 @@ def find_matching_finding(finding: Finding, run: Run) -> Finding | None:
     return next((each for each in shown if each.setting == keys), None)
 
 
-def _middle_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
+def _find_middle_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
     """Log time between two starts near the middle; None if there are too few starts."""
     t_ns, starts = run.frames["excitation"]["t_ns"], run.frames["manoeuvres"]
     if t_ns.is_empty() or 0 < starts.height < _FEWEST_STARTS:
@@ -200,6 +200,6 @@ def is_change_as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:
     return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= _COVERAGE * u_kg
 
 
-def _u_kg(said: Answer) -> float:
+def _best_load_u_kg(said: Answer) -> float:
     """Standard uncertainty of the best-known load."""
     return min((load["u_kg"] for load in said.loads if load["u_kg"] is not None), default=math.inf)

@@ -4,7 +4,7 @@ A proposal is kept where the log then still weighs, fails no other check, no lon
 (or less than half of it, or less of it and the mass moved as claimed), where that holds on a half
 of the log that it was not fitted to, and where the empty machine's mass does not speak against it.
 The next one is taken from what the log shows after it: what one cause explains is gone with it, and
-is not mended while that cause stays. Where the mass stays withheld nothing is written.
+is not mended while that cause stays. Where the mass remains withheld nothing is written.
 """
 
 import tempfile
@@ -204,14 +204,14 @@ def try_all_proposals(before: Run, replays: Replays) -> Progress:
     tried.taken_back += [
         RejectedProposal(
             proposals_of_finding(each)[0],
-            f"{cause_name(behind[each.cause])} explains it, and stays",
+            f"{cause_name(behind[each.cause])} explains this finding, and remains",
         )
         for each in list_untried(tried)
         if each.cause in behind
     ]
     if tried.changes and not answer(tried.run).verdict.can_weigh:
         tried.taken_back += [
-            RejectedProposal(each, "the mass stays withheld")
+            RejectedProposal(each, "the mass remains withheld")
             for each in _first_proposal_of_each_cause(tried.changes)
         ]
         return Progress(before, taken_back=tried.taken_back)
@@ -235,7 +235,9 @@ def take_back_needless(tried: Progress, replays: Replays) -> None:
         shown = {each.cause for each in findings_of_run(without)}
         if answer(without).verdict.can_weigh and finding.cause not in shown:
             own = next(each for each in tried.changes if each.cause == finding.cause)
-            tried.taken_back.append(RejectedProposal(own, "the log weighs as well without it"))
+            tried.taken_back.append(
+                RejectedProposal(own, "the correction does not improve the mass")
+            )
             tried.changes, tried.run = others, without
 
 

@@ -82,7 +82,7 @@ class OtherSettings:
         return self.last.limits
 
     def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
-        """Replay setups of a log; evidence that does not fit the settings is left out."""
+        """Replay setups of a log; evidence that does not fit the settings is skipped."""
         machine = self.machines[log]
         if machine not in self.last.machines:
             raise FleetError(f"{log}: the last run has no machine '{machine}'; run the fleet again")

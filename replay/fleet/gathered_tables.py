@@ -53,7 +53,7 @@ class FleetResults:
         return {machine: sorted(found[machine]) for machine in sorted(found)}
 
     @cached_property
-    def _gathered(self) -> Mapping[str, str]:
+    def _gathered_folder(self) -> Mapping[str, str]:
         """Folder of the current gathered tables of every machine."""
         there: dict[str, list[str]] = {}
         for each in self.store.list_names(_GATHERED):
@@ -72,7 +72,7 @@ class FleetResults:
 
     def gather(self) -> None:
         """Update the gathered tables."""
-        _ = self._gathered
+        _ = self._gathered_folder
 
     def _gather_machine(self, folder: str, names: Sequence[ResultName], old: Sequence[str]) -> None:
         """Gather the results of one machine."""
@@ -100,7 +100,7 @@ class FleetResults:
 
     def all_results(self, name: str) -> pl.LazyFrame:
         """Table of all results under any settings, ordered by machine and log."""
-        files = [f"{folder}/{name}.parquet" for folder in self._gathered.values()]
+        files = [f"{folder}/{name}.parquet" for folder in self._gathered_folder.values()]
         if not files:
             return pl.LazyFrame(schema=table_schema(name))
         if self.store.folder is not None:

@@ -51,7 +51,7 @@ class CurrentMachine(BaseModel):
 
 
 class LastRun(BaseModel):
-    """Options of the last run, stored beside the results."""
+    """Options of the last run, stored next to the results."""
 
     fleet: str = "fleet"
     limits: TaskLimits = TaskLimits.model_validate({})

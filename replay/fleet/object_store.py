@@ -62,7 +62,7 @@ class Store:
         """All objects below a prefix, by name, without unfinished ones."""
         if self.folder is not None and not (self.folder / prefix).is_dir():
             return []
-        batches = self._run(prefix, lambda: list(self._store.list(prefix or None)))
+        batches = self._run_operation(prefix, lambda: list(self._store.list(prefix or None)))
         found = (_stored_object(each) for batch in batches for each in batch)
         return sorted(found, key=lambda each: each.name)
 
@@ -85,7 +85,7 @@ class Store:
     def find_object(self, name: str) -> StoredObject | None:
         """Object of this name; None if it does not exist."""
         try:
-            return _stored_object(self._run(name, lambda: self._store.head(name)))
+            return _stored_object(self._run_operation(name, lambda: self._store.head(name)))
         except FileNotFoundError:
             return None
 
@@ -95,7 +95,7 @@ class Store:
         Raises:
             FileNotFoundError: the object does not exist.
         """
-        return bytes(self._run(name, lambda: self._store.get(name).bytes()))
+        return bytes(self._run_operation(name, lambda: self._store.get(name).bytes()))
 
     def read_all(self, names: Iterable[str]) -> Iterator[bytes]:
         """Contents of several objects, in order."""
@@ -116,11 +116,11 @@ class Store:
 
     def write(self, name: str, data: bytes) -> None:
         """Write an object atomically, replacing an existing one."""
-        self._run(name, lambda: self._store.put(name, data))
+        self._run_operation(name, lambda: self._store.put(name, data))
 
     def write_file(self, name: str, path: Path) -> None:
         """Write a file's content as an object."""
-        self._run(name, lambda: self._store.put(name, path))
+        self._run_operation(name, lambda: self._store.put(name, path))
 
     def fetch(self, name: str, to: Path) -> None:
         """Copy an object to a file in parts."""
@@ -130,15 +130,15 @@ class Store:
                 for part in self._store.get(name).stream(min_chunk_size=_CHUNK):
                     file.write(part)
 
-        self._run(name, fetch)
+        self._run_operation(name, fetch)
 
     def delete(self, names: list[str]) -> None:
         """Remove objects."""
         if names:
-            self._run(names[0], lambda: self._store.delete(names))
+            self._run_operation(names[0], lambda: self._store.delete(names))
 
-    def _run(self, name: str, work: Any) -> Any:
-        """Run an operation, and raise its error in one line."""
+    def _run_operation(self, name: str, work: Any) -> Any:
+        """Run an operation, and raise its error as a message of one line."""
         from obstore.exceptions import BaseError
 
         try:

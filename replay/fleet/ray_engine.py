@@ -177,8 +177,8 @@ class RayEngine:
             return LostTask("its node ran out of memory, and Ray ended it")
         except (exceptions.WorkerCrashedError, exceptions.NodeDiedError):
             return LostTask(
-                f"its worker ended {_RETRIES + 1} times without a word: it crashed, was killed, "
-                "or hung where nothing could end it"
+                f"its worker ended {_RETRIES + 1} times without a message: it crashed, was "
+                "killed, or hung"
             )
         except exceptions.RayTaskError as error:
             cause = getattr(error, "cause", None) or error

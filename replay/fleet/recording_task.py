@@ -91,7 +91,7 @@ class _LimitWatch(threading.Thread):
         if used > self._memory_bytes:
             return (
                 f"needed more than {self._memory_bytes / _GIB:.2f} GiB of memory, twice what it "
-                "declares; [limits] of the fleet file says how much that is"
+                "declares; [limits] of the fleet file sets how much it declares"
             )
         return ""
 

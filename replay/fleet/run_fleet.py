@@ -212,7 +212,7 @@ def _split_finished(
 def _remember_calibrations(
     results: FleetResults, setups: Mapping[str, tuple[MachineSetup, ...]]
 ) -> None:
-    """Keep what the calibrations in use say, for the report."""
+    """Keep the fitted values of the calibrations in use, for the report."""
     now = [each.calibration for machine in sorted(setups) for each in setups[machine]]
     used = [each for each in now if each is not None]
     before = results.calibrations

@@ -32,7 +32,7 @@ class Engine(Protocol):
     """Runs a function over tasks."""
 
     def slots(self) -> int:
-        """Tasks that run at once, as far as the engine knows now."""
+        """Number of tasks that run in parallel, as far as the engine knows."""
         ...
 
     def run(

@@ -166,7 +166,7 @@ def record_followed(
     overrides: Sequence[str],
     followed: FollowedDigests,
 ) -> tuple[Answer, list[Agreement]]:
-    """Record the causal replay of a followed log, and compare it with what was followed.
+    """Record the causal replay of a followed log, and compare it with the followed results.
 
     Args:
         paths: paths of the log; a `.bag.active` is found under its final name.

@@ -91,7 +91,9 @@ class FollowedOutputs:
         self._recorded_ns = self._from.until_unix_ns if self._from else 0
         self._told_ns = max(self._recorded_ns, self._topic.until_unix_ns if self._topic else 0)
         if self._told_ns:
-            tell(f"goes on after {time_text(self._told_ns)} UTC, what is on disc is not repeated")
+            tell(
+                f"continues after {time_text(self._told_ns)} UTC without repeating what is on disc"
+            )
 
     def take(self, following: Following, rows: Sequence[FollowedRow]) -> list[OnlineReport]:
         """Write rows, and return the reports that were not emitted before."""
@@ -183,7 +185,7 @@ class FollowedOutputs:
 
 
 def _give_up_text(error: OSError) -> str:
-    return f"written no further ({error.strerror}); it is whole up to here, and following goes on"
+    return f"not continued ({error.strerror}); it is complete up to here, and following continues"
 
 
 def identity_of_inputs(paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None) -> str:

@@ -199,7 +199,7 @@ def event_text(report: OnlineReport) -> str:
 
 
 def progress_text(report: OnlineReport) -> str:
-    """Progress towards an answer and what is missing; empty without a target uncertainty."""
+    """Progress towards an answer and the missing inputs; empty without a target uncertainty."""
     if report.until_u_kg is None or report.percent is None:
         return ""
     missing = missing_text(report.starts_missing, report.reverse_missing)
@@ -207,21 +207,19 @@ def progress_text(report: OnlineReport) -> str:
     if report.load_mass_kg is None or report.load_u_kg is None:
         return f"0 % to ± {report.until_u_kg:,.3g} kg{rest}"
     return (
-        f"{report.percent:.0f} % to ± {report.until_u_kg:,.3g} kg: load of now "
+        f"{report.percent:.0f} % to ± {report.until_u_kg:,.3g} kg: present load "
         f"{report.load_mass_kg:,.1f} ± {report.load_u_kg:,.1f} kg from "
         f"{report.load_manoeuvres:,}{rest}"
     )
 
 
 def page_text(report: OnlineReport) -> str:
-    """Reports in Markdown, for the page beside the plots."""
+    """Reports in Markdown, for the page next to the plots."""
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
     return (
-        f"# {mass_text(report)}\n\n"
-        f"Last manoeuvre{age}; {report.manoeuvres:,} gave a mass so far.\n\n"
-        f"{progress_text(report)}\n\n{spin_text(report)}\n\n"
-        f"{time_text(report.unix_ns)} UTC: {report.phase or 'unknown'}, gate "
-        f"{report.gate.replace('_', ' ')}.\n\n"
-        "Recorded as it is followed: random uncertainties, no load states. When the log ends, its "
-        "causal replay takes the place of this recording.\n"
+        f"# {mass_text(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} gave a mass so "
+        f"far.\n\n{progress_text(report)}\n\n{spin_text(report)}\n\n{time_text(report.unix_ns)} "
+        f"UTC: {report.phase or 'unknown'}, gate {report.gate.replace('_', ' ')}.\n\nRecorded "
+        "while following: random uncertainties, no load states. When the log ends, its causal "
+        "replay replaces this recording.\n"
     )

@@ -68,7 +68,7 @@ def time_range(predicate: pl.Expr, column: str) -> TimeRange:
         for combine in (operator.and_, operator.or_):
             if combine(left, right).meta.eq(predicate):
                 return combine(time_range(left, column), time_range(right, column))
-        return _compare(predicate, left, right, column)
+        return _range_of_comparison(predicate, left, right, column)
     if len(parts) == 3:
         values, low, high = parts
         for closed in _CLOSED:
@@ -81,7 +81,9 @@ def time_range(predicate: pl.Expr, column: str) -> TimeRange:
     return TimeRange()
 
 
-def _compare(predicate: pl.Expr, left: pl.Expr, right: pl.Expr, column: str) -> TimeRange:
+def _range_of_comparison(
+    predicate: pl.Expr, left: pl.Expr, right: pl.Expr, column: str
+) -> TimeRange:
     for compare, mirrored in _MIRRORED.items():
         if compare(left, right).meta.eq(predicate):
             if right.meta.root_names():

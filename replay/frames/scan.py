@@ -44,7 +44,7 @@ def scan_log(  # noqa: PLR0913 - each names one choice
 
     Args:
         logs: a log as `open_log` takes it, a folder of logs, a pattern (`shifts/*.bag`), or several
-            of these. Unless it is one log, a column `source` says which log a row is of.
+            of these. Unless it is one log, a column `source` names the log of each row.
         topic: name of the topic (`payscope info` lists them; a table has one, `table`).
         fields: dotted names, with an element by index or name (`effort[left]`); None for all
             fields.
@@ -189,7 +189,7 @@ def stream_log(
         logs: as in `scan_log`.
         topic: as in `scan_log`.
         columns: selected columns; None for all.
-        where: filter expression; a range of `log_time` bounds what is read.
+        where: filter expression; a range of `log_time` limits the rows that are read.
         fields: as in `scan_log`.
         options: how messages become columns.
         time: time column and format of tables.

@@ -95,7 +95,7 @@ class TopicSource:
 
         Args:
             columns: selected columns; None for all.
-            predicate: filter; its range of time and source bounds what is read.
+            predicate: filter; its range of time and source limits the rows that are read.
             n_rows: maximum number of rows, counted before the predicate.
         """
         try:

@@ -130,7 +130,7 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
             if (path / "metadata.yaml").exists() or path.suffix in _SUFFIXES:
                 said.append(f"left out: {fault}")
     if not blocks:
-        raise CampaignError(f"{folder}: no log that can be read in it")
+        raise CampaignError(f"{folder}: contains no readable log")
     file = "machine.toml" if machine_file is None else _relative_path(output.parent, machine_file)
     named = None if machine is None else machine.machine.id or machine.machine.name
     name = named or "machine-1"

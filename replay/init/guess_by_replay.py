@@ -25,7 +25,8 @@ _SETTINGS: Final = {
 _EXCLUDE: Final = "settings.gate.exclude_braking"
 BRAKING: Final = (
     "# [settings.gate]",
-    "# exclude_braking = false      # where the force sees the brakes: a motor that brakes",
+    "# exclude_braking = false      # where the force sensor measures the brakes: a motor that "
+    "brakes",
     "",
 )
 #: A log is rich in a term when it would narrow its prior to this share.

@@ -56,14 +56,12 @@ _SHORT = {
 
 #: What every answer rests on and has a default: asked behind what is missing.
 _TO_ANSWER = (
-    "does it dig? machine.digs = false where it has no bucket",
-    "does the force see the brakes? settings.gate.exclude_braking = false where it does",
+    "does the machine dig? machine.digs = false where it has no bucket",
+    "does the force sensor measure the brakes? if so, settings.gate.exclude_braking = false",
 )
 
 
-_JOINT_UNIT = (
-    'are the joints\' velocities in m/s? where they are in rad/s, scale = "wheel_radius_m"'
-)
+_JOINT_UNIT = 'are the joints\' velocities in m/s? if they are in rad/s, scale = "wheel_radius_m"'
 #: The topic (None in a table) and the field of a column.
 Source = tuple[str | None, str]
 
@@ -101,7 +99,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
     told = recognise_channels(log) if is_table else _recognise_joints(log, topics)
-    guesses = [*_guess_from_recognised(told), *_best_guesses(topics)]
+    guesses = [*_guess_from_recognised(told), *_choose_best_guesses(topics)]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # what a comment holds is asked for already
     open_columns = {each.column for each in told.channels if each.is_comment}
@@ -112,20 +110,23 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     derived |= _derivable_channels(found)
     found |= set(derived)
     kinematic = "specific_force_x_m_s2" not in found
-    lacking = [*told.questions, *_lacking_sentences(found, told.questions, kinematic=kinematic)]
+    lacking = [
+        *told.questions,
+        *_describe_lacking_channels(found, told.questions, kinematic=kinematic),
+    ]
     lines = [
         f"# A first machine file for {_replace_unprintable(log.path.name)}: check every line.",
-        '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
+        '# A field in another unit than its comment states needs its unit: unit = "km/h".',
         "",
         "[machine]",
         f"name = {toml_value(log.path.stem)}",
         *(f"id = {toml_value(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
-        "# wheel_radius_m = 0.42        # needed where the force comes from wheel torques",
+        "# wheel_radius_m = 0.42        # needed if the force comes from wheel torques",
         "# track_width_m = 1.5          # for the yaw torque",
         "# digs = false                 # where it has no bucket: a car, a rack, an arm",
         "force_share = 1.0              # share of the force that the measured wheels carry",
-        'timezone = "UTC"               # what a person reads times in',
+        'timezone = "UTC"               # time zone of printed times',
         "",
     ]
     sources = {guess.column: (guess.topic, guess.field) for guess in guesses}
@@ -250,7 +251,7 @@ def _recognise_joints(log: Log, topics: pl.DataFrame) -> Recognition:
     return found
 
 
-def _best_guesses(topics: pl.DataFrame) -> Iterator[Guess]:
+def _choose_best_guesses(topics: pl.DataFrame) -> Iterator[Guess]:
     taken: set[str] = set()
     for guess in _list_candidates(topics):
         if guess.column not in taken:
@@ -291,7 +292,7 @@ def _derivable_channels(found: set[str]) -> dict[str, str]:
     return derived
 
 
-def _lacking_sentences(found: set[str], asked: list[str], *, kinematic: bool) -> list[str]:
+def _describe_lacking_channels(found: set[str], asked: list[str], *, kinematic: bool) -> list[str]:
     lacking: list[str] = []
     if "force_x_N" not in found and not {"torque_left_N_m", "torque_right_N_m"} <= found:
         lacking.append("a force: channels.force_x_N, or both wheel torques")
@@ -348,10 +349,11 @@ def _format_mounting_angles(guess: MountingGuess) -> list[str]:
     if guess.is_level and guess.yaw_deg is not None:
         return []
     if guess.is_level and not guess.tilt_is_sure:
-        return [f"{found}: level. Its yaw is not told by", "# the log.", ""]
+        return [f"{found}: level. Its yaw cannot be determined from", "# the log.", ""]
     sure = guess.tilt_is_sure and guess.stood
     lines = [
-        found + (": it is mounted so" if sure else ": check this, it may be the ground"),
+        found
+        + (": the IMU is mounted so" if sure else ": check this, the ground may slope instead"),
         "[machine.imu]",
         f"roll_deg = {guess.roll_deg:g}",
         f"pitch_deg = {guess.pitch_deg:g}",

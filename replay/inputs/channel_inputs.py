@@ -57,7 +57,7 @@ def read_channels(
     hints = {topic for topic in wanted if HINTS.issuperset(channels_of_topic(topic, machine))}
     for topic in list(wanted):
         if not any(topic in topics for topics in has.values()):
-            fault = _unknown_topic(topic, has, machine)
+            fault = _unknown_topic_message(topic, has, machine)
             if topic not in hints:
                 damage = [f" It is damaged: {loss}" for log in logs for loss in log.losses()]
                 names = ", ".join(str(log.path) for log in logs)
@@ -146,7 +146,7 @@ def channels_of_topic(topic: str, machine: Machine) -> list[str]:
     ]
 
 
-def _unknown_topic(topic: str, has: Mapping[Log, set[str]], machine: Machine) -> str:
+def _unknown_topic_message(topic: str, has: Mapping[Log, set[str]], machine: Machine) -> str:
     """Error message with the unknown topic, the choices and the remedy."""
     meant = nearest(topic, set().union(*has.values()))
     return (

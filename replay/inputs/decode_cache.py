@@ -217,7 +217,7 @@ def _decode_by_process(
 
 
 def _fields_of_log(log: Log, fields: Mapping[str, Sequence[str]]) -> dict[str, Sequence[str]]:
-    """Those of the fields that a log has, by topic; another table may have the others."""
+    """Requested fields that a log has, by topic; another table may have the other fields."""
     found: dict[str, Sequence[str]] = {}
     for topic, has in log.topics().select("topic", "fields").iter_rows():
         if topic in fields:

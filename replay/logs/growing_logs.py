@@ -54,7 +54,7 @@ class TailParts:
         closed, files = self._is_closed(), self._files()
         batches = self._poll_current_part() if self._tail else []
         while not batches:
-            following = [path for path in files if not _is_taken(path, self.paths)]
+            following = [path for path in files if not _was_already_read(path, self.paths)]
             if not following:
                 self.is_finished = self._tail is not None and (closed or self._tail.is_finished)
                 break
@@ -218,7 +218,7 @@ def _open_tail(path: Path) -> Tail:
 
 
 def _list_recorder_files(folder: Path) -> list[Path]:
-    """Files of a recorder that starts new ones, by the numbers in their names."""
+    """Files of a recorder that splits its log, ordered by the numbers in their names."""
     found = [path for path in folder.iterdir() if format_suffix(path) in _TAILS]
     return sorted(
         found, key=lambda path: [_natural_order(part) for part in re.split(r"(\d+)", path.name)]
@@ -229,6 +229,6 @@ def _natural_order(part: str) -> tuple[int, str]:
     return (int(part), "") if part.isdigit() else (-1, part)
 
 
-def _is_taken(path: Path, taken: Sequence[Path]) -> bool:
+def _was_already_read(path: Path, taken: Sequence[Path]) -> bool:
     """Whether a file was already read, under this name or as `.active`."""
     return path in taken or path.with_name(f"{path.name}.active") in taken

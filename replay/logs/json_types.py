@@ -74,7 +74,7 @@ class _Schema:
             return Scalar(_KINDS[kind]) if kind in _KINDS else None
         properties = schema.get("properties", {})
         if not isinstance(properties, dict):
-            raise BrokenBytesError("the properties in its JSON schema are no JSON object")
+            raise BrokenBytesError("the properties in its JSON schema are not a JSON object")
         if set(properties) in _STAMPS:
             return Scalar("stamp")
         fields = (
@@ -98,7 +98,7 @@ class _Schema:
                 if not isinstance(schema, dict) or step not in schema:
                     raise BrokenBytesError(f"it refers to a missing definition: {reference}")
                 schema = schema[step]
-        raise BrokenBytesError("its references go in circles")
+        raise BrokenBytesError("its references form a loop")
 
 
 def _sole_type(schema: dict[str, Any]) -> str | None:
@@ -106,7 +106,7 @@ def _sole_type(schema: dict[str, Any]) -> str | None:
     named = schema.get("type", "object" if "properties" in schema else [])
     allowed = named if isinstance(named, list) else [named]
     if not all(isinstance(kind, str) for kind in allowed):
-        raise BrokenBytesError("a type in its JSON schema is not a text")
+        raise BrokenBytesError("a type in its JSON schema is not a string")
     kinds = {str(kind) for kind in allowed} - ({"null"} if isinstance(named, list) else set())
     return kinds.pop() if len(kinds) == 1 else None
 
@@ -134,7 +134,7 @@ def _read_member(message: Any, name: str) -> Any:
 
 def _require_list(values: Any) -> Sequence[Any]:
     if not isinstance(values, list):
-        raise BrokenBytesError(f"{type(values).__name__} in the place of a list")
+        raise BrokenBytesError(f"{type(values).__name__} in place of a list")
     return values
 
 
@@ -150,7 +150,7 @@ def _make_converter(value: Any, kind: str) -> Any:
 
 def _stamp_ns(stamp: Any) -> int:
     if not isinstance(stamp, dict) or "sec" not in stamp:
-        raise BrokenBytesError(f"{type(stamp).__name__} in the place of a time")
+        raise BrokenBytesError(f"{type(stamp).__name__} in place of a time")
     nanoseconds = stamp.get("nsec", stamp.get("nanosec", 0))
     return int64(
         _make_converter(stamp["sec"], "int64") * 10**9 + _make_converter(nanoseconds, "int64")

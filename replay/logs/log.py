@@ -123,13 +123,13 @@ class Log(ABC):
             end_ns: last log time, inclusive.
 
         Returns:
-            log_time_ns (Int64), header_stamp_ns (Int64, null where there is none), then a column
-            a field, named as asked: Float64 for floats, Int64 for integers (UInt64 for uint64,
-            so that no value is lost), Int64 nanoseconds for stamps and durations
-            (`header.stamp`), Boolean, String. A whole list is a List, one in another for each
-            `[]`, in which numbers keep their size (List[Float32], List[UInt8]). An element that a
-            message does not have is null. Messages that are not whole have no row, whichever
-            fields are asked for.
+            log_time_ns (Int64), header_stamp_ns (Int64, null where there is none), then one column
+            per field, named as requested: Float64 for floats, Int64 for integers (UInt64 for
+            uint64, so that no value is lost), Int64 nanoseconds for stamps and durations
+            (`header.stamp`), Boolean, String. A whole list is a List, one in another for each `[]`,
+            in which numbers keep their size (List[Float32], List[UInt8]). An element that a message
+            does not have is null. Messages that are not whole have no row, whichever fields are
+            asked for.
 
         Raises:
             LogError: no such topic or field (with the choices), or a topic that cannot be decoded.

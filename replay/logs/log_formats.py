@@ -106,7 +106,7 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
         opener = OPENERS.get(path.suffix.lower())
         if opener is None:
             raise LogError(
-                f"{path}: no reader for '{path.suffix}'; supported are {', '.join(OPENERS)} or a "
+                f"{path}: no reader for '{path.suffix}'; supported: {', '.join(OPENERS)} or a "
                 "rosbag2 directory"
             )
         if path.stat().st_size == 0:

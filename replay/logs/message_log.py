@@ -111,7 +111,7 @@ class MessageLog(Log):
         except GeneratorExit:  # the rest is not requested
             self._note_losses(topic, stream.tally)
             raise
-        self._judge_tally(topic, stream.tally)
+        self._note_tally(topic, stream.tally)
 
     def _scan_many(
         self,
@@ -181,7 +181,7 @@ class MessageLog(Log):
 
     def _finish_reading(self, topic: str, stream: "Stream") -> pl.DataFrame:
         frame = stream.finish()
-        self._judge_tally(topic, stream.tally)
+        self._note_tally(topic, stream.tally)
         return frame
 
     def _resolve(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
@@ -190,7 +190,7 @@ class MessageLog(Log):
         except FieldError as error:
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 
-    def _judge_tally(self, topic: str, tally: Tally) -> None:
+    def _note_tally(self, topic: str, tally: Tally) -> None:
         fault = self._describe_unreadable(topic, tally)
         if fault:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {fault}")
@@ -220,7 +220,7 @@ class MessageLog(Log):
             self._read_losses.note(
                 self.path,
                 f"log times jump back, by up to {tally.back_ns / 1e9:.3f} s: messages were sorted "
-                "by them, so that what was recorded one after another may overlap",
+                "by them, so that consecutive recordings may overlap",
                 topic,
             )
 

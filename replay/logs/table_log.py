@@ -189,15 +189,19 @@ class TableLog(Log):
         last = times.is_not_null().arg_true().max() if len(self._parts) > 1 else None
         missing = times.head(int(last) + 1).null_count() if last is not None else times.null_count()  # pyright: ignore[reportArgumentType] an index
         if missing:
-            self._losses.note(self.path, f"{missing} of {times.len()} rows have no time: dropped")
+            self._losses.note(
+                self.path, f"{missing} of {times.len()} rows have no time; they were dropped"
+            )
         there = times.drop_nulls()
         steps = there.diff()
         backwards = int((steps < 0).sum())
-        self._refuse_shared(axis, there, steps)
+        self._refuse_shared_times(axis, there, steps)
         if backwards:
             self._refuse_restarts(axis, there, backwards)
             self._losses.note(
-                self.path, f"the time goes back at {backwards} rows: sorted by time", TABLE
+                self.path,
+                f"the time goes back at {backwards} rows; they were sorted by time",
+                TABLE,
             )
         return times.alias("log_time_ns")
 
@@ -216,7 +220,7 @@ class TableLog(Log):
                 f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said} {_WHERE}"
             )
 
-    def _refuse_shared(self, axis: TableTimes, there: pl.Series, steps: pl.Series) -> None:
+    def _refuse_shared_times(self, axis: TableTimes, there: pl.Series, steps: pl.Series) -> None:
         """Raise an error if most rows share their time with the previous one: too coarse."""
         shared = int((steps == 0).sum())
         if there.len() <= _FEW or 2 * (there.len() - shared) >= there.len():
@@ -234,19 +238,19 @@ class TableLog(Log):
     def _refuse_restarts(self, axis: TableTimes, there: pl.Series, backwards: int) -> None:
         """Raise an error if the time falls back and continues: sorting would mix two records."""
         wanted = self._hints.sort_times
-        if wanted or (wanted is None and self._is_shuffled(there, backwards)):
+        if wanted or (wanted is None and self._are_rows_shuffled(there, backwards)):
             return
         before = there.cum_max()
         row = int((before > there).arg_max() or 0)
         fall_s = (before[row] - there[row]) / 1e9
         raise LogError(
-            f"{self.path}: column '{axis.columns[-1]}' cannot be the time: it falls back by "
+            f"{self.path}: column '{axis.columns[-1]}' cannot be the time: it jumps back by "
             f"{fall_s:.6g} s at row {row + 1:,} and goes on from there: a second record, or a "
-            "counter that begins anew. Split the file, name another column ([log] time), or set "
+            "counter that restarts. Split the file, name another column ([log] time), or set "
             "[log] rate_hz, or [log] sort_times = true if the rows belong together"
         )
 
-    def _is_shuffled(self, there: pl.Series, backwards: int) -> bool:
+    def _are_rows_shuffled(self, there: pl.Series, backwards: int) -> bool:
         """Whether few rows are late, or so many fall back that none continues from there."""
         late = int((there < there.cum_max()).sum())
         return late < _FEW_LATE * there.len() or backwards > _FALLS * late
@@ -342,8 +346,8 @@ class TableLog(Log):
         if faults.len():
             self._losses.note(
                 self.path,
-                f"{faults.len()} cells of column '{text.name}' are no numbers, "
-                f"the first is '{_shorten(faults[0])}'",
+                f"{faults.len()} cells of column '{text.name}' are not numbers; the first is "
+                f"'{_shorten(faults[0])}'",
                 TABLE,
             )
         return numbers

@@ -70,7 +70,7 @@ def rename_old_keys(content: dict[str, Any]) -> dict[str, str]:
         Present name by former name.
 
     Raises:
-        BothNamesError: the new name is there as well, or a value stands in its way.
+        BothNamesError: the new name exists as well, or a value is in its place.
     """
     taken: list[tuple[str, str, Any]] = []
     for old, new in OLD_NAMES.items():
@@ -113,7 +113,7 @@ def migrate_text(text: str) -> tuple[str, dict[str, str]]:
     Raises:
         BothNamesError: as `rename_old_keys`, or a key is written in a way that only a person can
             rename, such as an inline table.
-        ValueError: it is no TOML.
+        ValueError: it is not TOML.
     """
     wanted = tomllib.loads(text)
     renamed = rename_old_keys(wanted)
@@ -137,7 +137,7 @@ def migrate_file(path: Path) -> dict[str, str]:
         Present name by former name; if empty, the file is unchanged.
 
     Raises:
-        MachineError: it cannot be read, is no TOML, or a person has to rename a key.
+        MachineError: it cannot be read, is not TOML, or a person has to rename a key.
         OutputError: it cannot be written.
     """
     try:

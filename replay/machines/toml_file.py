@@ -36,7 +36,7 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
         OldNameWarning: one had its old name.
 
     Raises:
-        PayscopeError: as `error`, in one line: there is no such file, it is no TOML, or has a key
+        PayscopeError: as `error`, in one line: there is no such file, it is not TOML, or has a key
             under its old and its new name.
     """
     try:
@@ -113,7 +113,7 @@ def validate(
 
 
 def fault_line(fault: ValidationError, model: type[BaseModel]) -> str:
-    """Say in one line which value is wrong, where, and what was probably meant."""
+    """State in one line which value is wrong, where it is, and the probable intention."""
     details = fault.errors(include_url=False)
     # a required key that is misspelt is missing as well
     first = next((each for each in details if each["type"] == "extra_forbidden"), details[0])

@@ -110,7 +110,7 @@ def open_list(path: Path) -> Generator[OpenList]:
     The system releases the lock when the process ends, however it ends.
 
     Raises:
-        EvidenceError: it is no list, was cut or written anew, or another process writes it.
+        EvidenceError: it is not a list, was truncated or rewritten, or another process writes it.
         OutputError: it cannot be written.
     """
     import fcntl
@@ -132,7 +132,7 @@ def open_list(path: Path) -> Generator[OpenList]:
         whole, tail = split_lines(_read_all(number, size))
         lines = [parse_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)]
         second = second_copy_path(path)
-        _compare_end(path, lines, read_kept_end(second))
+        check_list_end(path, lines, read_kept_end(second))
         if tail:
             os.ftruncate(number, size - len(tail))
             os.fsync(number)
@@ -149,7 +149,7 @@ def _read_all(number: int, size: int) -> bytes:
     return b"".join(parts)
 
 
-def _compare_end(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> None:
+def check_list_end(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> None:
     """Check that a list contains its former lines and that its chain is intact.
 
     Raises:
@@ -179,8 +179,8 @@ def _compare_end(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> No
     if lines[0].digest != end.head or not known:
         raise EvidenceError(
             f"{path}: ends with number {len(lines) - 1}, but was written up to number "
-            f"{end.counter}, so it was cut or replaced; restore it, or start another one elsewhere "
-            "with --list"
+            f"{end.counter}, so it was truncated or replaced; restore it, or start another one "
+            "elsewhere with --list"
         )
 
 

@@ -108,7 +108,7 @@ def notarise_folder(
 
     Raises:
         EvidenceError: no key, or another than the list's; the list was changed.
-        OutputError: the list cannot be written; what was listed before that stays.
+        OutputError: the list cannot be written; the entries listed before that are kept.
     """
     if not folder.is_dir():
         raise EvidenceError(
@@ -123,7 +123,7 @@ def notarise_folder(
         notes = [f"a torn tail of {held.cut_bytes} bytes was cut off"] if held.cut_bytes else []
         if held.second is None:
             notes.append(
-                "where the list ends is kept nowhere else: a list that is cut is not found"
+                "the end of the list is kept nowhere else: a truncated list is not detected"
             )
         known = {e.log: e for line in held.lines if isinstance(e := line.content, NotaryEntry)}
         added: list[NotaryEntry] = []
@@ -158,7 +158,7 @@ def begin_list(held: OpenList, key: SigningKey, machine_id: str) -> list[str]:
             begun=_format_now(),
         )
         held.append(signed_line(head, key))
-        return [] if machine_id else ["the list names no machine: --machine-id does"]
+        return [] if machine_id else ["the list names no machine; name it with --machine-id"]
     head = held.lines[0].content
     assert isinstance(head, NotaryHead)
     if head.public_key != key.public.text or not held.lines[-1].is_signed_by(key.public):

@@ -22,8 +22,8 @@ from recordings.signatures.signing import public_key
 UNSEEN = (
     "A log of a second recorder, or of another folder.",
     "A log that was deleted before it ended, or before the notary looked.",
-    "A list that was cut or written anew by whoever has a copy of its key, before evidence named "
-    "its later numbers. The notary finds a list that was cut by its second copy of the end.",
+    "A list that was truncated or rewritten by whoever has a copy of its key, before evidence "
+    "named its later numbers. The notary detects a truncated list by its second copy of the end.",
     "Whether the clocks of recorder and notary were right: only a time stamp of evidence proves a "
     "time from outside.",
 )
@@ -117,6 +117,6 @@ def verify_list(path: Path, *, key_file: Path | None = None, signed: bool = Fals
         what = f"is not kept with the key {key.key_id[:12]}… given"
         findings.append(BundleFinding(BundleOutcome.TAMPERED, path.name, what))
     elif signed and not by.is_trusted and not findings:
-        what = f"is {by}, and one by a known key is asked for"
+        what = f"is {by}, but a signature by a known key is required"
         findings.append(BundleFinding(BundleOutcome.INCOMPLETE, path.name, what))
     return VerifiedList(path, tuple(findings), tuple(kept.notes), len(kept.lines), by)

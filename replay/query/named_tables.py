@@ -49,7 +49,7 @@ class NamedTables:
     def add(self, name: str, table: Callable[[], pl.LazyFrame], where: str) -> None:
         """Add a table under its name, which must be unique."""
         if name in self.tables:
-            fault = f"query: two tables are named '{name}', one of {where}; query them apart"
+            fault = f"query: two tables are named '{name}', one of {where}; query them separately"
 
             def refuse() -> pl.LazyFrame:
                 raise QueryError(fault)

@@ -103,7 +103,7 @@ def query_tables(sources: Sequence[str], sql: str, time: TimeAxis | None = None)
         time: time axis of tables.
 
     Raises:
-        PayscopeError: a source that cannot be opened, a statement that is no SELECT over them.
+        PayscopeError: a source that cannot be opened, a statement that is not a SELECT over them.
     """
     normalise_select(sql)  # before logs are opened
     named = named_tables(sources, time, quoted_names(sql))

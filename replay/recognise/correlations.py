@@ -35,31 +35,31 @@ _GRAVITY_M_S2: Final = (9.3, 10.2)
 _GRAVITY_G: Final = (0.95, 1.04)
 _AXES: Final = frozenset({"x", "y", "z"})
 _SIGN: Final = (
-    "which way {} is positive: it goes against the change of speed ({:.2f}); if it is inverted, "
-    "scale = -1"
+    "which direction of {} is positive: it correlates negatively with the change of speed ({:.2f});"
+    " if it is inverted, scale = -1"
 )
 
 _APART: Final = (
-    "whether '{0}' moves the machine and '{1}' is its speed: they do not go together ({2:.2f})"
+    "whether '{0}' moves the machine and '{1}' is its speed: they are not correlated ({2:.2f})"
 )
 _UNITS_APART: Final = (
-    "the units of the time, '{0}' and '{1}': the change of '{1}' is {2:.3g} times '{0}'; where the "
+    "the units of the time, '{0}' and '{1}': the change of '{1}' is {2:.3g} times '{0}'; if the "
     "time is wrong, [log] time_unit or rate_hz"
 )
 _MIRRORED: Final = (
-    "which way '{0}' and '{1}' are positive: they go against each other ({2:.2f}); where one is "
-    "mounted mirrored, scale = -1 for it and its torque"
+    "which direction of '{0}' and '{1}' is positive: they correlate negatively ({2:.2f}); if one "
+    "is mounted mirrored, scale = -1 for it and its torque"
 )
 _AGAINST_PLACE: Final = (
-    "which way '{0}' is positive: it goes against the change of '{1}' ({2:.2f}); if it is "
-    "inverted, scale = -1"
+    "which direction of '{0}' is positive: it correlates negatively with the change of '{1}' "
+    "({2:.2f}); if it is inverted, scale = -1"
 )
 _WITHOUT_SIGN: Final = (
-    "which way '{0}' acts: it is never negative, and as large where the machine brakes; another "
-    "column may have its sign: where(braking_1 > 0.5, -x, x)"
+    "in which direction '{0}' acts: it is never negative, and as large while the machine brakes; "
+    "another column may have its sign: where(braking_1 > 0.5, -x, x)"
 )
 _WRAPPED: Final = (
-    "which numbers of '{0}' are negative: it jumps by 2^{1}; where those of the upper half are, "
+    "which numbers of '{0}' are negative: it jumps by 2^{1}; if those of the upper half are, "
     "where(x > {2}, x - {3}, x)"
 )
 #: Bits of integers whose sign is lost.
@@ -155,7 +155,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
         if each.field and speed is not None and (is_force or is_acceleration):
             goes = slope_correlation(log, each, speed)
             if goes is not None:
-                reason += f"; goes with the change of {speed.field}, {goes:.2f}"
+                reason += f"; correlates with the change of {speed.field}, {goes:.2f}"
                 if goes < -_CLEAR:
                     found.ask_question("sign", _SIGN.format(f"'{each.field}'", goes))
                 if is_force and abs(goes) < _NOTHING:
@@ -170,7 +170,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
             if goes is not None and goes < -_CLEAR:
                 found.ask_question("sign", _AGAINST_PLACE.format(each.field, place.field, goes))
             if goes is not None and abs(goes) > _CLEAR:
-                reason += f"; goes with the change of {place.field}, {goes:.2f}"
+                reason += f"; correlates with the change of {place.field}, {goes:.2f}"
         channels.append(replace(each, reason=reason))
     found.channels = channels
     return found
@@ -260,7 +260,7 @@ def series_of_proposal(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]
 
 
 def _slope_at_times(t: Floats, at: Floats, y: Floats) -> Floats:
-    """Slope about each of the times `t` of `y`, sampled at `at`."""
+    """Slope of `y`, sampled at `at`, about each of the times `t`."""
     half = _SPAN_S / 2
     return np.interp(t + half, at, y) - np.interp(t - half, at, y)
 

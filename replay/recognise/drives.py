@@ -87,7 +87,9 @@ def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> b
         motors = [c for c in fitting if c.said.part == column.said.part]
         if len(motors) > 1:
             names = ", ".join(f"'{each.field}'" for each in motors)
-            found.ask_question("column", f"which of {names} drive: those that do are added")
+            found.ask_question(
+                "column", f"which of {names} drive the machine: their torques are added"
+            )
         reason = f"{column.field}: at the motor; needs the gear"
         found.sketch_source(column, name, column.unit, reason)
         found.propose_as_comment("force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason)

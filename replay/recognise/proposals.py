@@ -17,7 +17,7 @@ ORDER: Final = ("gear", "radius", "column", "side", "unit", "sign")
 class LogColumn:
     """Column of a table: topic (None for the only one), stated unit, and words of its name.
 
-    `quantity` is the quantity of the name that the unit permits: a column in N is no torque.
+    `quantity` is the quantity of the name that the unit permits: a column in N is not a torque.
     """
 
     topic: str | None

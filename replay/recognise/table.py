@@ -101,7 +101,7 @@ def settle_claims(log: Log, channel: str, claims: Sequence[Claim], found: Recogn
         return
     names = ", ".join(f"'{each.field}'" for each, *_ in claims)
     found.sketch_source(column, channel, unit, f"one of {names}")
-    together = "; where they act together, their sum" if adds_up else ""
+    together = "; if they act together, their sum" if adds_up else ""
     found.ask_question("column", f"which of {names} is channels.{channel}{together}")
 
 
@@ -118,7 +118,7 @@ def _ask_more_torques(columns: Sequence[LogColumn], found: Recognition) -> None:
     if more:
         names = ", ".join(more)
         found.ask_question(
-            "column", f"whether {names} moves the machine as well: torques of wheels add up"
+            "column", f"whether {names} also drives the machine: torques of wheels add up"
         )
 
 

@@ -101,12 +101,12 @@ def _describe_log(log: Log, machine_file: Path | None, fault: str | None) -> str
     """Describe the log, and how to weigh it, in Markdown."""
     parts = [f"# {one_line(log.path.name)}", f"{log.format}, read by payscope."]
     if fault is not None:
-        parts.append(f"**{machine_file} does not fit, so nothing was replayed:** {fault}")
+        parts.append(f"**{machine_file} does not fit the log, so nothing was replayed:** {fault}")
     else:
         parts.append(
-            "Columns as recorded. To see masses, lay a machine file beside the log under its name "
-            f"(`payscope init {log.path.name} -o {log.path.stem}.toml` drafts one), or name one in "
-            f"`{VARIABLE}`."
+            "Columns as recorded. To see masses, put a machine file next to the log under the "
+            f"same name (`payscope init {log.path.name} -o {log.path.stem}.toml` drafts one), or "
+            f"name one in `{VARIABLE}`."
         )
     rows = ["| topic | type | messages |", "|---|---|---|"]
     for row in log.topics().to_dicts():

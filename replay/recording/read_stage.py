@@ -79,7 +79,7 @@ class RecordedStage:
         """Rows between two seconds of the run, both included.
 
         Raises:
-            RecordingError: the frame has no time, or that is no stretch.
+            RecordingError: the frame has no time, or the stretch is invalid.
         """
         if start_s is None and end_s is None:
             return self
@@ -97,7 +97,7 @@ class RecordedStage:
         """Rows at a second of the run: those whose span contains it, otherwise the last before.
 
         Raises:
-            RecordingError: the frame has no time, or that is no second.
+            RecordingError: the frame has no time, or the second is invalid.
         """
         if not math.isfinite(second):
             raise RecordingError(f"--at {second}: is not a time; name seconds since the start")

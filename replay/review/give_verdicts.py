@@ -121,12 +121,12 @@ class GivenVerdicts:
             folder: folder of the review.
         """
         logged = [each for each in self.spans if each not in before.shift]
-        return [*logged, *self._said_by_person(before, rows, state, folder)]
+        return [*logged, *self._select_verdicts_by_person(before, rows, state, folder)]
 
-    def _said_by_person(
+    def _select_verdicts_by_person(
         self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
-        """Verdicts of a person rather than a log; arguments as for `list_changes_to`."""
+        """Verdicts by a person rather than from a log; arguments as for `list_changes_to`."""
         now = _current_second()
         signed = {"author": self.author.strip() or None, "time": now}
         if self.begin or self.end:
@@ -202,7 +202,7 @@ def recount_review(folder: Path, given: GivenVerdicts) -> ShiftReview:
             cycles = cycles_of_ledger(rows, state.t0_unix_ns)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:
             raise ReviewError(
-                f"{folder}: its loads cannot be counted again ({error}); review its logs again"
+                f"{folder}: its loads cannot be recounted ({error}); review its logs again"
             ) from None
         before = read_verdict_text(folder)
         added = given.list_changes_to(parse_verdicts(before, folder), rows, state, folder)

@@ -101,19 +101,19 @@ def review_shift(
 ) -> ShiftReview:
     """Review a shift.
 
-    All logs are one time line with one fit, so that friction and nuisances are told by the whole
-    shift: another log, or another byte in one, is another fit. What is kept is the whole replay,
-    and each log decoded.
+    All logs are one time line with one fit, so that the whole shift determines friction and
+    nuisances: another log, or another byte in one, is another fit. What is kept is the whole
+    replay, and each log decoded.
 
     Args:
-        logs: logs of the shift, in any order; a folder stands for all logs in it.
+        logs: logs of the shift, in any order; a folder means all logs in it.
         machine_file: the machine file, or the name of a shipped one.
         folder: folder to write; an earlier review in it is replaced.
         options: see `ReviewOptions`.
         on_stage: called with the name of each stage as it begins.
 
     Raises:
-        PayscopeError: whatever is wrong with the input, before anything is written.
+        PayscopeError: the input is invalid; raised before anything is written.
     """
     machine, by, logged = load_machine(machine_file, options.overrides), None, ""
     if options.calibration is not None:
@@ -158,7 +158,7 @@ def review_shift(
                 state = before
             says = "" if by is None else by.describe(logged)
             state = state.model_copy(update={"resolved": plain, "calibration": (says, against)})
-            changes = None if before is None else _changes_since(before, state)
+            changes = None if before is None else _list_changes_since(before, state)
             page = shift.make_page(state, changes, made.track)
             write_review(page, stage)
     return ShiftReview.from_replay(folder, page, replayed=kept is None)
@@ -295,7 +295,7 @@ def _resolved_inputs(
     }
 
 
-def _changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
+def _list_changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
     """Settings, options and logs that differ from the earlier review."""
     was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (before, state))
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]

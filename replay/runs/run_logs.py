@@ -65,7 +65,7 @@ def replay_logs(
         on_stage: called with the name of each of `STEPS` as it begins.
 
     Raises:
-        PayscopeError: whatever is wrong with the input, before anything is written.
+        PayscopeError: the input is invalid; raised before anything is written.
     """
     machine = load_machine(machine_file, overrides)
     by: MachineCalibration | None = None

@@ -38,7 +38,7 @@ class Row:
     """Result for one combination: its overrides, the answer, and the answer's errors.
 
     `errors` holds by name and method: `error_kg`, the log's mass less a reference; with the truth
-    beside the logs `rmse_kg`, of the runs' raw masses; with three loads or more also
+    next to the logs `rmse_kg`, of the runs' raw masses; with three loads or more also
     `calibrated_rmse_kg` and `left_out_rmse_kg`, of the runs' masses after (19) with and without the
     run's own load in the fit. None if the log cannot weigh.
     """
@@ -61,20 +61,20 @@ def sweep_settings(
     """Replay logs on one time line for each combination; each topic is decoded once.
 
     Args:
-        logs: logs; errors are given if the truth is beside each.
+        logs: logs; errors are given if the truth is next to each log.
         machine_file: the machine file.
         overrides: `key=value` for every combination.
         grid: combinations of further overrides (`replay.runs.setting_grid.combinations`).
         reference_kg: true mass, if known.
         calibration: evidence that calibrates the masses of the combinations that it is of; the
-            others say why they have none.
+            others give the reason why they have none.
         on_stage: called with each combination as it begins.
 
     Returns:
         One row per combination.
 
     Raises:
-        PayscopeError: whatever is wrong with the input, before the first replay.
+        PayscopeError: the input is invalid; raised before the first replay.
     """
     machines = [load_machine(machine_file, [*overrides, *each]) for each in grid]
     by: MachineCalibration | None = None
@@ -110,7 +110,7 @@ def sweep_settings(
                     for method, mass in row.quantities["mass_kg"].items()
                 }
             if truth is not None:
-                errors |= _true_errors(replayed, truth, weighs=told.verdict.can_weigh)
+                errors |= _rms_errors_by_truth(replayed, truth, weighs=told.verdict.can_weigh)
             values = dict(part.split("=", 1) for part in each)
             rows.append(Row(values, told, errors))
     return rows
@@ -130,7 +130,7 @@ def _replay_combination(
         raise DataError(f"{names} with {machine_file}, {', '.join(over)}: {error}") from None
 
 
-def _true_errors(
+def _rms_errors_by_truth(
     replayed: Run, truth: pl.DataFrame, *, weighs: bool
 ) -> dict[str, dict[str, float | None]]:
     """Root mean square errors of the runs' masses, by name and method."""
@@ -169,7 +169,7 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
         fastest.
 
     Raises:
-        MachineError: in one line: what is no range or list, a key that is given twice.
+        MachineError: in one line: it is not a range or list, or a key is given twice.
     """
     axes = [_parse_axis(each) for each in over]
     keys = [axis[0].partition("=")[0] for axis in axes]

@@ -41,7 +41,7 @@ def watch_machine_file(
         machine_file: file to watch.
         output: recording, replaced by each replay.
         overrides: `key=value`, with precedence over the file.
-        replay: function that replays once and records as it is told.
+        replay: function that replays once and records as requested.
         on_answer: called with each answer and the keys changed since the previous replay.
         on_error: called with the error in a changed file; watching continues.
 

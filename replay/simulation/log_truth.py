@@ -20,7 +20,7 @@ def truth_path(log: Path) -> Path:
 
 
 def write_truth(simulated: SimulatedLog, log: Path) -> None:
-    """Write the truth of a simulated log beside it."""
+    """Write the truth of a simulated log next to it."""
     truth = {
         "log": log.name,
         "load_kg": simulated.load_kg,
@@ -38,7 +38,7 @@ def write_truth(simulated: SimulatedLog, log: Path) -> None:
 def write_shift_truth(
     truth: "ShiftTruth", scenario: Scenario, logs: Sequence[Path], path: Path
 ) -> None:
-    """Write the truth of a whole shift: cycles, dumps, stands and logs, in unix ns."""
+    """Write the truth of a whole shift: cycles, dumps, standstills and logs, in unix ns."""
     named = truth.logs.insert_column(0, pl.Series("log", [log.name for log in logs]))
     whole = {
         "cycles": truth.cycles.to_dicts(),
@@ -51,7 +51,7 @@ def write_shift_truth(
 
 
 def has_truth(logs: Sequence[Path]) -> bool:
-    """Whether every log has the truth of its trials beside it; a shift has no trials."""
+    """Whether every log has the truth of its trials next to it; a shift has no trials."""
     return all(truth_path(log).is_file() and _has_trials(truth_path(log)) for log in logs)
 
 
@@ -59,13 +59,13 @@ def true_trials(logs: Sequence[Path]) -> pl.DataFrame:
     """True values of every trial, in the logs' order, by the logs' own clock.
 
     Args:
-        logs: simulated logs, the truth beside each.
+        logs: simulated logs, with the truth next to each.
 
     Returns:
         One row per trial: `start_ns`, `end_ns`, `load_kg`, `mass_kg`, and other true values.
 
     Raises:
-        LogError: a truth file cannot be read, or is none.
+        LogError: a truth file cannot be read, or is not one.
     """
     return pl.concat([_read_trials(truth_path(log)) for log in logs])
 

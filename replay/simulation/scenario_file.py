@@ -12,7 +12,7 @@ from replay.machines.toml_file import read_toml, set_value, toml_value, validate
 
 
 def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Scenario:
-    """Read a scenario file; what it leaves out is as in the paper's campaign.
+    """Read a scenario file; omitted keys are as in the paper's campaign.
 
     Args:
         path: a TOML file; without one, the paper's machine without load, one run.

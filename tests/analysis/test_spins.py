@@ -195,7 +195,7 @@ def test_without_a_channel_there_is_no_yaw_axis_and_a_note_names_it(missing):
     for name in ("gate", "masses", "segments", "estimates/ls"):
         assert not [c for c in stages[name].columns if "_z" in c or c == "axis"]
     (note,) = reasons_for_no_answer(stages["excitation"], stages["gate"], loader.settings)
-    assert note.startswith("the log has spins, but no inertia without ")
+    assert note.startswith("the log has spins, but the inertia needs ")
     assert f"channels.{missing}" in note
     turned = replayed(sensors(starts()), loader)
     assert reasons_for_no_answer(turned["excitation"], turned["gate"], loader.settings) == []

@@ -175,7 +175,7 @@ def _findings() -> pl.DataFrame:
                 "start_t_ns": [None, 7 * 10**9],
                 "end_t_ns": [None, 9 * 10**9],
                 "strength_1": [6.0, 2.0],
-                "evidence": ["it is 42 ± 3 ms late", "it repeats one reading for 2.0 s"],
+                "evidence": ["it is 42 ± 3 ms late", "the channel repeats one reading for 2.0 s"],
                 "mass_change_kg": [123.4, None],
                 "mass_change_u_kg": [10.0, None],
                 "setting": ["channels.force_x_N.delay_s", None],

@@ -120,10 +120,11 @@ ATTACKS: tuple[Attack, ...] = (
     *(Attack("files", f"a digest of {line[64:].strip()!r}", with_line(line), 3, _NO_DIGEST)
       for line in OUTSIDE),
     Attack("files", "a table that is a link", copied(linked), 3, "readings.parquet: is a link"),
-    Attack("files", "a page that is a pipe", copied(piped), 3, "is no regular file"),
+    Attack("files", "a page that is a pipe", copied(piped), 3, "is not a regular file"),
     Attack("files", "a page of 40 MB", copied(swollen), 3, "is larger than"),
     # the signature
-    Attack("signature", "taken off with its signer", unsigned, 5, "unsigned, and --key is given"),
+    Attack("signature", "taken off with its signer", unsigned, 5,
+           "the bundle is unsigned, but --key is given"),
     Attack("signature", "another key is asked for", with_other_key, 3, _NOT_GIVEN),
     Attack("signature", "S + L for S", in_envelope(twin_signature), 3, _NOT_GIVEN),
     Attack("signature", "64 zeros", signature(bytes(64)), 3, _NOT_GIVEN),
@@ -208,7 +209,7 @@ ATTACKS: tuple[Attack, ...] = (
            "calibrates no log of a later day"),
     # machines
     Attack("machines", "a log that names a sister", resigned(logged_machine), 4,
-           "its metadata say that it is of machine 'sledge-8'"),
+           "its metadata name machine 'sledge-8'"),
     Attack("machines", "another serial number in the campaign alone",
            resigned(in_evidence("machine", "machine", "id", to="sledge-8")), 4, "sledge-8"),
     # versions
@@ -234,5 +235,5 @@ ATTACKS: tuple[Attack, ...] = (
            "cannot be used as --previous: tampered"),
     Attack("use", "a campaign after an unknown key", chained_to_unknown, 2, "unknown key"),
     Attack("use", "verify asks for a known key", required_unknown, 5,
-           "a signature by a known key is asked for"),
+           "a signature by a known key is required"),
 )  # fmt: skip

@@ -202,7 +202,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "the machine's id": Tampering(
         in_evidence("campaign", "machine", "id", to="sledge-8"),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "the machine file belongs to machine 'sledge-7', and the campaign of 'sledge-8'"),
+        "the machine file belongs to machine 'sledge-7', but the campaign to 'sledge-8'"),
     "a part": Tampering(
         in_evidence("campaign", "machine", "parts", "runners", to="R-2"),
         TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
@@ -221,15 +221,15 @@ TAMPERINGS: dict[str, Tampering] = {
     "a reference mass": Tampering(
         in_evidence("campaign", "masses", 0, "value_kg", to=21.0),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "evidence.json: references: are not what the masses on board add up to"),
+        "evidence.json: references: are not the sums of the masses on board"),
     "a mass' uncertainty": Tampering(
         in_evidence("campaign", "masses", 0, "u_kg", to=0.011),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "evidence.json: references: are not what the masses on board add up to"),
+        "evidence.json: references: are not the sums of the masses on board"),
     "what masses share": Tampering(
         in_evidence("campaign", "masses", 1, "shared_u_kg", to=0.0),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "evidence.json: references: are not what the masses on board add up to"),
+        "evidence.json: references: are not the sums of the masses on board"),
     "a certificate": Tampering(
         in_evidence("campaign", "masses", 0, "certificate", to="K-9"),
         TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
@@ -240,7 +240,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "the references": Tampering(
         in_evidence("references", 1, "reference_kg", to=121.0),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "evidence.json: references: are not what the masses on board add up to"),
+        "evidence.json: references: are not the sums of the masses on board"),
     "the day of a run": Tampering(
         in_evidence("campaign", "runs", 0, "day", to="2026-05-03"),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
@@ -248,11 +248,11 @@ TAMPERINGS: dict[str, Tampering] = {
     "a load on board": Tampering(
         in_evidence("campaign", "runs", 1, "loads", to=["block-2"]),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "evidence.json: references: are not what the masses on board add up to"),
+        "evidence.json: references: are not the sums of the masses on board"),
     "a run excluded afterwards": Tampering(
         in_evidence("campaign", "runs", 2, "excluded", to="wheel slip"),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "readings.parquet: run 'run-2', reading 1: is used, and its run is excluded"),
+        "readings.parquet: run 'run-2', reading 1: is used, although its run is excluded"),
     "the operator": Tampering(
         in_evidence("campaign", "runs", 0, "operator", to="N. N."),
         TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
@@ -268,11 +268,11 @@ TAMPERINGS: dict[str, Tampering] = {
     "the mean of a prior that was learnt": Tampering(
         in_evidence("learnt", "terms", "const", "mean", to=lambda x: x + 1.0),
         TAMPERED, IRREPRODUCIBLE, "learnt priors",
-        "evidence.json: learnt: does not follow from what its logs say"),
+        "evidence.json: learnt: does not follow from its logs"),
     "the width of one": Tampering(
         in_evidence("learnt", "terms", "const", "std", to=lambda x: x * 0.5),
         TAMPERED, IRREPRODUCIBLE, "learnt priors",
-        "evidence.json: learnt: does not follow from what its logs say"),
+        "evidence.json: learnt: does not follow from its logs"),
     "one that was not learnt": Tampering(
         lambda b: b.evidence["learnt"]["terms"].update(
             const_yaw={"mean": 0.0, "std": 1.0, "mean_u": 1.0}),
@@ -281,10 +281,10 @@ TAMPERINGS: dict[str, Tampering] = {
     "what a log said of a nuisance": Tampering(
         in_evidence("learnt", "logs", 0, "posterior", to=lambda x: x + 0.01),
         TAMPERED, IRREPRODUCIBLE, "learnt priors",
-        "evidence.json: learnt: does not follow from what its logs say"),
+        "evidence.json: learnt: does not follow from its logs"),
     "what a log said left out": Tampering(
         lambda b: b.evidence["learnt"]["logs"].pop(0), TAMPERED, IRREPRODUCIBLE, "learnt priors",
-        "evidence.json: learnt: does not follow from what its logs say"),
+        "evidence.json: learnt: does not follow from its logs"),
     "what another log said": Tampering(
         in_evidence("learnt", "logs", 0, "log", to="load-9.csv"),
         TAMPERED, IRREPRODUCIBLE, "learnt priors",
@@ -296,7 +296,7 @@ TAMPERINGS: dict[str, Tampering] = {
         "statement.dsse.json: is not signed by the key"),
     "a log that could not weigh": Tampering(
         in_evidence("logs", 0, "can_weigh", to=False), TAMPERED, IRREPRODUCIBLE, "logs",
-        "readings.parquet: run 'run-0', reading 1: is used, and its log cannot weigh"),
+        "readings.parquet: run 'run-0', reading 1: is used, although its log cannot weigh"),
     "the mass of a reading": Tampering(another_mass, TAMPERED, IRREPRODUCIBLE, "tables",
         "evidence.json: calibration.alpha_1: does not follow from the readings"),
     "a dropped reading": Tampering(without_reading, TAMPERED, IRREPRODUCIBLE, "tables",
@@ -319,7 +319,7 @@ TAMPERINGS: dict[str, Tampering] = {
         TAMPERED, IRREPRODUCIBLE, "chain",
         "evidence.json: as_found.rms_error_kg: does not follow from the points"),
     "the counter": Tampering(in_evidence("chain", "counter", to=7), TAMPERED, TAMPERED, "chain",
-        "evidence.json: chain.counter: does not follow that of the link before"),
+        "evidence.json: chain.counter: does not follow that of the previous link"),
     "the link": Tampering(
         in_evidence("chain", "previous", "sums_sha256", to="0" * 64), TAMPERED, None, "chain",
         "evidence.json: chain.previous: is other evidence than that given"),
@@ -347,18 +347,19 @@ TAMPERINGS: dict[str, Tampering] = {
         "calibration.rrd: is not listed in SHA256SUMS"),
     "a renamed file": Tampering(
         at_last(lambda f: (f / REPORT).rename(f / "report.htm")),
-        TAMPERED, TAMPERED, "files", "report.htm: is no file of a bundle"),
+        TAMPERED, TAMPERED, "files", "report.htm: does not belong to a bundle"),
     "an added file": Tampering(
         at_last(lambda f: (f / "note.txt").write_text("n")),
-        TAMPERED, TAMPERED, "files", "note.txt: is no file of a bundle"),
+        TAMPERED, TAMPERED, "files", "note.txt: does not belong to a bundle"),
     "an added folder": Tampering(
         at_last(lambda f: (f / "more").mkdir()),
-        TAMPERED, TAMPERED, "files", "more/: is a folder, which no bundle has; it was not opened"),
+        TAMPERED, TAMPERED, "files",
+        "more/: is a folder, which a bundle cannot contain; it was not opened"),
     "an added recording": Tampering(
         lambda b: ((b.folder / "runs").mkdir(), (b.folder / "runs/x.rrd").write_bytes(b"RRF2")),
         TAMPERED, TAMPERED, "files", "runs/x.rrd: is a recording that the evidence does not name"),
     "a link": Tampering(at_last(link), TAMPERED, TAMPERED, "files",
-        "report.html: is a link, which no bundle has; it was not followed"),
+        "report.html: is a link, which a bundle cannot contain; it was not followed"),
     "a line end": Tampering(
         of_bytes(EVIDENCE, lambda data: data + b"\n"),
         TAMPERED, TAMPERED, "JSON", "evidence.json: is not in the canonical form of RFC 8785"),

@@ -270,8 +270,8 @@ class TestInfo:
         )
         said = payscope("info", log, data / "bags" / name, "--check")
         assert said.status == 0
-        assert "checked and whole: 4,000 messages" in said.out
-        assert f"checked and whole: {read} agree, in" in said.out
+        assert "checked, complete: 4,000 messages" in said.out
+        assert f"checked, complete: {read} agree, in" in said.out
         assert "checked" not in payscope("info", log).out
 
     def test_a_check_of_a_damaged_log_leaves_with_1_and_a_plain_look_with_0(
@@ -283,8 +283,8 @@ class TestInfo:
         assert payscope("info", path).status == 0
         said = payscope("info", log, path, "--check")
         assert said.status == 1
-        assert "checked and whole: 4,000 messages" in said.out
-        assert "checked and not whole: 0 messages (0.000 MB) read" in said.out
+        assert "checked, complete: 4,000 messages" in said.out
+        assert "checked, incomplete: 0 messages (0.000 MB) read" in said.out
         assert "! shift.mcap: the chunk at byte" in said.out
 
     def test_json_tells_a_check_from_none(self, payscope: Payscope, log: Path) -> None:
@@ -300,7 +300,7 @@ class TestInfo:
         log.write_bytes(log.read_bytes()[:-40])
         said = payscope("info", log, tmp_path / "no.bag", "--check")
         assert said.status == 2
-        assert "checked and not whole" in said.out
+        assert "checked, incomplete" in said.out
         assert "no such file" in said.err
 
     def test_wrong_time_zone(self, payscope: Payscope, log: Path) -> None:

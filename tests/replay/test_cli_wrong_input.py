@@ -156,7 +156,10 @@ class TestWrongInput:
         ]
         assert masses[0] == masses[1]
         said = payscope("run", shuffled, "-m", machine_file)
-        assert "lost: shuffled.csv table: the time goes back at 1 rows: sorted by time" in said.out
+        assert (
+            "lost: shuffled.csv table: the time goes back at 1 rows; they were sorted by time"
+            in said.out
+        )
 
     def test_text_where_a_number_should_be(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path

@@ -217,11 +217,11 @@ def no_stamp(_: Made, bundle: Path, __: Path, ___: Path) -> None:
     ("attack", "outcome", "words"),
     [
         (of_other_evidence, BundleOutcome.TAMPERED, "belongs to another signature"),
-        (of_another_authority, BundleOutcome.TAMPERED, "is by no authority of --tsa"),
-        (with_another_time, BundleOutcome.TAMPERED, "is by no authority of --tsa"),
-        (cut_off, BundleOutcome.TAMPERED, "is no time-stamp response"),
-        (no_answer, BundleOutcome.TAMPERED, "is no time-stamp response"),
-        (no_stamp, BundleOutcome.INCOMPLETE, "is missing, and --tsa is given"),
+        (of_another_authority, BundleOutcome.TAMPERED, "is not by an authority of --tsa"),
+        (with_another_time, BundleOutcome.TAMPERED, "is not by an authority of --tsa"),
+        (cut_off, BundleOutcome.TAMPERED, "is not a granted time-stamp response"),
+        (no_answer, BundleOutcome.TAMPERED, "is not a granted time-stamp response"),
+        (no_stamp, BundleOutcome.INCOMPLETE, "is missing, although --tsa is given"),
     ],
 )
 def test_a_forged_time_stamp_is_found(

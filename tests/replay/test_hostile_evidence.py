@@ -91,7 +91,7 @@ def test_a_pipe_is_not_waited_for(genuine: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(genuine, tmp_path / "b"))
     (folder / REPORT).unlink()
     os.mkfifo(folder / REPORT)
-    assert "is no regular file" in findings_text(verify_bundle(folder))
+    assert "is not a regular file" in findings_text(verify_bundle(folder))
 
 
 def test_a_file_too_large_is_not_held(genuine: Path, tmp_path: Path) -> None:

@@ -170,8 +170,8 @@ class TestLinearAxis:
         assert result["verdict"]["can_weigh"] is False
         assert all(mass is None for mass in result["mass_kg"].values())
         assert result["notes"][-1] == (
-            f"the longest stretch without braking is {longest_s} s, the window 3.20 s; "
-            "where the force sees the brakes, settings.gate.exclude_braking = false"
+            f"the longest stretch without braking is {longest_s} s, the window 3.20 s; if the "
+            "force sensor measures the brakes, set settings.gate.exclude_braking = false"
         )
 
     def test_a_force_without_sign_is_refused(

@@ -84,7 +84,7 @@ def test_a_required_signature_is_one_by_a_known_key(
         load_calibration(CalibrationRequest(invented, signed=True))
     said = payscope("verify", invented, "--require-signed")
     assert said.status == 5
-    assert "a signature by a known key is asked for" in said.out
+    assert "a signature by a known key is required" in said.out
     add_key(load_keyring(), known(made))
     held = load_calibration(CalibrationRequest(made.bundle, signed=True))
     assert "signed by Test lab, key" in held.describe("")
@@ -119,11 +119,11 @@ def test_the_first_use_of_a_key_is_asked_on_a_terminal_and_remembered(
     )
     first = at_a_terminal(code, "Test lab\n")
     assert "that calls itself 'T. Signer'" in first
-    assert "Whose key is it?" in first
+    assert "Who owns this key?" in first
     assert "FOUND signed by Test lab, key" in first
     assert load_keyring().keys[0].owner == "Test lab"
     again = at_a_terminal(code, "")
-    assert "Whose key is it?" not in again
+    assert "Who owns this key?" not in again
     assert "FOUND signed by Test lab, key" in again
     keyring.unlink()
     assert "FOUND" not in at_a_terminal(code, "\n")
@@ -187,7 +187,7 @@ def test_nothing_is_chained_to_evidence_by_an_unknown_key(
         (
             {"revoked": "2999-01-01", "because": "lost disk"},
             BundleOutcome.TAMPERED,
-            "was revoked on 2999-01-01 (lost disk): whoever has it since can give any earlier day",
+            "was revoked on 2999-01-01 (lost disk): whoever has had it since then can backdate",
         ),
     ],
 )

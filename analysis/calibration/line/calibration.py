@@ -247,7 +247,7 @@ class Calibration:
 
     @property
     def is_of_one_day(self) -> bool:
-        """Whether nothing tells how the machine changes from day to day."""
+        """Whether no data determine how the machine changes from day to day."""
         days = {point.day for point in self.points if point.readings}
         return len(days) == 1 and (self.day_kg is None or self.day_freedom is not None)
 
@@ -283,14 +283,14 @@ class Calibration:
 
         Args:
             mass_kg: m̂ of a load, by the same method.
-            u_random_kg: the random part of its own standard uncertainty, in kg of m̂; None where it
-                is unknown, and it has what the campaign's readings had.
+            u_random_kg: the random part of its own standard uncertainty, in kg of m̂; None if
+                unknown: that of the campaign's readings.
             readings: whose mean it is.
             unlike_u_kg: what its log has of errors that the line did not take with it, in kg of m̂.
 
         Returns:
-            The mass, or None with the reason: no estimate, a slope that cannot be told from 0, an
-            interval that says less than the valid range does, or lies outside of it.
+            The mass, or None with the reason: no estimate, a slope that cannot be distinguished
+            from 0, or an interval that is wider than the valid range or lies outside of it.
         """
         if mass_kg is None or not np.isfinite(mass_kg) or readings < 1:
             return _withheld_mass("no estimate")

@@ -172,16 +172,16 @@ class Inversion:
         return float(np.sqrt(variance)) / abs(self.slope_1)
 
     def _excess_random_kg2(self, new: Floats, u_random_kg: Floats) -> Floats:
-        """(n,) random variance beyond that of the campaign's readings."""
+        """Random variance of later values beyond that of the campaign's readings, (n,)."""
         random = new[:, self._random_effect()] * self.variance_kg2[self._random_effect()]
         return np.fmax(np.nan_to_num(u_random_kg) ** 2 - np.maximum(random, 0.0), 0.0)
 
     def _random_effect(self) -> int:
-        """Index of the effect that averages over readings, or else of the one that contains it."""
+        """Index of the effect that averages out over readings, or of the one that contains it."""
         return self.effects.get(REPEATABILITY, self.effects.get(RUN, 0))
 
     def _new_value_effects(self, readings: Floats) -> Floats:
-        """(n, effects) factor of each variance in a later value."""
+        """Factor of each variance component in the variance of a later value, (n, effects)."""
         new = np.tile(self.scatters, (readings.size, 1))
         if self.variance_kg2[self.effects.get(RUN, 0)] < 0.0:
             # more readings than any run had would count on the runs' luck
@@ -193,7 +193,7 @@ class Inversion:
     def _solve_estimates(
         self, y_kg: Floats, new: Floats, more_kg2: Floats, confidence_1: float
     ) -> InverseReading:
-        """Mass, uncertainty and interval of values with given factors of each effect."""
+        """Mass, uncertainty and interval of later values, given the factor of each effect."""
         away = (y_kg - self.level_kg) / self.slope_1
         at = np.stack([np.ones_like(away), away], -1)
         gradient = new + np.einsum("ni,kij,nj->nk", at, self.on_line, at)
@@ -241,7 +241,7 @@ class Inversion:
         return np.where(squared > 0.0, squared, common[:, None] ** 2), common**2
 
     def _dof_of_variances(self, gradient: Floats, total: Floats) -> Floats:
-        """(n,) degrees of freedom of variances (n,) with gradients (n, effects)."""
+        """Degrees of freedom (n,) of variances (n,) with gradients (n, effects)."""
         if self.covariance.size == 0:
             return np.full(total.size, np.inf)
         variances = Variances(self.variance_kg2[self.estimated], self.covariance)

@@ -60,8 +60,8 @@ def calibrate_loads(
         log: further facts about the log.
 
     Returns:
-        The frame with the columns `CALIBRATED`; `calibrated_reason` says why a row has no mass (""
-        else), `calibrated_said` what a reader must know of one.
+        The frame with the columns `CALIBRATED`; `calibrated_reason` is the reason why a row has no
+        mass ("" else), `calibrated_said` a note on its mass.
 
     Raises:
         DataError: the frame lacks the calibration's estimator.
@@ -127,7 +127,7 @@ def _calibrate_load_columns(
 def _unlike_driving_shift(
     row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
-    """Offset of m̂ because the log is driven unlike the campaign, with its uncertainty, in kg."""
+    """Offset of m̂ caused by driving unlike the campaign, with its uncertainty, in kg."""
     key = ("mass" if calibration.method == "joint_mass" else "payload", row["load_id"])
     if shared_errors is None or not calibration.responses or key not in shared_errors.moved_kg:
         return 0.0, 0.0
@@ -220,6 +220,6 @@ def reason_of_change(check: DriftCheck | None, log: LaterLog) -> str:
     assert check.mass_kg is not None
     return (
         f"its empty part weighs {check.mass_kg:,.0f} kg by the calibration, and the empty machine "
-        f"{log.empty_kg:,.0f} kg; up to {check.limit_kg:,.0f} kg apart is chance: the machine, the "
-        "ground or its empty mass is another"
+        f"{log.empty_kg:,.0f} kg; up to {check.limit_kg:,.0f} kg apart can be chance: the "
+        "machine, the ground or the empty mass has changed"
     )

@@ -98,7 +98,7 @@ def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
             scale intervals than the class has.
 
     Source:
-        OIML R 51-1 (2006), category Y in automatic operation (its table stands also in the Northern
+        OIML R 51-1 (2006), category Y in automatic operation (its table is also in the Northern
         Ireland Statutory Rule 2006 No. 154, schedule 5); OIML R 134-1 (2006), 2.2, vehicle mass.
     """
     name = rule.accuracy_class

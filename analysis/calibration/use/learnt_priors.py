@@ -32,9 +32,9 @@ CONTRADICTS: Final = 4.0
 #: Of the terms, what another ground, mounting or warmth changes from day to day.
 _CHANGES: Final = ("const", "direction")
 _ONE_DAY: Final = (
-    "evidence of one day: a gain of the force that has changed since shows in no log, and a bias, "
-    "tilt or rolling resistance worth up to {:,.0f} kg passes for chance; an empty start, "
-    "calibrate --check or evidence of several days would tell"
+    "evidence of one day: no log can reveal a force gain that has changed since, and a bias, "
+    "tilt or rolling resistance worth up to {:,.0f} kg cannot be distinguished from chance; an "
+    "empty start, calibrate --check or evidence of several days would reveal it"
 )
 _NAMES: Final = get_args(LearnableTerm)
 
@@ -183,8 +183,8 @@ def contradicted_priors(nuisances: pl.DataFrame) -> str:
             worst = deviations
             said = (
                 f"{row['term']} is {own:.3g} {row['unit']} in this log and "
-                f"{row['prior_mean']:.3g} in its calibration, {deviations:.1f} deviations apart: "
-                "the machine or the ground is another"
+                f"{row['prior_mean']:.3g} in its calibration, {deviations:.1f} standard "
+                "deviations apart: the machine or the ground has changed"
             )
     return said
 

@@ -129,7 +129,7 @@ def line_gain(calibration: Calibration) -> DifferenceGain:
 
 
 def _combine_gains(calibration: Calibration, shared_errors: SharedErrors | None) -> DifferenceGain:
-    """Gain by slope and level of the line, weighted by their uncertainties."""
+    """Gain of mass differences: slope and level of the line, weighted by uncertainty."""
     if shared_errors is None or not calibration.responses:
         return line_gain(calibration)
     at_kg, slope = calibration.centre_kg, calibration.c1_1

@@ -226,7 +226,7 @@ class ShiftDriver(MachineDriver):
         self.dumps.append(lost)
 
     def _pour_part_of_load(self) -> None:
-        """Stand, and pour a part of the load halfway through the stand."""
+        """Stand, and pour a part of the load halfway through the standstill."""
         half_s, loaded = self.shift.dump_s / 2.0, self._body_with_load()
         times = self.rest(half_s, loaded.mass_kg)
         self._note_boom(_CARRY, at_s=times.start_s)
@@ -268,7 +268,7 @@ class ShiftDriver(MachineDriver):
         self._rest_between_cycles(operator)
 
     def _dump_load(self) -> float:
-        """Stand, dump halfway through the stand, and return the time of the dump in s."""
+        """Stand, dump halfway through the standstill, and return the time of the dump in s."""
         shift, loaded = self.shift, self._body_with_load()
         drawn = self._cycle_generator("shift_carry_back").exponential(shift.carry_back_kg)
         times = self.rest(shift.dump_s / 2.0, loaded.mass_kg)

@@ -14,28 +14,28 @@ class SimulatedDrivetrain(BaseModel):
         default=0.0,
         ge=0,
         le=1e8,
-        description="the drive force is at most this over the speed; 0: none",
+        description="power limit: drive force at most this over the speed; 0: no limit",
     )
     no_load_speed_m_s: float = Field(
         default=0.0,
         ge=0,
         le=100,
-        description="speed at which the force of a voltage-limited motor has fallen linearly to "
-        "none; 0: it does not fall",
+        description="speed at which the force of a voltage-limited motor has fallen linearly "
+        "to 0; 0: no such limit",
     )
     efficiency: float = Field(
         default=1.0,
         ge=0.1,
         le=1,
-        description="share of the measured force that reaches the ground while driving; where the "
-        "wheels drive the motor, the share of theirs that is measured",
+        description="share of the measured force that reaches the ground in driving; when the "
+        "wheels drive the motor, share of their force that is measured",
     )
     rotating_kg: float = Field(
         default=0.0,
         ge=0,
         le=1e5,
         description="equivalent mass of rotating parts, which the measured force accelerates "
-        "besides what is weighed",
+        "in addition to the weighed mass",
     )
     gear_up_m_s: tuple[float, ...] = Field(
         default=(), max_length=20, description="speeds at which a gearbox shifts up, ascending"
@@ -43,8 +43,8 @@ class SimulatedDrivetrain(BaseModel):
     gear_rotating_kg: tuple[float, ...] = Field(
         default=(),
         max_length=21,
-        description="equivalent rotating mass in each gear, besides rotating_kg: one more "
-        "than gear_up_m_s",
+        description="equivalent rotating mass in each gear, in addition to rotating_kg: one "
+        "value more than gear_up_m_s",
     )
     resonance_hz: float = Field(
         default=0.0,
@@ -52,12 +52,14 @@ class SimulatedDrivetrain(BaseModel):
         le=50,
         description="natural frequency of wheels against body over a torsional spring; 0: rigid",
     )
-    resonance_damping: float = Field(default=0.1, ge=0, le=2, description="its damping ratio")
+    resonance_damping: float = Field(
+        default=0.1, ge=0, le=2, description="damping ratio of that spring"
+    )
     wheel_mass_share: float = Field(
         default=0.1,
         gt=0,
         lt=1,
-        description="share of the weighed mass on the wheels' side of that spring",
+        description="share of the weighed mass on the wheel side of that spring",
     )
     relaxation_length_m: float = Field(
         default=0.0,
@@ -87,28 +89,30 @@ class SimulatedBrakes(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    drag_N: float = Field(default=0.0, ge=0, le=1e6, description="drag throughout")
+    drag_N: float = Field(default=0.0, ge=0, le=1e6, description="constant drag of the brakes")
     release_s: float = Field(
         default=0.0,
         ge=0,
         le=60,
-        description="time constant with which they let go from a start's beginning; 0: at once",
+        description="time constant of the release of the brakes at the beginning of a start; "
+        "0: at once",
     )
     release_N: float = Field(
-        default=2000.0, ge=0, le=1e6, description="drag at the start of such a release"
+        default=2000.0, ge=0, le=1e6, description="drag at the beginning of that release"
     )
     gentle_m_s2: float = Field(
         default=0.0,
         ge=0,
         le=5,
-        description="deceleration that brakes no force sensor sees add to friction's, down to the "
-        "stand, in place of campaign.braking_m_s2; 0: those",
+        description="deceleration by brakes that no force sensor measures, besides friction, "
+        "down to standstill, in place of campaign.braking_m_s2; 0: "
+        "campaign.braking_m_s2",
     )
     gentle_lead_s: float = Field(
         default=0.5,
         ge=0,
         le=60,
-        description="how long before the throttle is shut these begin, within the cruise",
+        description="time from the onset of these brakes to the end of throttle, in the cruise",
     )
 
 
@@ -121,7 +125,10 @@ class SimulatedChassis(BaseModel):
         default=0.0, ge=-10, le=10, description="pitch, nose up, over forward acceleration"
     )
     squat_deg_s2_m_kg: float = Field(
-        default=0.0, ge=-0.1, le=0.1, description="increase per kg of load: soft rear springs"
+        default=0.0,
+        ge=-0.1,
+        le=0.1,
+        description="increase of squat_deg_s2_m per kg of load: soft rear springs",
     )
     pitch_deg_kg: float = Field(
         default=0.0,
@@ -133,17 +140,25 @@ class SimulatedChassis(BaseModel):
         default=0.0,
         ge=0,
         le=50,
-        description="natural frequency of that pitching; 0: it follows at once",
+        description="natural frequency of the pitching; 0: the pitch follows at once",
     )
-    squat_damping: float = Field(default=0.3, ge=0, le=5, description="its damping ratio")
+    squat_damping: float = Field(
+        default=0.3, ge=0, le=5, description="damping ratio of the pitching"
+    )
     boom_kg: float = Field(
-        default=0.0, ge=0, le=1e5, description="mass, part of the machine's, that moves with a boom"
+        default=0.0,
+        ge=0,
+        le=1e5,
+        description="mass of the part of the machine that moves with a boom",
     )
     boom_stroke_m: float = Field(
-        default=0.2, ge=0, le=10, description="how far it goes ahead and back, as a sine"
+        default=0.2,
+        ge=0,
+        le=10,
+        description="peak-to-peak motion of that mass, ahead and back, a sine",
     )
     boom_period_s: float = Field(
-        default=4.0, ge=0.1, le=1000, description="and how long that takes"
+        default=4.0, ge=0.1, le=1000, description="period of the motion of that mass"
     )
 
 
@@ -162,20 +177,23 @@ class SimulatedRolling(BaseModel):
         default=0.0,
         ge=-0.5,
         le=0.5,
-        description="what the coefficient is more on a second ground, which alternates with the "
+        description="increase of the coefficient on a second ground, which alternates with the "
         "first along the way",
     )
     ground_length_m: float = Field(
         default=15.0,
         ge=2.5,
         le=10_000,
-        description="length of each of both; the first begins where a log or a shift begins",
+        description="length of each ground; the first begins where a log or a shift begins",
     )
     growth_s_m: float = Field(
-        default=0.0, ge=0, le=1, description="part by which it grows a m/s of speed"
+        default=0.0, ge=0, le=1, description="relative increase of the coefficient per m/s of speed"
     )
     growth_s_rad: float = Field(
-        default=0.0, ge=0, le=100, description="part by which it grows a rad/s of yaw rate"
+        default=0.0,
+        ge=0,
+        le=100,
+        description="relative increase of the coefficient per rad/s of yaw rate",
     )
 
     @model_validator(mode="after")

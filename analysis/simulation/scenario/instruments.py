@@ -14,54 +14,73 @@ class SimulatedSensors(BaseModel):
     model_config = _FORBID
 
     rate_hz: float = Field(
-        default=100.0, ge=1, le=10_000, description="of each topic without its own"
+        default=100.0, ge=1, le=10_000, description="rate of each topic without a rate of its own"
     )
     force_noise_N: float = Field(
-        default=60.0, ge=0, description="of the total force: (17) over the force share"
+        default=60.0, ge=0, description="noise of the total force: (17) over the force share"
     )
-    acc_noise_m_s2: float = Field(default=0.01, ge=0, description="of each accelerometer axis")
-    speed_noise_m_s: float = Field(default=0.005, ge=0, description="of the mean of both sides")
-    gyro_noise_rad_s: float = Field(default=0.001, ge=0, description="of each gyroscope axis")
-    pitch_noise_rad: float = Field(default=0.0005, ge=0, description="of the orientation's pitch")
-    roll_noise_rad: float = Field(default=0.0, ge=0, description="of the orientation's roll")
+    acc_noise_m_s2: float = Field(
+        default=0.01, ge=0, description="noise of each accelerometer axis"
+    )
+    speed_noise_m_s: float = Field(
+        default=0.005, ge=0, description="noise of the mean speed of both sides"
+    )
+    gyro_noise_rad_s: float = Field(default=0.001, ge=0, description="noise of each gyroscope axis")
+    pitch_noise_rad: float = Field(
+        default=0.0005, ge=0, description="noise of the pitch in the orientation"
+    )
+    roll_noise_rad: float = Field(
+        default=0.0, ge=0, description="noise of the roll in the orientation"
+    )
     force_drift_N: float = Field(
         default=0.0,
         ge=0,
         description="coloured noise of the total force: a first-order Gauss-Markov process (AR(1))",
     )
     force_drift_s: float = Field(
-        default=1.0, gt=0, le=1e5, description="its correlation time: e-folding of autocorrelation"
+        default=1.0,
+        gt=0,
+        le=1e5,
+        description="correlation time of that noise: e-folding of its autocorrelation",
     )
-    acc_bias_m_s2: float = Field(default=0.0, description="of the accelerometer along x")
-    gyro_bias_rad_s: float = Field(default=0.0, description="of each gyroscope axis")
-    force_bias_N: float = Field(default=0.0, description="of the total force")
+    acc_bias_m_s2: float = Field(default=0.0, description="bias of the accelerometer along x")
+    gyro_bias_rad_s: float = Field(default=0.0, description="bias of each gyroscope axis")
+    force_bias_N: float = Field(default=0.0, description="bias of the total force")
     force_gain: float = Field(
         default=1.0,
         gt=0,
         le=100,
-        description=("the torque sensors report this many times the torque"),
+        description=("ratio of reported to true torque"),
     )
     torque_lsb_N_m: float = Field(
         default=0.0, ge=0, description="resolution of each torque sensor; 0: not quantised"
     )
-    acc_lsb_m_s2: float = Field(default=0.0, ge=0, description="of each accelerometer axis")
-    gyro_lsb_rad_s: float = Field(default=0.0, ge=0, description="of each gyroscope axis")
-    speed_lsb_m_s: float = Field(default=0.0, ge=0, description="of each side's wheel speed")
-    angle_lsb_rad: float = Field(default=0.0, ge=0, description="of pitch and roll")
-    imu_x_m: float = Field(
-        default=0.0, ge=-10, le=10, description="where the IMU sits, ahead of the origin"
+    acc_lsb_m_s2: float = Field(
+        default=0.0, ge=0, description="resolution of each accelerometer axis"
     )
-    imu_y_m: float = Field(default=0.0, ge=-10, le=10, description="and to the left")
+    gyro_lsb_rad_s: float = Field(
+        default=0.0, ge=0, description="resolution of each gyroscope axis"
+    )
+    speed_lsb_m_s: float = Field(
+        default=0.0, ge=0, description="resolution of the wheel speed of each side"
+    )
+    angle_lsb_rad: float = Field(default=0.0, ge=0, description="resolution of pitch and roll")
+    imu_x_m: float = Field(
+        default=0.0, ge=-10, le=10, description="position of the IMU ahead of the origin"
+    )
+    imu_y_m: float = Field(
+        default=0.0, ge=-10, le=10, description="position of the IMU to the left of the origin"
+    )
     force_delay_s: float = Field(
-        default=0.0, ge=0, le=10, description="the torque sensors report what was so long ago"
+        default=0.0, ge=0, le=10, description="delay of the torque sensors"
     )
     speed_delay_s: float = Field(
         default=0.0,
         ge=0,
         le=10,
-        description=("the wheel speed sensors report this many times the speed"),
+        description=("delay of the wheel speed sensors"),
     )
-    imu_delay_s: float = Field(default=0.0, ge=0, le=10, description="likewise the IMU")
+    imu_delay_s: float = Field(default=0.0, ge=0, le=10, description="delay of the IMU")
     seed: int = Field(default=1, ge=0, description="the same seed gives the same logs")
 
 
@@ -71,16 +90,22 @@ class SimulatedRecorder(BaseModel):
     model_config = _FORBID
 
     start_unix_s: int = Field(
-        default=1_700_000_000, ge=0, le=2_000_000_000, description="when the first log begins"
+        default=1_700_000_000,
+        ge=0,
+        le=2_000_000_000,
+        description="time at which the first log begins",
     )
     machine_id: str = Field(
         default="",
         max_length=64,
-        description="serial number in the log's metadata, where it has any (MCAP, rosbag2)",
+        description="serial number in the metadata of the log, if its format has any (MCAP, "
+        "rosbag2)",
     )
-    load_change_s: float = Field(default=120.0, ge=0, le=86_400, description="between two logs")
+    load_change_s: float = Field(
+        default=120.0, ge=0, le=86_400, description="time between two logs"
+    )
     latency_s: float = Field(
-        default=0.002, ge=0, le=1, description="least time from measurement to recording"
+        default=0.002, ge=0, le=1, description="least latency from measurement to recording"
     )
     latency_jitter_s: float = Field(
         default=0.001,
@@ -103,7 +128,7 @@ class SimulatedRecorder(BaseModel):
         le=1e6,
         description="mean time between stretches in which nothing is recorded; 0: never",
     )
-    blackout_s: float = Field(default=1.0, gt=0, le=3600, description="how long such a stretch is")
+    blackout_s: float = Field(default=1.0, gt=0, le=3600, description="duration of such a stretch")
 
 
 class SimulatedDefects(BaseModel):
@@ -114,18 +139,20 @@ class SimulatedDefects(BaseModel):
     force_lag_s: float = Field(
         default=0.0, ge=0, le=10, description="first-order low-pass of the torque sensors"
     )
-    imu_lag_s: float = Field(default=0.0, ge=0, le=10, description="likewise of the IMU")
+    imu_lag_s: float = Field(
+        default=0.0, ge=0, le=10, description="first-order low-pass of the IMU"
+    )
     speed_lag_s: float = Field(
-        default=0.0, ge=0, le=10, description="likewise of the wheel speed sensors"
+        default=0.0, ge=0, le=10, description="first-order low-pass of the wheel speed sensors"
     )
     acc_tilt_deg: float = Field(
         default=0.0,
         ge=-45,
         le=45,
-        description="angle of the accelerometer, nose up, unseen by the pitch",
+        description="tilt of the accelerometer, nose up, that the pitch does not measure",
     )
     acc_without_gravity: bool = Field(
-        default=False, description="the accelerometer's gravity has been taken off"
+        default=False, description="gravity has been removed from the accelerometer"
     )
     vibration_m_s2: float = Field(
         default=0.0,
@@ -133,15 +160,17 @@ class SimulatedDefects(BaseModel):
         le=100,
         description="r.m.s. vibration of the accelerometer along x while the wheels turn",
     )
-    vibration_hz: float = Field(default=13.0, gt=0, le=5000, description="its frequency")
+    vibration_hz: float = Field(
+        default=13.0, gt=0, le=5000, description="centre frequency of the vibration"
+    )
     vibration_bandwidth_hz: float = Field(
-        default=5.0, gt=0, le=1000, description="its bandwidth: half power to half power"
+        default=5.0, gt=0, le=1000, description="bandwidth of the vibration between half powers"
     )
     force_share_s2_m: float = Field(
         default=0.0,
         ge=-0.2,
         le=0.2,
-        description="load transfer: part of the measured share that is lost a m/s² of forward "
+        description="load transfer: part of the measured share that is lost per m/s² of forward "
         "acceleration",
     )
     force_share_1_kg: float = Field(
@@ -151,25 +180,30 @@ class SimulatedDefects(BaseModel):
         default=0.0,
         ge=-1,
         le=1,
-        description="part by which the force gain grows over a log, linearly",
+        description="relative growth of the force gain over a log, linear",
     )
     force_clip_N: float = Field(
         default=0.0,
         ge=0,
         le=1e7,
-        description="total force beyond which the torque sensors read no more, half on each side; "
-        "0: none",
+        description="total force at which the torque sensors saturate, half on each side; 0: none",
     )
     left_torque_gain: float = Field(
-        default=1.0, ge=-10, le=10, description="of the left torque sensor alone; -1: a wrong sign"
+        default=1.0,
+        ge=-10,
+        le=10,
+        description="gain of the left torque sensor alone; -1: a wrong sign",
     )
     sides_swapped: bool = Field(default=False, description="left and right are swapped")
     frozen_topic: Literal["none", "imu", "torque", "speed"] = Field(
         default="none", description="topic whose values repeat while its stamps go on"
     )
-    frozen_s: float = Field(default=1.0, gt=0, le=3600, description="how long they repeat")
+    frozen_s: float = Field(default=1.0, gt=0, le=3600, description="duration of a repetition")
     frozen_every_s: float = Field(
-        default=30.0, gt=0, le=1e6, description="how often, first after so long"
+        default=30.0,
+        gt=0,
+        le=1e6,
+        description="time between such repetitions, and before the first",
     )
 
     @property

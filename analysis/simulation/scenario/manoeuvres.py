@@ -15,7 +15,7 @@ class Rest(_Manoeuvre):
     """Stand, held by the brakes."""
 
     kind: Literal["rest"] = "rest"
-    duration_s: float = Field(default=5.0, ge=0, le=3600, description="how long it stands")
+    duration_s: float = Field(default=5.0, ge=0, le=3600, description="duration of the standstill")
 
 
 class Start(_Manoeuvre):
@@ -26,23 +26,26 @@ class Start(_Manoeuvre):
         default="forward", description="forward or reverse"
     )
     throttle: float = Field(default=1.0, gt=0, le=1, description="share of the full throttle")
-    start_s: float = Field(default=3.0, ge=0.001, le=600, description="throttle open")
+    start_s: float = Field(default=3.0, ge=0.001, le=600, description="duration of open throttle")
     cruise_s: float = Field(
-        default=2.0, ge=0.001, le=600, description="throttle reduced to what keeps the speed"
+        default=2.0,
+        ge=0.001,
+        le=600,
+        description="duration of cruise, with the throttle that keeps the speed",
     )
     coast_s: float = Field(
         default=0.0,
         ge=0,
         le=600,
-        description="throttle shut, brakes open, before the machine brakes",
+        description="duration of coasting with shut throttle and open brakes, before braking",
     )
     digging_N: float = Field(
         default=0.0,
         ge=0,
         le=1e6,
-        description="resistance that grows from none until the throttle is shut, and stays",
+        description="resistance that grows from 0 until the throttle is shut, and then stays",
     )
-    digging_s: float = Field(default=1.0, gt=0, le=600, description="how long it grows")
+    digging_s: float = Field(default=1.0, gt=0, le=600, description="duration of that growth")
 
 
 class Spin(_Manoeuvre):
@@ -53,9 +56,12 @@ class Spin(_Manoeuvre):
     throttle: float = Field(
         default=1.0, gt=0, le=1, description="share of the full throttle of both sides"
     )
-    start_s: float = Field(default=3.0, ge=0.001, le=600, description="throttle open")
+    start_s: float = Field(default=3.0, ge=0.001, le=600, description="duration of open throttle")
     cruise_s: float = Field(
-        default=2.0, ge=0.001, le=600, description="throttle reduced to what keeps the yaw rate"
+        default=2.0,
+        ge=0.001,
+        le=600,
+        description="duration of cruise, with the throttle that keeps the yaw rate",
     )
 
 
@@ -65,9 +71,14 @@ class Arc(_Manoeuvre):
     kind: Literal["arc"] = "arc"
     speed_m_s: float = Field(ge=-50, le=50, description="speed held, negative backwards")
     yaw_rate_rad_s: float = Field(ge=-10, le=10, description="yaw rate held, positive to the left")
-    duration_s: float = Field(default=10.0, ge=0.001, le=3600, description="how long both are held")
+    duration_s: float = Field(
+        default=10.0, ge=0.001, le=3600, description="duration of constant speed and yaw rate"
+    )
     ramp_s: float = Field(
-        default=4.0, ge=0.1, le=600, description="time from standing to the arc, and back"
+        default=4.0,
+        ge=0.1,
+        le=600,
+        description="duration of the ramp from standstill to the arc, and back",
     )
 
 
@@ -97,32 +108,33 @@ class Travel(_Manoeuvre):
     """
 
     kind: Literal["travel"] = "travel"
-    duration_s: float = Field(default=300.0, gt=0, le=3600, description="how long it is driven")
+    duration_s: float = Field(default=300.0, gt=0, le=3600, description="duration of the drive")
     speed_least_m_s: float = Field(default=5.0, gt=0, le=50, description="least speed held")
     speed_most_m_s: float = Field(default=15.0, gt=0, le=50, description="highest speed held")
     hold_least_s: float = Field(default=4.0, gt=0, le=3600, description="least time at a speed")
     hold_most_s: float = Field(default=12.0, gt=0, le=3600, description="longest time at a speed")
     acceleration_m_s2: float = Field(
-        default=1.0, gt=0, le=20, description="at which the wanted speed rises and falls"
+        default=1.0, gt=0, le=20, description="acceleration with which the wanted speed changes"
     )
     response_s: float = Field(
         default=0.5,
         ge=0.01,
         le=10,
-        description="the pedal asks for the mass times the missing speed over this",
+        description="response time of the pedal: it commands mass times speed error over this time",
     )
     stop_share: float = Field(
-        default=0.3, ge=0, le=1, description="share of the held speeds after which it stands"
+        default=0.3, ge=0, le=1, description="share of the held speeds that a stop follows"
     )
-    stand_least_s: float = Field(default=1.0, ge=0, le=3600, description="shortest stand")
-    stand_most_s: float = Field(default=5.0, ge=0, le=3600, description="longest stand")
+    stand_least_s: float = Field(default=1.0, ge=0, le=3600, description="shortest stop")
+    stand_most_s: float = Field(default=5.0, ge=0, le=3600, description="longest stop")
     to_and_fro: bool = Field(
-        default=False, description="after each stand it drives back over where it began"
+        default=False, description="after each stop the machine drives back over its last way"
     )
     motor_brakes: bool = Field(
-        default=False, description="the motor slows it, and the force sensors see that in full"
+        default=False,
+        description="the motor slows the machine, and the force sensors measure all of that",
     )
-    in_motion: bool = Field(default=False, description="the log begins and ends while it drives")
+    in_motion: bool = Field(default=False, description="the log begins and ends in motion")
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Self:

@@ -12,32 +12,44 @@ class SimulatedSampling(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    imu_rate_hz: float = Field(default=0.0, ge=0, le=10_000, description="0: sensors.rate_hz")
-    torque_rate_hz: float = Field(default=0.0, ge=0, le=10_000, description="likewise")
-    speed_rate_hz: float = Field(default=0.0, ge=0, le=10_000, description="likewise")
+    imu_rate_hz: float = Field(
+        default=0.0, ge=0, le=10_000, description="rate of the IMU; 0: sensors.rate_hz"
+    )
+    torque_rate_hz: float = Field(
+        default=0.0, ge=0, le=10_000, description="rate of the torques; 0: sensors.rate_hz"
+    )
+    speed_rate_hz: float = Field(
+        default=0.0, ge=0, le=10_000, description="rate of the wheel speeds; 0: sensors.rate_hz"
+    )
     imu_phase_s: float = Field(
         default=-1.0,
         ge=-1,
         le=1,
-        description="first sample after the log's beginning; negative: anywhere in a period, drawn "
-        "from the seed",
+        description="first IMU sample after the beginning of the log; negative: drawn within a "
+        "period from the seed",
     )
-    torque_phase_s: float = Field(default=-1.0, ge=-1, le=1, description="likewise")
-    speed_phase_s: float = Field(default=-1.0, ge=-1, le=1, description="likewise")
+    torque_phase_s: float = Field(default=-1.0, ge=-1, le=1, description="the same for the torques")
+    speed_phase_s: float = Field(
+        default=-1.0, ge=-1, le=1, description="the same for the wheel speeds"
+    )
     imu_clock_ppm: float = Field(
         default=0.0,
         ge=-50_000,
         le=50_000,
-        description="how much faster than time the clock of the header stamps runs; right at the "
-        "log's beginning",
+        description="excess rate of the clock of IMU header stamps; right at the beginning of "
+        "the log",
     )
-    torque_clock_ppm: float = Field(default=0.0, ge=-50_000, le=50_000, description="likewise")
-    speed_clock_ppm: float = Field(default=0.0, ge=-50_000, le=50_000, description="likewise")
+    torque_clock_ppm: float = Field(
+        default=0.0, ge=-50_000, le=50_000, description="the same for the torques"
+    )
+    speed_clock_ppm: float = Field(
+        default=0.0, ge=-50_000, le=50_000, description="the same for the wheel speeds"
+    )
     stamp_jitter_s: float = Field(
         default=0.0,
         ge=0,
         le=1,
-        description="most that a header stamp is off to either side, uniform, of every topic",
+        description="largest error of header stamps to either side, uniform, in every topic",
     )
 
     def rate_hz(self, topic: TopicName, common_hz: float) -> float:

@@ -35,25 +35,33 @@ class SimulatedStarts(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     throttle_least: float = Field(
-        default=1.0, gt=0, le=1, description="each start has a share of its throttle, at least this"
+        default=1.0, gt=0, le=1, description="least share of the throttle in a start"
     )
-    throttle_most: float = Field(default=1.0, gt=0, le=1, description="and at most this, uniform")
+    throttle_most: float = Field(
+        default=1.0,
+        gt=0,
+        le=1,
+        description="largest share of the throttle in a start, uniformly distributed",
+    )
     directions: Literal["as listed", "alternating"] = Field(
-        default="as listed", description="alternating: every second start goes the other way"
+        default="as listed", description="alternating: every second start reverses its direction"
     )
     coulomb_std_N: float = Field(
         default=0.0,
         ge=0,
         le=1e6,
-        description="of the Coulomb friction from start to start, normal, none below 0",
+        description="standard deviation of the Coulomb friction between starts, normal, cut "
+        "off at 0",
     )
     stick_share: float = Field(
         default=0.0,
         ge=0,
         le=1,
-        description="part of the throttle by which the stick swings back and forth",
+        description="largest reduction of the throttle by an oscillating stick, as a share of it",
     )
-    stick_hz: float = Field(default=0.7, gt=0, le=50, description="how often it swings, as a sine")
+    stick_hz: float = Field(
+        default=0.7, gt=0, le=50, description="frequency of that oscillation, a sine"
+    )
     turn_rad_s: float = Field(
         default=0.0, ge=-1, le=1, description="yaw rate of a start, reached above 0.1 m/s"
     )
@@ -61,7 +69,7 @@ class SimulatedStarts(BaseModel):
         default=5000.0,
         ge=0,
         le=1e7,
-        description="resistance of scrubbing tyres over the yaw rate of such a start",
+        description="resistance of scrubbing tyres per yaw rate of such a start",
     )
 
     @model_validator(mode="after")
@@ -77,17 +85,17 @@ class SimulatedLoading(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     change_kg: float = Field(
-        default=0.0, ge=-1e6, le=1e6, description="what the load of some starts differs by"
+        default=0.0, ge=-1e6, le=1e6, description="change of the load between starts"
     )
     change_before_start: int = Field(
         default=0,
         ge=0,
         le=100_000,
-        description="it changes, standing, before the start of this number (the first is 0); "
-        "0: never",
+        description="number of the start (the first is 0) before which the load changes at "
+        "standstill; 0: never",
     )
     alternating: bool = Field(
-        default=False, description="it changes before every start but the first"
+        default=False, description="the load changes before every start but the first"
     )
     fill_kg_s: float = Field(
         default=0.0,
@@ -101,8 +109,8 @@ class SimulatedLoading(BaseModel):
         default=0.0,
         ge=0,
         le=1,
-        description="part of the load that falls off a second of driving, exponentially; what is "
-        "lost stays lost until the load changes",
+        description="part of the load that falls off per second of driving, exponentially; what "
+        "is lost stays lost until the load changes",
     )
 
     def added_kg(self, start: int) -> float:
@@ -132,21 +140,24 @@ class SimulatedMachine(BaseModel):
         default=0.0,
         ge=0,
         le=1e7,
-        description="stiffness of a spring, as in a test rack, which pulls it back to where a log "
-        "begins",
+        description="stiffness of a spring, as in a test rack, that pulls the machine back to "
+        "where a log begins",
     )
     friction_warming: float = Field(
         default=0.0,
         ge=0,
         lt=1,
-        description="share of the viscous friction that a warm machine has lost; a log and a shift "
-        "begin cold",
+        description="share of the viscous friction that a warm machine has lost; logs and "
+        "shifts begin cold",
     )
     coulomb_warming: float = Field(
-        default=0.0, ge=0, lt=1, description="warm-up of the Coulomb friction"
+        default=0.0,
+        ge=0,
+        lt=1,
+        description="share of the Coulomb friction that a warm machine has lost",
     )
     warming_s: float = Field(
-        default=60.0, gt=0, le=1e5, description="time constant of both, cold to warm"
+        default=60.0, gt=0, le=1e5, description="time constant of the warm-up of both frictions"
     )
     inertia_z_kg_m2: float = Field(
         default=4000.0, gt=0, le=1e7, description="yaw inertia about the origin"
@@ -165,13 +176,15 @@ class SimulatedMachine(BaseModel):
         default=0.0,
         ge=0,
         le=1e9,
-        description="longitudinal slip stiffness of all wheels: their slip is the force over it; "
-        "0: they do not slip",
+        description="longitudinal slip stiffness of all wheels: slip is force over stiffness; "
+        "0: no slip",
     )
     load_x_m: float = Field(
-        default=1.5, ge=-10, le=10, description="where the load sits, ahead of the origin"
+        default=1.5, ge=-10, le=10, description="position of the load ahead of the origin"
     )
-    load_y_m: float = Field(default=0.0, ge=-10, le=10, description="and to the left")
+    load_y_m: float = Field(
+        default=0.0, ge=-10, le=10, description="position of the load to the left of the origin"
+    )
     wheel_radius_m: float = Field(
         default=0.42, gt=0, le=10, description="wheel radius, as a machine file gives it"
     )
@@ -179,10 +192,11 @@ class SimulatedMachine(BaseModel):
         default=0.0,
         ge=-0.5,
         le=0.5,
-        description="part by which the wheels are larger than that: of torque and speed",
+        description="relative excess of the true wheel radius over wheel_radius_m, for torque "
+        "and speed",
     )
     track_width_m: float = Field(
-        default=1.5, gt=0, le=10, description="between the wheels of both sides"
+        default=1.5, gt=0, le=10, description="distance between the wheels of both sides"
     )
     force_share: float = Field(
         default=0.5, gt=0, le=1, description="share of the force on the wheels with torque sensors"
@@ -198,15 +212,21 @@ class SimulatedCampaign(BaseModel):
         default=(0.0, 50.0, 100.0, 150.0, 200.0, 250.0),
         min_length=1,
         max_length=100,
-        description="loads in the bucket, a log each",
+        description="loads in the bucket, one log for each",
     )
-    runs: int = Field(default=9, ge=1, le=1000, description="runs a load")
+    runs: int = Field(default=9, ge=1, le=1000, description="runs with each load")
     standstill_s: float = Field(default=5.0, ge=0, le=600, description="standstill before a start")
     start_s: float = Field(
-        default=3.0, ge=0.001, le=600, description="full throttle, unless manoeuvres say otherwise"
+        default=3.0,
+        ge=0.001,
+        le=600,
+        description="duration of full throttle, unless manoeuvres set it",
     )
     cruise_s: float = Field(
-        default=2.0, ge=0.001, le=600, description="throttle reduced to what keeps the speed"
+        default=2.0,
+        ge=0.001,
+        le=600,
+        description="duration of cruise, with the throttle that keeps the speed",
     )
     throttle_force_N: float = Field(
         default=6000.0, gt=0, le=1e7, description="drive force of full throttle"
@@ -218,7 +238,7 @@ class SimulatedCampaign(BaseModel):
         default=1.5, gt=0, le=20, description="deceleration that the brakes add to friction's"
     )
     brake_measured_share: float = Field(
-        default=0.4, ge=0, le=1, description="share of the braking force that the sensors see"
+        default=0.4, ge=0, le=1, description="share of the braking force that the sensors measure"
     )
     valve_deadband_share: float = Field(
         default=0.0, ge=0, lt=1, description="share of the throttle that the valves ignore"
@@ -257,11 +277,18 @@ class SimulatedTerrain(BaseModel):
 
     model_config = _FORBID
 
-    slope_deg: float = Field(default=0.0, ge=-30, le=30, description="positive drives uphill")
-    hills_deg: float = Field(
-        default=0.0, ge=0, le=20, description="hills: slope that comes and goes, as a sine"
+    slope_deg: float = Field(
+        default=0.0, ge=-30, le=30, description="slope of the ground, positive uphill ahead"
     )
-    hills_length_m: float = Field(default=20.0, ge=1, le=10_000, description="from hill to hill")
+    hills_deg: float = Field(
+        default=0.0,
+        ge=0,
+        le=20,
+        description="amplitude of hills: the slope varies as a sine along the way",
+    )
+    hills_length_m: float = Field(
+        default=20.0, ge=1, le=10_000, description="distance from hill to hill"
+    )
     hills_phase_deg: float = Field(
         default=0.0, ge=-360, le=360, description="phase of that sine where a log begins"
     )

@@ -17,13 +17,16 @@ class SimulatedShift(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     duration_h: float = Field(
-        default=1.0, ge=0.01, le=12, description="how long; the cycle that has begun is finished"
+        default=1.0, ge=0.01, le=12, description="duration of the shift; the last cycle is finished"
     )
     logs: int = Field(
-        default=1, ge=1, le=100, description="logs of about the same length: the recorder restarts"
+        default=1,
+        ge=1,
+        le=100,
+        description="number of logs of about the same length: the recorder restarts",
     )
     restart_s: float = Field(
-        default=5.0, ge=0, le=600, description="longest time between two of them, uniform"
+        default=5.0, ge=0, le=600, description="longest gap between two logs, uniform"
     )
     damaged_logs: int = Field(
         default=0,
@@ -32,7 +35,10 @@ class SimulatedShift(BaseModel):
         description=("number of logs that lose their end: the file is torn off"),
     )
     damage_share: float = Field(
-        default=0.02, gt=0, lt=1, description="part that such a log loses at most, uniform"
+        default=0.02,
+        gt=0,
+        lt=1,
+        description="largest share of its length that such a log loses, uniform",
     )
     load_kg: float = Field(
         default=700.0, gt=0, le=1e5, description="mean load in the bucket when it is hauled"
@@ -40,20 +46,20 @@ class SimulatedShift(BaseModel):
     load_std_kg: float = Field(
         default=120.0, ge=0, le=1e5, description="standard deviation of loads, normal"
     )
-    load_least_kg: float = Field(default=200.0, gt=0, le=1e5, description="no load is less")
-    load_most_kg: float = Field(default=1100.0, gt=0, le=1e5, description="or more")
+    load_least_kg: float = Field(default=200.0, gt=0, le=1e5, description="smallest load")
+    load_most_kg: float = Field(default=1100.0, gt=0, le=1e5, description="largest load")
     carry_back_kg: float = Field(
         default=10.0,
         ge=0,
         le=1e4,
         description="mean carry-back left in the bucket after a dump; exponentially distributed",
     )
-    carry_back_most_kg: float = Field(default=60.0, ge=0, le=1e4, description="and its most")
+    carry_back_most_kg: float = Field(default=60.0, ge=0, le=1e4, description="largest carry-back")
     spill_1_s: float = Field(
         default=0.0,
         ge=0,
         le=1,
-        description="part of a load that falls off a second of its haul, while it drives",
+        description="part of a load that falls off per second of driving in its haul",
     )
     pour_cycles: float = Field(
         default=0.0,
@@ -61,59 +67,90 @@ class SimulatedShift(BaseModel):
         le=1,
         description="share of cycles in which a part of the load is poured at a stop on the way",
     )
-    pour_share: float = Field(default=0.2, gt=0, lt=1, description="that part")
+    pour_share: float = Field(
+        default=0.2, gt=0, lt=1, description="share of the load that is poured at such a stop"
+    )
     haul_m: float = Field(
-        default=40.0, ge=12, le=1000, description="from the dump to the pile, uphill if it slopes"
+        default=40.0,
+        ge=12,
+        le=1000,
+        description="distance from the dump to the pile, uphill on a slope",
     )
     haul_starts_most: int = Field(
-        default=3, ge=1, le=20, description="starts of a loaded haul, one to this, any as likely"
+        default=3,
+        ge=1,
+        le=20,
+        description="largest number of starts in a loaded haul, uniform from one",
     )
-    empty_starts_most: int = Field(default=2, ge=1, le=20, description="likewise of an empty drive")
+    empty_starts_most: int = Field(
+        default=2,
+        ge=1,
+        le=20,
+        description="largest number of starts in an empty drive, uniform from one",
+    )
     reverse_share: float = Field(
-        default=0.2, ge=0, le=1, description="share of hauls that are driven backwards, not turned"
+        default=0.2,
+        ge=0,
+        le=1,
+        description="share of hauls that are driven backwards, without a turn",
     )
     pause_s: float = Field(
-        default=2.5, ge=0.2, le=60, description="mean stand between starts, uniform, half to 1.5"
+        default=2.5,
+        ge=0.2,
+        le=60,
+        description="mean pause between starts, uniform from half to 1.5 of it",
     )
-    dig_s: float = Field(default=4.0, ge=1, le=60, description="throttle open in the pile")
+    dig_s: float = Field(
+        default=4.0, ge=1, le=60, description="duration of open throttle in the pile"
+    )
     digging_N: float = Field(
         default=4000.0, ge=0, le=1e6, description="resistance of the pile, growing while digging"
     )
-    back_m: float = Field(default=5.0, ge=2, le=5.5, description="backwards out of pile and dump")
+    back_m: float = Field(
+        default=5.0, ge=2, le=5.5, description="distance backwards out of pile and dump"
+    )
     turn_rad_s: float = Field(
         default=0.5, gt=0, le=3, description="highest yaw rate of a half turn on the spot"
     )
-    dump_s: float = Field(default=6.0, ge=2, le=60, description="stand to dump")
+    dump_s: float = Field(default=6.0, ge=2, le=60, description="duration of the stop for dumping")
     idle_share: float = Field(
         default=0.05, ge=0, le=1, description="share of cycles after which the machine idles"
     )
     idle_s: float = Field(
-        default=90.0, gt=0, le=3600, description="mean of that, exponential, 10 s at least"
+        default=90.0,
+        gt=0,
+        le=3600,
+        description="mean duration of idling, exponential, at least 10 s",
     )
     break_after_h: float = Field(
-        default=0.0, ge=0, le=12, description="the operator's break begins after this; 0: none"
+        default=0.0, ge=0, le=12, description="time after which the operator takes a break; 0: none"
     )
-    break_s: float = Field(default=1800.0, gt=0, le=7200, description="how long it is")
+    break_s: float = Field(default=1800.0, gt=0, le=7200, description="duration of the break")
     fuel_tank_kg: float = Field(
         default=60.0, ge=0, le=1e4, description="fuel in machine.mass_kg when the shift begins"
     )
-    fuel_kg_h: float = Field(default=8.0, ge=0, le=1e3, description="what is burnt of it")
+    fuel_kg_h: float = Field(default=8.0, ge=0, le=1e3, description="fuel burnt per hour")
     refuel_share: float = Field(
-        default=0.25, ge=0, lt=1, description="part of the tank at which it is filled again"
+        default=0.25, ge=0, lt=1, description="share of the tank at which the machine refuels"
     )
-    refuel_s: float = Field(default=300.0, ge=0, le=7200, description="how long that takes")
+    refuel_s: float = Field(default=300.0, ge=0, le=7200, description="duration of refuelling")
     topics: tuple[ShiftTopic, ...] = Field(
-        default=("boom",), description="what is recorded besides: boom, odometry, gnss"
+        default=("boom",), description="additional topics: boom, odometry, gnss"
     )
     boom_noise_rad: float = Field(
-        default=0.003, ge=0, le=1, description="of the angles of boom and bucket"
+        default=0.003, ge=0, le=1, description="noise of the angles of boom and bucket"
     )
-    gnss_rate_hz: float = Field(default=10.0, gt=0, le=1000, description="of positions")
-    gnss_noise_m: float = Field(default=0.5, ge=0, le=100, description="of each of both axes")
-    latitude_deg: float = Field(default=49.0, ge=-85, le=85, description="of the dump")
-    longitude_deg: float = Field(default=8.4, ge=-180, le=180, description="likewise")
+    gnss_rate_hz: float = Field(default=10.0, gt=0, le=1000, description="rate of positions")
+    gnss_noise_m: float = Field(
+        default=0.5, ge=0, le=100, description="noise of each horizontal axis"
+    )
+    latitude_deg: float = Field(default=49.0, ge=-85, le=85, description="latitude of the dump")
+    longitude_deg: float = Field(default=8.4, ge=-180, le=180, description="longitude of the dump")
     bearing_deg: float = Field(
-        default=30.0, ge=-360, le=360, description="from the dump to the pile, clockwise of north"
+        default=30.0,
+        ge=-360,
+        le=360,
+        description="bearing from the dump to the pile, clockwise from north",
     )
 
     @model_validator(mode="after")

@@ -147,8 +147,6 @@ class _Trial:
         """Phase in which the throttle opens until the drive overcomes slope and friction.
 
         The brakes release as the drive takes over the slope.
-
-        The brakes let go as the drive takes over the slope.
         """
         hold = self.body.required_drive(_STILL, _STILL, heading_rad, _STILL)
         against = sign * float(hold[axis])

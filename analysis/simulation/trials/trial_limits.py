@@ -72,7 +72,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
 
 
 def _change_scenario(scenario: Scenario, loads_kg: Sequence[float]) -> list[float]:
-    """Loads of starts that differ from the load at the log's begin."""
+    """Loads of starts that differ from the load at the beginning of the log."""
     loading = scenario.loading
     if not (loading.alternating or loading.change_before_start):
         return []

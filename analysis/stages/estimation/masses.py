@@ -166,7 +166,7 @@ def why_spins_are_not_used(excitation: pl.DataFrame, settings: Settings) -> str 
         "yaw_acc_rad_s2": 'channels.yaw_acc_rad_s2 (derive = "d/dt yaw_rate_rad_s")',
     }
     wanted = " and ".join(remedies.get(name, f"channels.{name}") for name in missing)
-    return f"the log has spins, but no inertia without {wanted}"
+    return f"the log has spins, but the inertia needs {wanted}"
 
 
 def why_nothing_was_accepted(
@@ -209,7 +209,7 @@ def why_nothing_was_accepted(
 def _braking_remedy(what: str) -> str:
     if what != "braking":
         return ""
-    return "; where the force sees the brakes, settings.gate.exclude_braking = false"
+    return "; if the force sensor measures the brakes, set settings.gate.exclude_braking = false"
 
 
 def _longest_run(good: pl.Series) -> int:

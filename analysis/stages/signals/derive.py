@@ -157,8 +157,8 @@ def _evaluate_arithmetic(
     x, near_zero = evaluate(tree, values, at.size)
     if near_zero:
         notes.append(
-            f"{name}: {near_zero:,} of {at.size:,} samples divide by nearly nothing (below "
-            f"{NEAR_ZERO:.0%} of the divisor's range): they are left out"
+            f"{name}: {near_zero:,} of {at.size:,} samples divide by nearly zero (below "
+            f"{NEAR_ZERO:.0%} of the divisor's range): they are excluded"
         )
     known = np.isfinite(x)
     return at[known], x[known]
@@ -272,7 +272,7 @@ def usable_readings(
     if not finite.any():
         raise DataError(f"{name}: {where} holds no number in {x.size} samples")
     told = finite & (np.abs(x) <= _LARGEST_SI)
-    limit = f"beyond {_LARGEST_SI:g} {unit_of_name(name)}, which is no reading"
+    limit = f"beyond {_LARGEST_SI:g} {unit_of_name(name)}, which cannot be a reading"
     if not told.any():
         raise DataError(f"{name}: {where} holds only numbers {limit}: check its unit, scale")
     for left_out, why in ((~finite, "missing or not finite"), (finite & ~told, limit)):
@@ -281,8 +281,8 @@ def usable_readings(
                 Loss(
                     source=name,
                     topic=channel.topic or "",
-                    what=f"{int(left_out.sum())} of {x.size} samples of {field} are {why}; "
-                    "they were left out",
+                    what=f"{int(left_out.sum())} of {x.size} samples of {field} are {why}; they "
+                    "were excluded",
                 )
             )
     last = np.append(np.diff(t[told]) > 0, True)

@@ -145,9 +145,10 @@ class ReducedRegressor:
     def __str__(self) -> str:
         """Note for the reader of the answer."""
         return (
-            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_join_names(self.names)} "
-            f"are taken at its stamps, averaged over {self.span_ns / 1e9:.3g} s, since a slow "
-            "channel among faster ones biases the estimate"
+            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of "
+            f"{_join_names(self.names)} are resampled at its stamps, averaged over "
+            f"{self.span_ns / 1e9:.3g} s, since a slow channel among faster ones biases the "
+            "estimate"
         )
 
 

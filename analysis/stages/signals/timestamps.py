@@ -50,8 +50,8 @@ def assign_timestamps(
                         source="stamps",
                         topic=topic,
                         what="header stamps come from another clock than the other topics' "
-                        f"({abs(behind_ns[topic]) / 1e9:.3g} s from log time), so log time places "
-                        "it",
+                        f"({abs(behind_ns[topic]) / 1e9:.3g} s from log time), so log time "
+                        "is used instead",
                     )
                 )
     placed: dict[str, pl.DataFrame] = {}
@@ -73,7 +73,7 @@ def assign_timestamps(
                     topic=topic,
                     what=f"header stamps scatter by {scatter[0]:.0%} of their period and log time "
                     f"by {scatter[1]:.0%}, so log time less its median delay of "
-                    f"{behind_ns[topic] / 1e6:.1f} ms places it",
+                    f"{behind_ns[topic] / 1e6:.1f} ms is used instead",
                 )
             )
         if headers[topic]:
@@ -143,7 +143,7 @@ def is_header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> boo
                     source="stamps",
                     topic=topic,
                     what=f"{frame.height - stamps.len()} of {frame.height} header stamps are not "
-                    "set, so log time places it",
+                    "set, so log time is used instead",
                 )
             )
         return False
@@ -153,8 +153,8 @@ def is_header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> boo
             Loss(
                 source="stamps",
                 topic=topic,
-                what=f"header stamps jump back by {-int(steps.min()) / 1e9:.3g} s, so log time "
-                "places it",
+                what=f"header stamps jump back by {-int(steps.min()) / 1e9:.3g} s, so log time is "
+                "used instead",
             )
         )
         return False

@@ -43,11 +43,11 @@ const faultsOfReadings = (evidence, readings) => {
       found.push(`${at} is of another load, day or log than its run`);
     }
     if (row.reading !== number) found.push(`${at} should be number ${number}`);
-    if (row.used && row.reason) found.push(`${at} is used, with a reason why not`);
+    if (row.used && row.reason) found.push(`${at} is used, but has a reason for its exclusion`);
     if (!row.used && !row.reason) found.push(`${at} is left out without a reason`);
-    if (row.used && row.mass_kg === null) found.push(`${at} is used and has no mass`);
+    if (row.used && row.mass_kg === null) found.push(`${at} is used, but has no mass`);
     if (row.used && (run?.excluded || !weighs.get(row.log))) {
-      found.push(`${at} is used, and its run is excluded or its log cannot weigh`);
+      found.push(`${at} is used, although its run is excluded or its log cannot weigh`);
     }
   }
   for (const id of runs.keys()) if (!seen.has(id)) found.push(`run '${id}' has no reading`);

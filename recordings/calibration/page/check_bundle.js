@@ -27,14 +27,14 @@ const checkFiles = async (held, add) => {
   const say = (kind, name, what) => { add(kind, name, what); states.set(name, what); };
   for (const [name, bytes] of held) {
     if (isKnown(name)) digests.set(name, hex(await sha256(bytes)));
-    else say("tampered", name, "is no file of a bundle");
+    else say("tampered", name, "does not belong to a bundle");
   }
   for (const name of [...REQUIRED_FILES, SUMS]) if (!held.has(name)) say("incomplete", name, "is missing");
   if (held.has(SUMS)) {
     try {
       const listed = sumsOf(held.get(SUMS));
       for (const [name, digest] of listed) {
-        if (!digests.has(name)) { if (!states.has(name)) say("incomplete", name, `is missing, and ${SUMS} lists it`); }
+        if (!digests.has(name)) { if (!states.has(name)) say("incomplete", name, `is missing, although ${SUMS} lists it`); }
         else if (digests.get(name) !== digest) say("tampered", name, `is not the file whose digest ${SUMS} has`);
       }
       for (const name of digests.keys()) {

@@ -56,8 +56,8 @@ const checkSignature = async (held, digests, evidence, given, add) => {
   const claimed = evidence?.signer?.name ?? "";
   const itself = claimed ? `that calls itself “${claimed}”` : "that gives no name";
   if (!held.has(STATEMENT)) {
-    if (evidence?.signer) add("incomplete", STATEMENT, "is missing, and evidence.json has a signer");
-    else if (given) add("incomplete", STATEMENT, "is missing: unsigned, and you gave a key");
+    if (evidence?.signer) add("incomplete", STATEMENT, "is missing, although evidence.json names a signer");
+    else if (given) add("incomplete", STATEMENT, "is missing: the bundle is unsigned, but you gave a key");
     return { trusted: false, text: "UNSIGNED: nobody vouches for this; whoever held the folder could have changed every number and every digest in it" };
   }
   const broken = { trusted: false, text: "Signature not valid" };
@@ -96,7 +96,7 @@ const checkSignature = async (held, digests, evidence, given, add) => {
   const subjects = new Map((Array.isArray(said?.subject) ? said.subject : []).map((each) => [each?.name, canonicalText(each?.digest ?? null)]));
   const wanted = new Map([...digests].filter(([name]) => name === SUMS || !UNLISTED_FILES.includes(name)));
   for (const name of new Set([...subjects.keys(), ...wanted.keys()])) {
-    if (!wanted.has(name)) wrong("incomplete", String(name), "is missing, and was there when it was signed");
+    if (!wanted.has(name)) wrong("incomplete", String(name), "is missing, although it was there when it was signed");
     else if (!subjects.has(name)) wrong("tampered", name, "was not there when the bundle was signed");
     else if (subjects.get(name) !== canonicalText({ sha256: wanted.get(name) })) wrong("tampered", name, "is not the file that was signed");
   }
@@ -106,5 +106,5 @@ const checkSignature = async (held, digests, evidence, given, add) => {
   if (!right) return broken;
   return given
     ? { trusted: true, keyId, by, text: `Signed by the key that you gave, ${itself}` }
-    : { trusted: false, keyId, by, text: `Signed by an unknown key ${itself}: not trusted. Whoever made this folder may have made the key as well, and any name` };
+    : { trusted: false, keyId, by, text: `Signed by an unknown key ${itself}: not trusted. Whoever made this folder may have made up the key and the name as well` };
 };

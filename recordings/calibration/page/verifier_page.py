@@ -61,5 +61,5 @@ def _read_page_part(name: str) -> str:
 
 
 def _policy_digest(text: str) -> str:
-    """What the page's own policy lets run: this text and no other."""
+    """Content-security digest that lets this text run on the page, and no other."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

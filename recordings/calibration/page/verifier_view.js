@@ -58,7 +58,7 @@ const show = (found) => {
     element("p", { id: "signed" }, `${signature.text}.`));
   if (signature.keyId) {
     fresh.append(element("p", {}, "Fingerprint of the key (SHA-256): ", element("code", {}, signature.keyId),
-      `. Compare it with what the signer told you by another way. Checked by ${signature.by}.`));
+      `. Compare it with what the signer told you through another channel. Checked by ${signature.by}.`));
   }
   if (findings.length) {
     fresh.append(element("h2", {}, "What is wrong"), element("ul", { id: "findings" },

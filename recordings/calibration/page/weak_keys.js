@@ -37,9 +37,9 @@ const isPublished = (point) => {
 /** Why no signature by this key may be relied on; "" if nothing is known against it. */
 const weakness = (key) => {
   if (key.length !== 32) return `has ${key.length} bytes; an Ed25519 key has 32`;
-  if ((littleEndian(key) & (2n ** 255n - 1n)) >= P) return "is not in its one canonical form";
+  if ((littleEndian(key) & (2n ** 255n - 1n)) >= P) return "is not in canonical form";
   const point = decodePoint(key);
-  if (point === null) return "is no point of the curve";
+  if (point === null) return "is not a point of the curve";
   const eightfold = timesPoint(8n, point);
   if (eightfold.X === 0n && eightfold.Y === eightfold.Z) return "is of small order: anyone can sign for it";
   if (isPublished(point)) return "has a private half that is published: anyone can sign for it";

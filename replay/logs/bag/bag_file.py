@@ -74,7 +74,7 @@ class BagFile(BlockFile):
 
     def check(self) -> int:
         """Read the file from start to end; a bag has no CRCs."""
-        walk = BagWalk(self._second_store(), len(MAGIC + VERSION), self._describe)
+        walk = BagWalk(self._second_store(), len(MAGIC + VERSION), self._process_record)
         self._compare(walk.chunks(), walk.store)
         return self._store.crcs
 
@@ -99,7 +99,9 @@ class BagFile(BlockFile):
             # the index stands behind all chunks, so that the end of the file tears none of them
             if block is None or (block.is_torn and counts):
                 lost = Block(offset, 0, 0, "", 0, counts=counts)
-                self._store.damage.note_lost_block(lost, "it is not where the index says")
+                self._store.damage.note_lost_block(
+                    lost, "it is not at the position that the index gives"
+                )
                 continue
             times = read_indexed_times(self._file, block, counts)
             if times is None:
@@ -112,7 +114,7 @@ class BagFile(BlockFile):
     def _walk(self, begin: int, header: BagRecord | None) -> None:
         """Read the file from start to end."""
         damage = self._store.damage
-        walk = BagWalk(self._store, begin, self._describe)
+        walk = BagWalk(self._store, begin, self._process_record)
         self._store.survey(walk.chunks())
         position = b"" if header is None else header.fields.get(b"index_pos", b"")
         unfinished = position == bytes(8)
@@ -123,7 +125,7 @@ class BagFile(BlockFile):
             f"{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _describe(self, op: int, content: bytes, at: int) -> None:
+    def _process_record(self, op: int, content: bytes, at: int) -> None:
         """Process a connection record from its header and data."""
         del op
         size = int.from_bytes(content[:4], "little")

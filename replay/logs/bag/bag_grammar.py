@@ -24,7 +24,7 @@ _3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
 def _parse_record(
     data: NDArray[np.uint8], at: int, end: int, longest: int
 ) -> tuple[int, int, int, int, int]:
-    """Op, connection, time, begin of the data and end of the record at `at`.
+    """Parse the record at `at`: op, connection, time, begin of the data, and end of the record.
 
     The op is -1 if there is no record.
     """

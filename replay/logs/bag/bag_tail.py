@@ -51,7 +51,7 @@ class BagTail(BlockTail):
         if record.op == MESSAGE:
             return self._take_unchunked_messages(record.end - self._at)
         if record.op == CONNECTION:
-            self._describe(CONNECTION, file.read(self._at, record.end - self._at))
+            self._process_record(CONNECTION, file.read(self._at, record.end - self._at))
         self._at = record.end
         return []
 
@@ -74,7 +74,7 @@ class BagTail(BlockTail):
             return 0
         return header.unsigned_field(b"index_pos")
 
-    def _describe(self, op: int, content: bytes) -> None:
+    def _process_record(self, op: int, content: bytes) -> None:
         del op
         size = int.from_bytes(content[:4], "little")
         fields = parse_fields(content[4 : 4 + size]) or {}

@@ -29,7 +29,7 @@ class DamagedBlockError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Position of stored records, and what an index or a scan says about them."""
+    """Position of stored records, and their description by an index or a scan."""
 
     #: what a person finds it by: where its record begins
     record_offset: int

@@ -43,11 +43,11 @@ class BlockFile(ABC):
         """Grammar that finds its records in bytes."""
 
     @abstractmethod
-    def _describe(self, op: int, content: bytes, at: int) -> None:
+    def _process_record(self, op: int, content: bytes, at: int) -> None:
         """Process a record other than a message; see `block_messages.Describe`."""
 
     def _new_store(self) -> BlockStore:
-        return BlockStore(self._file, self._grammar, self._describe)
+        return BlockStore(self._file, self._grammar, self._process_record)
 
     def _second_store(self) -> BlockStore:
         """Store for a second pass over the file, with shared damage notes."""

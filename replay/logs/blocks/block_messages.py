@@ -56,7 +56,7 @@ class BlockStore:
         self.file = file
         self.damage = BlockDamage(file.path.name)
         self._load_grammar = load_grammar
-        self._describe = describe
+        self._process_record = describe
         self._blocks: list[Block] = []
         self._times: dict[int, list[NDArray[np.int64]]] = {}
         self._late: dict[int, int] = {}
@@ -139,14 +139,14 @@ class BlockStore:
                 self.damage.note_lost_block(block, why)
             for block, first, last, unread in slab.parts:
                 self.add_rows(block, slab.data, slab.rows[:, first:last])
-                self._judge_unread(block, unread)
+                self._note_unread_bytes(block, unread)
                 self._seal_block(block)
 
     def add_rows(self, block: Block, data: NDArray[np.uint8], rows: NDArray[np.int64]) -> None:
         """Add a block with the rows found by scanning it."""
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
             content = data[offset : offset + length].tobytes()
-            self._describe(-1 - key, content, block.record_offset)
+            self._process_record(-1 - key, content, block.record_offset)
         self.add(block, {key: rows[TIME, at] for key, at in group_by_key(rows[KEY])})
 
     def finish(self, topics: Mapping[int, str]) -> None:
@@ -189,7 +189,7 @@ class BlockStore:
                 for key, values in times.items():
                     found.setdefault(key, []).append(values)
             if unknown:
-                unpacked = BlockStore(self.file, self._load_grammar, self._describe)
+                unpacked = BlockStore(self.file, self._load_grammar, self._process_record)
                 unpacked.damage = self.damage
                 unpacked.survey(unknown)
                 for key, parts in unpacked._times.items():
@@ -220,12 +220,12 @@ class BlockStore:
         floors = np.minimum.accumulate(begins[::-1])[::-1]
         done = 0
         for slab in read_slabs(self.file, touched, self.grammar):
-            self._judge_slab(slab)
+            self._check_slab(slab)
             done += len(slab.parts) + len(slab.damaged)
             found = list(select_messages_of_connections(slab.data, slab.rows, chosen, first, last))
             yield BatchGroup(found, int(floors[done]))
 
-    def _judge_slab(self, slab: Slab) -> None:
+    def _check_slab(self, slab: Slab) -> None:
         for block, why in slab.damaged:
             self.damage.note_lost_block(block, why)
         # compiled code, which describing a log does not wait for
@@ -236,14 +236,14 @@ class BlockStore:
         topics = [*(self._topics.get(key, "") for key in keys), ""]
         found = chunk_stats(slab, np.array(keys, np.int64))
         for (block, _, _, unread), held in zip(slab.parts, found, strict=True):
-            self._judge_unread(block, unread)
+            self._note_unread_bytes(block, unread)
             self._seal_block(block)
             said = [*(block.counts.get(key, 0) for key in keys), 0]
             if held.counts != said:
-                self._judge_counts(block, held.counts, said, topics)
-            self._judge_times(block, held)
+                self._note_wrong_counts(block, held.counts, said, topics)
+            self._note_times_outside_index(block, held)
 
-    def _judge_counts(
+    def _note_wrong_counts(
         self, block: Block, found: list[int], said: list[int], topics: list[str]
     ) -> None:
         for held, counted, topic in zip(found, said, topics, strict=True):
@@ -254,7 +254,7 @@ class BlockStore:
                     topic,
                 )
 
-    def _judge_times(self, block: Block, held: "ChunkStats") -> None:
+    def _note_times_outside_index(self, block: Block, held: "ChunkStats") -> None:
         """Note a block with messages outside its indexed times, which time ranges would miss."""
         # some may be known to be beyond the year 2262
         unknown = held.late > 0 and not any(self._late.values())
@@ -271,11 +271,11 @@ class BlockStore:
         if block.crc and not block.is_torn:
             self._sealed.add(block.record_offset)
 
-    def _judge_unread(self, block: Block, unread: int) -> None:
+    def _note_unread_bytes(self, block: Block, unread: int) -> None:
         if unread and not block.is_torn:
             self.damage.note(
                 f"{unread:,} of {block.room:,} bytes in the chunk at byte "
-                f"{block.record_offset} form no whole record and are not read"
+                f"{block.record_offset} form no complete record and were not read"
             )
 
 
@@ -297,7 +297,7 @@ def describe_block(
 
 
 def _are_times_of(block: Block, times: Mapping[int, NDArray[np.int64]]) -> bool:
-    """Whether an index has as many messages as its block, all within its time span."""
+    """Whether an index lists as many messages as its block holds, all within its time span."""
     whole = np.concatenate([make_empty_times(), *times.values()])
     in_span = block.first_ns <= whole.min() and whole.max() <= block.last_ns if whole.size else True
     return bool(in_span) and _count_times_by_connection(times) == block.counts

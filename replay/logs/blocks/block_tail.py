@@ -49,7 +49,7 @@ class BlockTail(ABC):
         """Grammar that finds its records in bytes."""
 
     @abstractmethod
-    def _describe(self, op: int, content: bytes) -> None:
+    def _process_record(self, op: int, content: bytes) -> None:
         """Process a record other than a message."""
 
     @abstractmethod
@@ -114,7 +114,7 @@ class BlockTail(ABC):
         index.scan(0, whole)
         rows = index.found
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
-            self._describe(-1 - key, data[offset : offset + length].tobytes())
+            self._process_record(-1 - key, data[offset : offset + length].tobytes())
         return [
             RawBatch(key, data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
             for key, at in group_by_key(rows[KEY])

@@ -29,7 +29,7 @@ class BlockDamage(Damage):
         self._gaps[start] = end
 
     def is_lost(self, offset: int) -> bool:
-        """Whether the block at this offset is damaged and left out."""
+        """Whether the block at this offset is damaged and was skipped."""
         return offset in self._blocks
 
     @property
@@ -41,7 +41,7 @@ class BlockDamage(Damage):
     def __bool__(self) -> bool:
         return bool(self._blocks or self._gaps) or super().__bool__()
 
-    def _of_places(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:
+    def _iter_located_damage(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:
         for what in (*self._describe_lost_blocks(topics), *self._describe_gaps()):
             yield "", what
 
@@ -51,14 +51,14 @@ class BlockDamage(Damage):
             blocks = [block for block, _ in damaged]
             yield (
                 f"{len(damaged):,} chunks ({sum(b.stored_bytes for b in blocks):,} bytes) are "
-                f"damaged and not read, the first at byte {blocks[0].record_offset}: "
+                f"damaged and were not read, the first at byte {blocks[0].record_offset}: "
                 f"{damaged[0][1]}; {content_text(blocks, topics)}"
             )
             return
         for block, why in damaged:
             yield (
                 f"the chunk at byte {block.record_offset} ({block.stored_bytes:,} bytes) is "
-                f"damaged and not read: {why}; {content_text([block], topics)}"
+                f"damaged and was not read: {why}; {content_text([block], topics)}"
             )
 
     def _describe_gaps(self) -> Iterable[str]:
@@ -77,7 +77,7 @@ def format_log_time(log_time_ns: int) -> str:
 
 
 def describe_end_of_reading(last_ns: int | None) -> str:
-    """Clause that says up to which time everything was read."""
+    """Clause that states up to which time everything was read."""
     return "" if last_ns is None else f", the last at log time {format_log_time(last_ns)}"
 
 

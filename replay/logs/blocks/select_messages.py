@@ -30,7 +30,7 @@ def select_messages_of_connections(
     """
     ends = np.zeros(wanted.size, np.int64)
     found = np.empty((3, rows.shape[1]), np.int64)
-    _append_wanted_messages(rows, key_index(rows[KEY], wanted), first, last, ends, found)
+    append_wanted_messages(rows, key_index(rows[KEY], wanted), first, last, ends, found)
     begin = 0
     for key, end in zip(wanted.tolist(), ends.tolist(), strict=True):
         if end > begin:
@@ -40,7 +40,7 @@ def select_messages_of_connections(
 
 
 @compiled
-def _append_wanted_messages(
+def append_wanted_messages(
     rows: Ints, owners: Ints, first: int, last: int, ends: Ints, found: Ints
 ) -> None:
     """Store offset, length and time of each requested message, grouped by connection.

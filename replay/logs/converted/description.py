@@ -24,7 +24,7 @@ class SourceFile(_Record):
 
 
 class ConvertedField(_Record):
-    """Metadata of a column beside its Parquet type."""
+    """Metadata of a column in addition to its Parquet type."""
 
     name: str
     #: of the lists on the way, from the outside in; None where a length varies

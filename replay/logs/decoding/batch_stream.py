@@ -92,7 +92,7 @@ class Stream:
         return frame
 
     def _look_back(self, batch: RawBatch) -> None:
-        """Check whether log times decrease, which sorted rows would no longer show."""
+        """Note whether log times decrease, before the rows are sorted."""
         if batch.rows:
             times = batch.log_times
             before = self._last.get(batch.connection_id, int(times[0]))

@@ -177,7 +177,7 @@ class Plan:
         return self._programs[wire]
 
     def decode(self, batch: RawBatch) -> DecodedBatch:
-        """Decode messages; incomplete ones are left out."""
+        """Decode messages; incomplete ones are skipped."""
         return self.begin(batch, submit_at_once)()
 
     def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:

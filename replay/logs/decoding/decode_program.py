@@ -134,7 +134,7 @@ class _Compiler:
             return None if wanted is None else Text(self._reserve_marks(2))
         if fixed_size(kind, self.wire) is not None:
             return self._place_in_span(kind, wanted)
-        assert isinstance(kind, ListOf), "what is no list and no string is fixed"
+        assert isinstance(kind, ListOf), "a value that is neither list nor string has a fixed size"
         return self._compile_list(kind, wanted)
 
     def _place_in_span(self, kind: FieldType, wanted: Wanted | None) -> InSpan | None:

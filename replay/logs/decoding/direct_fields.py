@@ -23,7 +23,7 @@ Steps: TypeAlias = tuple[PathStep, ...]
 
 
 class Gathering(NamedTuple):
-    """Plan of the values that a compiled pass gathers beside the marks.
+    """Plan of the values that a compiled pass gathers in addition to the marks.
 
     `value_*`: single values, by the mark of their span, their distance from it, and their type
     (`gather.LOADS`). `array_*`: arrays of numbers, with their bytes. `text_marks`: strings.
@@ -56,7 +56,7 @@ class DirectFields:
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class _FixedField:
     """A field at a fixed distance from a mark of the message."""
 
     mark: int
@@ -73,13 +73,13 @@ def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
     numbers: tuple[list[tuple[int, ...]], ...] = ([], [], [])
     for steps, place in places.items():
         match place:
-            case _Found(mark, offset, Inline(_, kind)):
+            case _FixedField(mark, offset, Inline(_, kind)):
                 values.append((steps, kind))
                 numbers[0].append((mark, offset, LOADS[kind]))
-            case _Found(mark, offset, InlineArray(_, length, _, Inline(_, kind))):
+            case _FixedField(mark, offset, InlineArray(_, length, _, Inline(_, kind))):
                 arrays.append((steps, kind, length))
                 numbers[1].append((mark, offset, length * DTYPES[kind].itemsize))
-            case _Found(mark, _, Text()):
+            case _FixedField(mark, _, Text()):
                 texts.append(steps)
                 numbers[2].append((mark,))
             case _:
@@ -92,20 +92,22 @@ def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
     return DirectFields(gathering, tuple(values), tuple(arrays), tuple(texts))
 
 
-def _find_fixed_place(root: NestedMessage, steps: Steps) -> _Found | None:
+def _find_fixed_place(root: NestedMessage, steps: Steps) -> _FixedField | None:
     """Place of a field, if it is the same in every message."""
     here: NestedMessage | InlineRecord = root
     mark, offset = -1, 0
     for step in steps:
         below = here.fields[step.name]
         if isinstance(below, Text):
-            return _Found(below.mark, 0, below) if step.element is None else None
+            return _FixedField(below.mark, 0, below) if step.element is None else None
         if isinstance(below, InSpan):
             mark, below = below.mark, below.value
         if isinstance(below, InlineArray) and step.element is not None:
             offset += below.offset
             if step.element == ALL:
-                return _Found(mark, offset, below) if _is_contiguous(below, step, steps) else None
+                return (
+                    _FixedField(mark, offset, below) if _is_contiguous(below, step, steps) else None
+                )
             if not isinstance(step.element, int):
                 return None
             offset += step.element * below.stride
@@ -113,7 +115,7 @@ def _find_fixed_place(root: NestedMessage, steps: Steps) -> _Found | None:
         elif step.element is not None:
             return None
         if isinstance(below, Inline):
-            return _Found(mark, offset + below.offset, below)
+            return _FixedField(mark, offset + below.offset, below)
         if not isinstance(below, NestedMessage | InlineRecord):
             return None
         here = below

@@ -30,12 +30,12 @@ _SPAN, _TEXT, _STRIDED, _LIST, _NEXT = (int(op) for op in Op)
 #: What can be wrong with a message, by the number that the walk gives.
 FAULTS: Final = (
     "",
-    "it ends before its fields do",
+    "it ends before its last field",
     "a string is longer than the rest of the message",
     "a string lacks its terminator",
-    "a string is no UTF-8",
+    "a string is not UTF-8",
     "a list is longer than the rest of the message",
-    "it goes on behind its last field",
+    "it has data after its last field",
 )
 _ENDS, _LONG_TEXT, _NO_NUL, _NO_UTF8, _LONG_LIST, _GOES_ON = range(1, len(FAULTS))
 #: What stands in the place of an encapsulation that a message is too short for.
@@ -168,7 +168,7 @@ def walk_messages(
         _copy_counts(filled, kept)
         at = step = depth = fault = note_count = 0
         while step < steps.shape[0]:
-            place, count, told, stop, at, fault = _read_step(
+            place, count, told, stop, at, fault = read_walk_step(
                 data, begin, at, size, steps, step, encoding
             )
             if fault != 0:
@@ -310,7 +310,7 @@ def _follow_step(
 
 
 @inlined
-def _read_step(
+def read_walk_step(
     data: Bytes, begin: int, at: int, size: int, steps: Ints, step: int, encoding: Encoding
 ) -> tuple[int, int, int, int, int, int]:
     """Read what a step describes.

@@ -151,10 +151,10 @@ class McapFile(BlockFile):
 
     def check(self) -> int:
         """Read the file from start to end, and compare the CRCs of data and summary."""
-        walk = McapWalk(self._second_store(), self._describe)
+        walk = McapWalk(self._second_store(), self._process_record)
         self._compare(walk.chunks(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
-            self._store.damage.note("its records do not lead from its data to its footer")
+            self._store.damage.note("its records do not connect its data with its footer")
         return self._store.crcs + self._is_sealed + self._is_data_sealed(walk.data_end)
 
     def _is_data_sealed(self, end: int) -> bool:
@@ -166,7 +166,7 @@ class McapFile(BlockFile):
         if not agrees:
             self._store.damage.note(
                 f"the CRC of its data is wrong: some of their {end:,} bytes are not as they were "
-                "recorded, and nothing tells which"
+                "recorded, and it is not known which"
             )
         return agrees
 
@@ -184,7 +184,7 @@ class McapFile(BlockFile):
             if block is None or block.is_torn:
                 lost = make_damaged_block(chunk)
                 self._store.note_lost_block(
-                    lost, read_times() or {}, "it is not where the index says"
+                    lost, read_times() or {}, "it is not at the position that the index gives"
                 )
             elif counts and is_described and _has_same_times(chunk, block):
                 self._store.add_indexed(block, read_times)
@@ -195,7 +195,7 @@ class McapFile(BlockFile):
 
     def _walk(self) -> McapWalk:
         """Read the file from start to end."""
-        walk = McapWalk(self._store, self._describe)
+        walk = McapWalk(self._store, self._process_record)
         self._store.survey(walk.chunks())
         if not self._store.damage:
             # messages outside chunks have no CRC but that of all data together
@@ -203,7 +203,7 @@ class McapFile(BlockFile):
         return walk
 
     def _note_missing_end(self, walk: McapWalk, fault: str) -> None:
-        """Note what is missing after the data; `fault` says why the index is unusable."""
+        """Note what is missing after the data; `fault` is the reason why the index is unusable."""
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
             if fault:
                 self._store.damage.note(
@@ -218,7 +218,7 @@ class McapFile(BlockFile):
             f"are read{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _describe(self, op: int, content: bytes, at: int) -> None:
+    def _process_record(self, op: int, content: bytes, at: int) -> None:
         """Keep the first channel or schema of each number, and the first summary counts."""
         stream = ReadDataStream(BytesIO(content))
         try:

@@ -71,7 +71,7 @@ class McapTail(BlockTail):
         self._at = len(MAGIC)
         return []
 
-    def _describe(self, op: int, content: bytes) -> None:
+    def _process_record(self, op: int, content: bytes) -> None:
         stream = ReadDataStream(BytesIO(content))
         try:
             record = Channel.read(stream) if op == CHANNEL else Schema.read(stream)

@@ -71,7 +71,7 @@ class Rosbag2Directory:
         return [*self._losses, *(loss for part in self._parts for loss in part.losses)]
 
     def _read_metadata(self) -> Metadata:
-        names = tuple(sorted((p.name for p in storage_files(self._path)), key=_part_number))
+        names = tuple(sorted((p.name for p in storage_files(self._path)), key=_part_sort_key))
         # a recorder that ends while it compresses leaves both; what it compressed from is whole
         names = tuple(n for n in names if n.removesuffix(".zstd") == n or n[:-5] not in names)
         if not (self._path / METADATA).exists():
@@ -247,8 +247,8 @@ class Rosbag2Directory:
             if end - start > _OVERLAP_NS:
                 self._losses.note(
                     self._path / second,
-                    f"begins {(end - start) / 1e9:.3f} s before {first} ends, so they may be no "
-                    "parts of one recording: what both hold counts twice; name one of them alone",
+                    f"begins {(end - start) / 1e9:.3f} s before {first} ends, so they may not be "
+                    "parts of one recording: messages in both count twice; name only one of them",
                 )
 
     def earliest_ns(self) -> int:
@@ -272,7 +272,7 @@ def storage_files(folder: Path) -> list[Path]:
     return [p for p in folder.iterdir() if Path(p.name.removesuffix(".zstd")).suffix in _STORAGE]
 
 
-def _part_number(name: str) -> list[tuple[int, str]]:
+def _part_sort_key(name: str) -> list[tuple[int, str]]:
     """Sort key that puts shift_10 after shift_9."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
 
@@ -321,7 +321,7 @@ def _decompress_file(unpacker: zstandard.ZstdDecompressor, packed: bytes) -> byt
     room = min(_MOST_GROWTH * len(packed) + _ANY_MESSAGE, LARGEST_BYTES)
     declared = zstandard.frame_content_size(packed)
     if declared > room:
-        raise zstandard.ZstdError("larger than is believed")
+        raise zstandard.ZstdError("implausibly large")
     if declared >= 0:
         return unpacker.decompress(packed, max_output_size=room)
     return _unpack_stepwise(unpacker, packed, room)
@@ -335,7 +335,7 @@ def _unpack_stepwise(unpacker: zstandard.ZstdDecompressor, packed: bytes, room: 
         parts.append(stream.decompress(packed[at : at + _FEW_BYTES]))
         room -= len(parts[-1])
         if room < 0:
-            raise zstandard.ZstdError("larger than is believed")
+            raise zstandard.ZstdError("implausibly large")
         if stream.eof:
             return b"".join(parts)
-    raise zstandard.ZstdError("it breaks off")
+    raise zstandard.ZstdError("it is truncated")

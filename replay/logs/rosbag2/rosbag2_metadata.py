@@ -56,7 +56,7 @@ def read_metadata(folder: Path) -> Metadata:
     if path.stat().st_size > _LARGEST_BYTES:
         raise MetadataError(f"it has more than {_LARGEST_BYTES:,} bytes")
     try:
-        return _parse_metadata(_load_yaml(path), folder)
+        return _parse_metadata(load_metadata_yaml(path), folder)
     except BrokenBytesError as error:
         raise MetadataError(str(error)) from error
 
@@ -79,7 +79,7 @@ def custom_data(data: bytes) -> Mapping[str, str]:
     return {key: text for key, text in texts if isinstance(key, str) and isinstance(text, str)}
 
 
-def _load_yaml(path: Path) -> Any:
+def load_metadata_yaml(path: Path) -> Any:
     """Load the file's content.
 
     Raises:
@@ -129,7 +129,7 @@ def _parse_metadata(content: Any, folder: Path) -> Metadata:
         )
     return Metadata(
         tuple(
-            _path_inside(require_text(name), folder)
+            path_inside_folder(require_text(name), folder)
             for name in _require_list(_require_value(information, "relative_file_paths"))
         ),
         mode == "message",
@@ -184,7 +184,7 @@ def require_text(value: Any) -> str:
     return value
 
 
-def _path_inside(name: str, folder: Path) -> str:
+def path_inside_folder(name: str, folder: Path) -> str:
     """Path inside the folder of a file named in metadata.yaml.
 
     Raises:

@@ -77,7 +77,7 @@ def _count_value_bytes(kind: int) -> int:
 
 @uncounted
 def _count_local_bytes(payload: int, usable: int) -> int:
-    """Bytes of a record stored in its leaf; the rest is on overflow pages."""
+    """Number of a record's bytes that its leaf holds; the rest is on overflow pages."""
     if payload <= usable - 35:
         return payload
     least = (usable - 12) * 32 // 255 - 23

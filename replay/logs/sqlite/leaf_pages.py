@@ -270,7 +270,7 @@ def _contains_key(keys: NDArray[np.int64], key: int) -> bool:
 
 @uncounted
 def _count_odd_cells(state: NDArray[np.int64], row_id: int) -> None:
-    """Count a row without a message."""
+    """Count a row that holds no message."""
     if state[ODD] == 0:
         state[FIRST_ODD] = row_id
     state[ODD] += 1

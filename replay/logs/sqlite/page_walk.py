@@ -112,11 +112,11 @@ class PageWalk:
             self.left_after = None
 
     def _read(self, leaves: NDArray[np.uint32], memory: _Memory) -> tuple[TableRows, bool]:
-        """Rows from the given leaves on, and whether the following ones are usual."""
+        """Rows from the given leaves on, and whether the following leaves have the usual layout."""
         size = self._layout.page_bytes
         ranges, slots = page_ranges(leaves, size, _LEAF_BYTES)
         if not read_ranges(self._file, ranges, size, memory.data):
-            raise OSError("the file became shorter")
+            raise OSError("the file was truncated while it was read")
         tail = int(ranges.begin[-1] + ranges.pages[-1] * size)
         self._state[AT_LEAF] = 0
         found, spilled, joined_bytes, is_usual = scan_leaves(
@@ -216,7 +216,7 @@ class Chains:
         order = np.argsort(ranges.first, kind="stable")
         at_hand = np.stack([each[order] for each in ranges])
         state = np.array([0, 0, 0, 0, self._used], np.int64)
-        while _join_chains(data, at_hand, self._near, self._layout, rows, spills, count, state):
+        while _continue_chains(data, at_hand, self._near, self._layout, rows, spills, count, state):
             # where pages do not follow each other, reading many at once is for nothing
             progress = int(state[_USED]) - self._used
             self._at_once = min(self._most, max(_FEWEST_PAGES, 2 * progress))
@@ -233,7 +233,7 @@ class Chains:
         self._near = Near(page, pages, data if data.size else np.empty(self._most * size, np.uint8))
         target = self._near.data[: pages * size]
         if self._file.read_into((page - 1) * size, target) < target.size:
-            raise OSError("the file became shorter")
+            raise OSError("the file was truncated while it was read")
 
 
 @compiled
@@ -246,7 +246,7 @@ def _find_page(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
 
 
 @compiled
-def _join_chains(
+def _continue_chains(
     data: NDArray[np.uint8],
     at_hand: NDArray[np.int64],
     near: Near,

@@ -91,7 +91,7 @@ def read_rows(
                     yield whole
                     after = whole[-1][0]
                 if len(whole) < len(rows):
-                    note(f"the database is damaged behind row {after}: its rows go in circles")
+                    note(f"the database is damaged behind row {after}: its rows form a loop")
                     return
         except BrokenBytesError as error:
             fault = error
@@ -147,7 +147,7 @@ def find_first_row_after(database: sqlite3.Connection, query: str, after: int) -
     with guard_sqlite_call():
         row = database.execute(f"{query} LIMIT 1", (after,)).fetchone()
     if row is not None and row[0] <= after:
-        raise BrokenBytesError("the tree leads back")
+        raise BrokenBytesError("the tree has a loop")
     return row
 
 

@@ -131,7 +131,7 @@ class Db3File:
         """Lower bound of the log times after a row of log time `latest`.
 
         Rows are in the order of recording, without an index by time. How far times go back is known
-        after a pass over all of them, which a small database is not worth.
+        only after a pass over all of them, too slow for a small database.
         """
         if self._size < _LEAST_BYTES_TO_ORDER or latest == UNKNOWN_NS:
             return UNKNOWN_NS
@@ -289,6 +289,6 @@ def describe_tear(head: bytes, size: int) -> str | None:
     if not page or not (size % page or pages * page > size):
         return None
     if pages and size > pages * page:
-        return f"has {size - pages * page:,} bytes behind its last page, which are not read"
-    unsure = ", and its last page is torn: what stood there may be altered" if size % page else ""
+        return f"has {size - pages * page:,} bytes behind its last page, which were not read"
+    unsure = ", and its last page is torn: its content may be altered" if size % page else ""
     return f"breaks off after byte {size:,} of {max(pages * page, size):,}{unsure}"

@@ -40,11 +40,11 @@ class Damage:
         """All damage as losses; `topics` gives the topic of each connection."""
         return tuple(
             Loss(source=self._source, topic=topic, what=what)
-            for topic, what in [*self._of_places(topics), *self._iter_sentences()]
+            for topic, what in [*self._iter_located_damage(topics), *self._iter_sentences()]
         )
 
-    def _of_places(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:  # noqa: ARG002 - for formats that keep track of places
-        """Topic and sentence of damage known by its place in the file; none here."""
+    def _iter_located_damage(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:  # noqa: ARG002 - for formats that keep track of places
+        """Topic and sentence of damage that is located by its position in the file; none here."""
         return iter(())
 
     def _iter_sentences(self) -> Iterator[tuple[str, str]]:

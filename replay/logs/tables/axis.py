@@ -133,7 +133,7 @@ class TableTimes:
         """
         if self.calendar:
             names = ", ".join(self.calendar)
-            note = f"its times are made of {names}" + ", as UTC" * (len(self.calendar) > 3)
+            note = f"its times are composed of {names}" + ", as UTC" * (len(self.calendar) > 3)
             whole = RowTimes(calendar_times([cells[name] for name in self.calendar]), (note,))
             return self._add_fractions(whole, cells)
         if self.time is None:
@@ -355,7 +355,7 @@ def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
 
 
 def _guess_unit(x: Floats, step: float, span: float) -> str:
-    """The only possible unit."""
+    """The only unit of time that is possible."""
     possible = [
         unit
         for unit, ns in NS_PER_UNIT.items()

@@ -124,7 +124,7 @@ def write_decimal_points(
     cell = cell.str.replace(r"^([+-])\s+", "${1}")
     if unit is not None:
         cell = pl.when(cell.str.ends_with(unit)).then(cell.str.strip_suffix(unit)).otherwise(cell)
-    form = grouped_number(decimal) if is_grouped else _surely_grouped(decimal)
+    form = grouped_number(decimal) if is_grouped else _certain_group_pattern(decimal)
     has_groups = cell.str.contains(f"^(?:{form})$")
     cell = (
         pl.when(has_groups).then(cell.str.replace_all(f"[{_GROUPS[decimal]}]", "")).otherwise(cell)
@@ -141,7 +141,7 @@ def grouped_number(decimal: str) -> str:
     return rf"[+-]?(?:{groups})(?:[{decimal}]\d*)?"
 
 
-def _surely_grouped(decimal: str) -> str:
+def _certain_group_pattern(decimal: str) -> str:
     """Pattern of numbers whose separators are certain: several, blanks, or a decimal sign after."""
     signs = _GROUPS[decimal]
     ambiguous, blanks = signs[0], signs[1:]
@@ -153,4 +153,4 @@ def _surely_grouped(decimal: str) -> str:
 
 
 _GROUPED: Final = {sign: re.compile(grouped_number(sign)) for sign in ".,"}
-_SURELY: Final = {sign: re.compile(_surely_grouped(sign)) for sign in ".,"}
+_SURELY: Final = {sign: re.compile(_certain_group_pattern(sign)) for sign in ".,"}

@@ -115,7 +115,7 @@ class CsvColumns:
     ) -> None:
         """Find rows that are too long, too short or torn, reading some columns in the same pass.
 
-        Rows with too few cells end in nulls. A last row without a line end is torn and left out,
+        Rows with too few cells end in nulls. A last row without a line end is torn and skipped,
         unless it has all its cells (RFC 4180), since its last cell may be half a number.
 
         Args:
@@ -137,7 +137,7 @@ class CsvColumns:
         short, long = looked.pop(_SHORT), looked.pop(_LONG)
         self.rows = short.len()
         if long.any():
-            note("rows with more cells than the header: what is too much is not read")
+            note("rows with more cells than the header: the additional cells are not read")
         if self._is_torn:
             note("its last row is torn and not read")
         if not self._quotes_are_paired:
@@ -150,7 +150,7 @@ class CsvColumns:
         if lines:
             note(
                 f"rows with fewer cells than the header: {len(lines):,}, the first in line "
-                f"{lines[0]}; the cells that they lack are not there"
+                f"{lines[0]}; their missing cells are empty"
             )
         self._kept = {name: looked[name].head(self.rows) for name in dict.fromkeys(keep)}
         self._once = {
@@ -219,9 +219,7 @@ class CsvColumns:
         """Raise an error for an unclosed quote, after which polars splits rows differently."""
         self._height = frame.height if self._height is None else self._height
         if frame.height != self._height:
-            raise BrokenBytesError(
-                "a quote is opened and not closed: its rows cannot be told apart"
-            )
+            raise BrokenBytesError("a quote is not closed: its rows cannot be separated")
 
     @property
     def _separator(self) -> str:

@@ -89,10 +89,10 @@ def rows_of_names(
             return third, second
     if stated is not None or len(wide) == 1:
         return wide[-1], stated
-    return _take_names_and_units(*wide[-2:], has_no_units=hints.units_row == 0)
+    return take_names_and_units(*wide[-2:], has_no_units=hints.units_row == 0)
 
 
-def _take_names_and_units(
+def take_names_and_units(
     before: TextRow, last: TextRow, *, has_no_units: bool
 ) -> tuple[TextRow, TextRow | None]:
     """Names, and units if one of the last two rows contains only units.

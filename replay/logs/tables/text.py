@@ -74,7 +74,7 @@ def convert_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
         raise BrokenBytesError(
             f"no encoding '{found}'; [log] encoding is utf-8, utf-16 or latin-1"
         ) from None
-    notes = () if encoding or name.startswith("utf-8") else (f"its text is taken as {found}",)
+    notes = () if encoding or name.startswith("utf-8") else (f"its text is read as {found}",)
     if _ends_in_returns(path):
         notes = (*notes, "its lines end in a carriage return alone")
         return _copy_lines_to_file(path, _iter_lines(path, found, any_end=True), notes)

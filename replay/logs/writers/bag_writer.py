@@ -22,8 +22,8 @@ _MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
 _INDEX_ROW: Final = np.dtype([("sec", "<u4"), ("nsec", "<u4"), ("offset", "<u4")])
 
 
-class _Written(NamedTuple):
-    """A chunk in the file: where, of what time, and its messages by connection."""
+class _WrittenChunk(NamedTuple):
+    """A chunk in the file: its position, time span, and messages by connection."""
 
     at: int
     start_ns: int
@@ -99,7 +99,7 @@ def _make_connection_record(number: int, name: str, definition: str, digest: str
     return head + about
 
 
-def _write_chunk(file: BinaryIO, chunk: FullChunk) -> _Written:
+def _write_chunk(file: BinaryIO, chunk: FullChunk) -> _WrittenChunk:
     at = file.tell()
     size = struct.pack("<L", chunk.data.size)
     file.write(record_header(_CHUNK, compression=b"none", size=size) + size)
@@ -117,10 +117,10 @@ def _write_chunk(file: BinaryIO, chunk: FullChunk) -> _Written:
         rows["sec"], rows["nsec"] = mine.log_times // 10**9, mine.log_times % 10**9
         rows["offset"] = mine.offsets
         file.write(head + _prefix_size(rows.tobytes()))
-    return _Written(at, int(chunk.log_times.min()), int(chunk.log_times.max()), counts)
+    return _WrittenChunk(at, int(chunk.log_times.min()), int(chunk.log_times.max()), counts)
 
 
-def _chunk_info(chunk: _Written) -> bytes:
+def _chunk_info(chunk: _WrittenChunk) -> bytes:
     head = record_header(
         _CHUNK_INFO,
         ver=struct.pack("<L", 1),

@@ -178,7 +178,7 @@ class ColumnMcap:
         return _PackedChunk(zstandard.compress(chunk.data.data), zlib.crc32(chunk.data.data))
 
     def _write_chunk(self, chunk: FullChunk, packed: _PackedChunk) -> dict[int, int]:
-        """Write a chunk; how many messages it has, by channel."""
+        """Write a chunk, and return its number of messages by channel."""
         compression = "zstd" if self.packed else ""
         start, end = int(chunk.log_times.min()), int(chunk.log_times.max())
         at = self.file.tell()

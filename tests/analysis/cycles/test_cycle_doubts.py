@@ -32,7 +32,7 @@ def test_a_plain_load_is_not_doubted() -> None:
     [
         ({"carry_back_kg": -147.0}, "147 kg less than empty"),
         ({"carry_back_kg": 211.0}, "211 kg still in the bucket"),
-        ({"payload_kg": 1500.0}, "unlike the others"),
+        ({"payload_kg": 1500.0}, "unlike the other payloads"),
         ({"payload_kg": 30.0, "payload_u_kg": 20.0}, "may be nothing"),
     ],
 )

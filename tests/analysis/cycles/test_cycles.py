@@ -72,7 +72,7 @@ def test_a_cycle_whose_load_no_start_tells_is_listed_without_a_mass_and_with_the
     table = found(frames)
     assert table.height == 4
     assert table["payload_kg"].is_null().to_list() == [False, False, True, False]
-    assert table["withheld_for"][2] == "no start with this load tells a mass"
+    assert table["withheld_for"][2] == "no usable start with this load"
     assert summed(frames)["cycles_without_mass"] == 1
 
 

@@ -64,7 +64,7 @@ def test_a_mass_far_above_it_is_told_with_the_factor_and_its_candidates(times):
     assert (remark.passed, remark.consequence) == (False, "tell")
     assert "10 % for a scale that the machine file leaves open" in remark.meaning
     assert f"a gear or gain of {times:g}"[:20] in remark.meaning
-    assert ("km/h for m/s" in remark.meaning) == (times == 3.6)
+    assert ("km/h instead of m/s" in remark.meaning) == (times == 3.6)
     assert first(log)["cause"] == "wrong_scale"
 
 

@@ -77,7 +77,10 @@ class TestFrozen:
         _, found = a_moment
         check = found.check("frozen")
         assert (check.passed, check.consequence) == (False, "tell")
-        assert "0.7 s of it in what is weighed, left out: that moves the mass by" in check.meaning
+        assert (
+            "0.7 s of it among the weighed samples, excluded: this moves the mass by"
+            in check.meaning
+        )
         assert found.verdict.can_weigh
         assert abs(found.error_u) <= 2.0
 
@@ -91,7 +94,7 @@ class TestFrozen:
         findings = a_moment[1].run.frames["findings"]
         row = findings.filter(findings["cause"] == "frozen").row(0, named=True)
         assert row["severity"] == "tell"
-        assert "left out: that moves the mass" in row["evidence"]
+        assert "excluded: this moves the mass" in row["evidence"]
 
     def test_over_the_only_starts_it_withholds(self, tmp_path: Path) -> None:
         found = driven().frozen(*starts(driven())).replayed(tmp_path)

@@ -29,7 +29,7 @@ def test_behind_a_sign_or_a_unit_stands_what_it_hides(
     assert first["cause"] in {"sign_flipped", "wrong_unit"}
     assert cause in {second["cause"], *second["alternatives"].split(", ")}
     name = first["cause"].replace("_", " ")
-    assert second["evidence"].startswith(f"once {name} is mended: ")
+    assert second["evidence"].startswith(f"once {name} is corrected: ")
     assert found["rank"].to_list() == list(range(1, found.height + 1))
 
 

@@ -89,7 +89,7 @@ def test_the_first_cause_of_a_recording_is_a_reason_unless_it_only_tells() -> No
     )
     assert found.select("key", "why", "at_s").rows() == [
         ("k2", "likely frozen", 9.0),
-        ("k0", "likely delay, 42 kg of mass", 0.0),
+        ("k0", "likely delay, which changes the mass by 42 kg", 0.0),
     ]
 
 

@@ -142,7 +142,7 @@ def test_an_empty_stretch_that_is_no_load_is_said():
     span = ("settings.loads.empty_from_s=9000", "settings.loads.empty_to_s=9999")
     loads = loaded([0.0, 250.0], 4, (*POOLED, *span)).frames["loads"]
     assert loads["payload_to"].null_count() == 2
-    assert "name no load" in loads["said"][0]
+    assert "select none of the loads" in loads["said"][0]
 
 
 def test_a_log_without_a_fit_has_one_state_and_no_number():

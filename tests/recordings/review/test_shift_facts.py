@@ -61,7 +61,7 @@ def test_what_a_torn_last_log_hides_is_unknown_in_headline_and_facts() -> None:
     shift = summed(FRAMES)
     last = state(torn=(torn(None),))
     assert summarise_shift(shift, "", last).endswith(
-        "until 2023-11-15 00:13:20 +01:00, the rest is unknown"
+        "until 2023-11-15 00:13:20 +01:00, the rest of the shift is unknown"
     )
     lost = dict(list_shift_facts(shift, rows(last), last, None))[
         "estimated where nothing was recorded"

@@ -130,7 +130,7 @@ def test_a_run_of_nothing_still_has_its_texts():
     assert recording_name(Run({}).provenance) == "payscope"
     # also a log without an accepted window has checks: without them the answer is what is missing
     assert format_summary(Run({"masses": pl.DataFrame()})).startswith(
-        "This recording holds no answer."
+        "This recording contains no answer."
     )
 
 

@@ -85,14 +85,14 @@ def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Pa
     said = items(found)
     assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     for place, words in (
-        ("load-0.csv: begins", "it begins at another time: 7.000 s"),
-        ("load-0.csv: duration_s", "it takes another time"),
-        ("load-0.csv: topics", "counts of messages or their stamps are others"),
+        ("load-0.csv: begins", "its start time differs: 7.000 s"),
+        ("load-0.csv: duration_s", "its duration differs"),
+        ("load-0.csv: topics", "counts of messages or their stamps differ"),
         ("load-1.csv: topics", "stamped_by='header'"),
         ("load-1.csv: losses", "a gap that is not there there,  here"),
         ("load-1.csv: notes", "other notes: weighed by hand there"),
         ("load-2.csv: speed_range_m_s", "-1.0; 9.0 there"),
-        ("load-2.csv: files", "the files are others"),
+        ("load-2.csv: files", "the files differ"),
         ("load-2.csv: machine_id", "its metadata name another machine: sledge-7 there"),
     ):
         assert f"{place}: " in said
@@ -110,9 +110,9 @@ def test_untouched_evidence_holds_and_what_is_not_compared_is_listed(bundle: Pat
     assert "the frames of each run's recording, by their fingerprint" in done
     assert "the frames of calibration.rrd, recomputed" in done
     assert "topics, counts, stamps, losses, notes, speeds and verdict of each log" in done
-    assert "What a viewer draws of a recording" in unseen
+    assert "What a viewer shows of a recording" in unseen
     assert "people, place, conditions, sensors and parts" in unseen
-    assert (f"the words of {PDF}" in done) != (f"Whether {PDF} reads as" in unseen)
+    assert (f"the words of {PDF}" in done) != (f"Whether {PDF} has the same words as" in unseen)
 
 
 def exchanged(bundle: Path, tmp_path: Path, name: str, write: Callable[[Path], object]) -> Path:
@@ -130,8 +130,8 @@ def test_a_recording_of_another_run_is_found_by_its_fingerprint(
     folder = exchanged(bundle, tmp_path, name, lambda path: shutil.copy(second, path))
     found = verify_bundle(folder)
     assert found.outcome is TAMPERED
-    assert f"{name}: is of other files than the replay of load-0.csv" in items(found)
-    assert f"{name}: is of other frames than the replay of load-0.csv" in items(found)
+    assert f"{name}: differs in its files from the replay of load-0.csv" in items(found)
+    assert f"{name}: differs in its frames from the replay of load-0.csv" in items(found)
 
 
 def test_a_recording_with_one_number_changed_or_damaged_is_found(
@@ -154,7 +154,7 @@ def test_a_recording_with_one_number_changed_or_damaged_is_found(
 
     found = verify_bundle(exchanged(bundle, tmp_path, f"runs/{first.name}", write))
     assert found.outcome is TAMPERED
-    assert f"runs/{first.name}: is of other frames" in items(found)
+    assert f"runs/{first.name}: differs in its frames" in items(found)
     assert f"runs/{second.name}: " in items(found)
 
 

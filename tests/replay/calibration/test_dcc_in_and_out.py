@@ -172,7 +172,7 @@ def test_a_forged_certificate_stops_the_campaign_in_one_line(
     path = certified_campaign(tmp_path)
     forged = signed_weights().replace(b"20.0005", b"20.0006")
     (tmp_path / "weights.xml").write_bytes(forged)
-    one_line(payscope("calibrate", path, "-o", tmp_path / "e"), "its signature does not hold")
+    one_line(payscope("calibrate", path, "-o", tmp_path / "e"), "its signature is not valid")
 
 
 def test_the_certificate_has_the_numbers_of_the_evidence(

@@ -87,7 +87,7 @@ def test_a_campaign_of_a_sisters_log_or_machine_file_is_refused(tmp_path: Path) 
         calibrate_from_campaign(campaign, tmp_path / "evidence")
     file = tmp_path / "sledge.toml"
     file.write_text(file.read_text().replace("[machine]", f'[machine]\nid = "{SISTER}"', 1))
-    with pytest.raises(CampaignError, match=f"is for machine '{OWN}', but its machine file is of"):
+    with pytest.raises(CampaignError, match=f"is for machine '{OWN}', but its machine file is for"):
         calibrate_from_campaign(campaign, tmp_path / "evidence")
     assert not (tmp_path / "evidence").exists()
 
@@ -103,7 +103,7 @@ def test_a_sisters_log_is_refused_by_run_sweep_review_and_check(
     over = ("--over", "settings.align.rate_hz=80,100")
     one_line(payscope("sweep", log, *ask, *over), words)
     one_line(payscope("review", log, *ask, "-o", tmp_path / "review"), words)
-    with pytest.raises(CampaignError, match=f"'{SISTER}', and the campaign is of '{OWN}'|{words}"):
+    with pytest.raises(CampaignError, match=f"'{SISTER}', but the campaign is for '{OWN}'|{words}"):
         check_log(log, tmp_path, made.folder)
     # without evidence the log's own word is all there is
     assert payscope("run", log, *ask[:2], "-o", tmp_path / "plain.rrd").status in (0, 1)
@@ -196,8 +196,8 @@ def without_names(bundle: Bundle) -> None:
 @pytest.mark.parametrize(
     ("tamper", "words"),
     [
-        (in_log(0, SISTER), f"load-0.parquet: its metadata say that it is of machine '{SISTER}'"),
-        (of_sister, f"the machine file belongs to machine '{OWN}', and the campaign of '{SISTER}'"),
+        (in_log(0, SISTER), f"load-0.parquet: its metadata name machine '{SISTER}'"),
+        (of_sister, f"the machine file belongs to machine '{OWN}', but the campaign to '{SISTER}'"),
     ],
 )
 def test_evidence_that_names_two_machines_is_irreproducible(

@@ -203,7 +203,7 @@ ATTACKS: dict[str, tuple[Callable[[Bundle], None], BundleOutcome | None, str]] =
     "an inner line and a narrower stretch": (
         both(of_bytes(without(1)), in_campaign(first=2)),
         INCOMPLETE,
-        "load-0.csv: is in no line from number 2 to 4",
+        "load-0.csv: is not listed among numbers 2 to 4",
     ),
     "a narrower stretch alone": (
         in_campaign(first=2), TAMPERED, "out of order, or twice",
@@ -224,7 +224,7 @@ ATTACKS: dict[str, tuple[Callable[[Bundle], None], BundleOutcome | None, str]] =
     ),
     "empty": (of_bytes(lambda _: b""), TAMPERED, "does not begin with the head"),
     "taken away": (gone, INCOMPLETE, "notary.jsonl: is missing"),
-    "not named": (not_named, TAMPERED, "is a list that the campaign does not name"),
+    "not named": (not_named, TAMPERED, "is a list, but the campaign names none"),
     "made before it was listed": (
         forged_before_its_logs, IRREPRODUCIBLE, "after the evidence was made",
     ),
@@ -303,4 +303,6 @@ def test_a_line_of_another_time_than_its_log_is_found(notarised: Notarised, tmp_
     forged = resigned(notarised, tmp_path, of_bytes(relisted(key, **times)))
     found = notarised.verify(forged)
     assert found.outcome is IRREPRODUCIBLE
-    assert "load-0.csv begins 2026-05-01 12:00:00 UTC, and the list has 2026-04-01" in items(found)
+    assert "load-0.csv begins 2026-05-01 12:00:00 UTC, but the list states 2026-04-01" in items(
+        found
+    )

@@ -125,7 +125,7 @@ def test_readings_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_p
     assert verify_bundle(folder).outcome is None
     found = verify_bundle(folder, logs=made.campaign.parent)
     assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
-    assert "run 'run-2', reading 1: the replay gives another" in items(found)
+    assert "run 'run-2', reading 1: the replay gives a different" in items(found)
     assert public.exists()
 
 
@@ -184,7 +184,7 @@ def test_priors_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_pat
     assert verify_bundle(folder).outcome is None
     found = verify_bundle(folder, logs=made.campaign.parent)
     assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
-    assert "learnt: load-0.csv, const: its replay says something else" in items(found)
+    assert "learnt: load-0.csv, const: its replay gives different estimates" in items(found)
 
 
 def test_the_digests_are_those_of_sha256sum(made: Made) -> None:

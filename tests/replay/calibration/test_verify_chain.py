@@ -50,7 +50,7 @@ def test_a_whole_chain_verifies_in_any_order_and_names_who_signed_what(
         assert "signed by the key given" in note
     left = payscope("verify", made.third, made.bundle, made.first, "--key", made.public)
     assert left.status == 0, left.out
-    assert "3 bundles: each verified, and one chain a machine" in left.out
+    assert "3 bundles: each verified, with one chain for each machine" in left.out
 
 
 def test_a_gap_leaves_the_chain_incomplete(made: Made, payscope: Payscope) -> None:
@@ -79,7 +79,7 @@ def test_two_signed_of_one_number_are_a_fork(
     found = chain(made, made.first, made.bundle, forked)
     assert found.outcome is TAMPERED
     assert "machine sledge-7: number 2: a fork: " in said(found)
-    assert "have one number" in said(found)
+    assert "have the same number" in said(found)
     left = payscope("verify", made.first, made.bundle, forked, "--key", made.public)
     assert left.status == 3
     # and what follows the one does not follow the other

@@ -71,8 +71,8 @@ def test_a_recording_that_keeps_no_stages_is_not_explained_or_drawn(
     payscope("run", log, "-m", machine_file, "-o", a)
     payscope("run", log, "-m", late, "-o", b)
     assert payscope("compare", a, b, "-o", both).status == 1
-    one_line(payscope("explain", both), "keeps no frames", "two replays", "payscope run")
-    one_line(payscope("plot", both, "-o", tmp_path / "both.png"), "keeps no frames")
+    one_line(payscope("explain", both), "contains no frames", "two replays", "payscope run")
+    one_line(payscope("plot", both, "-o", tmp_path / "both.png"), "contains no frames")
     assert not (tmp_path / "both.png").exists()
 
 
@@ -191,7 +191,7 @@ def test_what_a_cause_explains_that_stays_is_not_mended(
     write_recording(doubted, out, force=True)
     said = payscope("explain", out, "-m", machine_file, "--apply", "-o", target)
     assert said.status == 1, said
-    why = "not channels.force_x_N.delay_s (delay): quantised explains it, and stays"
+    why = "not channels.force_x_N.delay_s (delay): quantised explains this finding, and remains"
     assert why in said.out.replace("\n", " ")
 
 
@@ -201,7 +201,7 @@ def test_where_nothing_pays_no_file_is_written_and_the_status_says_so(
     target = tmp_path / "mended.toml"
     said = payscope("explain", log, "-m", machine_file, "--apply", "-o", target)
     assert said.status == 1
-    assert "no proposal pays" in said.out
+    assert "no proposal improves the mass" in said.out
     assert not target.exists()
 
 

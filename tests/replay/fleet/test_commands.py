@@ -27,7 +27,7 @@ def test_run_again_query_report_compare_open(
     logs, fleet = fleet_folder / "logs/unit-02", fleet_folder / "fleet.toml"
     results = tmp_path / "results"
     said = payscope("fleet", "run", logs, "-m", fleet, "-o", results)
-    assert said.out.startswith("2 recordings: 2 replayed, 0 there already, 0 refused")
+    assert said.out.startswith("2 recordings: 2 replayed, 0 up to date, 0 refused")
     assert (said.status, said.err) == (0, "")
     again = payscope("fleet", "run", f"{logs}/*.mcap", "-m", fleet, "-o", results, "--json")
     assert json.loads(again.out)["there"] == 2

@@ -116,7 +116,7 @@ def assert_goes_on(
                 time.sleep(0.01)
             time.sleep(rng.uniform(0.0, 2.0))
             process.kill()
-            resumed += "is not repeated" in process.communicate()[1]
+            resumed += "without repeating what is on disc" in process.communicate()[1]
             if not Path("out.rrd").exists():
                 continue
             data = Path("out.rrd").read_bytes()
@@ -128,7 +128,7 @@ def assert_goes_on(
         last = started(log, *words, out=out)
         err = last.communicate()[1]
     assert last.returncode == 0, err
-    assert "is not repeated" in err
+    assert "without repeating what is on disc" in err
     assert resumed
     assert "gate: " in err
     assert "differ" not in err
@@ -186,7 +186,7 @@ def test_after_ctrl_c_a_log_that_has_grown_is_followed_on(
     target.write_bytes(data)
     again = payscope("follow", "drive.mcap", *MACHINE, "-o", "out.rrd", "--json")
     assert again.status == 0, again.err
-    assert "is not repeated" in again.err
+    assert "without repeating what is on disc" in again.err
     assert "differ" not in again.err
     stamps = [json.loads(line)["t_s"] for line in again.out.splitlines()]
     assert min(stamps) > until_s
@@ -242,7 +242,7 @@ def test_a_disc_that_fills_ends_the_outputs_and_not_the_following(
 
     process = started("drive.mcap", "-o", "out.rrd", "--json", limit=little_room)
     out, err = process.communicate()
-    given_up = [line for line in err.splitlines() if "written no further" in line]
+    given_up = [line for line in err.splitlines() if "not continued" in line]
     assert len(given_up) == 1
     assert "out.rrd" in given_up[0]
     assert json.loads(out.splitlines()[-1])["event"] == "end", "following goes on"
@@ -270,7 +270,7 @@ def test_reports_that_do_not_fit_are_given_up_whole(
     process = started("drive.mcap", "--reports", "mass.mcap", "--json", limit=little_room)
     out, err = process.communicate()
     assert process.returncode == 0
-    assert len([line for line in err.splitlines() if "written no further" in line]) == 1
+    assert len([line for line in err.splitlines() if "not continued" in line]) == 1
     rest = payscope("follow", "drive.mcap", *MACHINE, "--reports", "mass.mcap", "--json").out
     everything = [json.loads(line) for line in out.splitlines()]
     assert reports_of(Path("mass.mcap")) == everything

@@ -83,7 +83,7 @@ def test_reports_are_a_topic_that_others_read(payscope: Payscope) -> None:
     assert frame["validity"].to_list() == [report["validity"] for report in printed]
     again = payscope("follow", *words, "--reports", "mass.mcap")
     assert (again.status, again.out) == (0, "")
-    assert "is not repeated" in again.err
+    assert "without repeating what is on disc" in again.err
     with Path("mass.mcap").open("rb") as file:
         assert len(list(make_reader(file).iter_messages())) == len(printed)
     other = payscope(

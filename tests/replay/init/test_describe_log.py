@@ -70,7 +70,7 @@ def test_a_table_is_described_with_its_rate_gap_and_damage(tmp_path: Path) -> No
     (tmp_path / "shift.csv").write_text("time_s,a\n0,1\n1,2\n,3\n4,5\n")
     info = describe_log(open_log(tmp_path / "shift.csv"))
     assert info.topics["longest_gap_s"].to_list() == pytest.approx([3.0])
-    assert "! shift.csv: 1 of 4 rows have no time: dropped" in shown(info)
+    assert "! shift.csv: 1 of 4 rows have no time; they were dropped" in shown(info)
 
 
 def test_a_narrow_screen_cuts_no_topic_and_no_number(data: Path) -> None:
@@ -97,4 +97,4 @@ def test_each_loss_is_one_line_however_long_it_is(tmp_path: Path) -> None:
     path = tmp_path / f"{'long' * 50}.csv"
     path.write_text("time_s,a\n0,1\n,2\n")
     text = shown(describe_log(open_log(path)))
-    assert f"! {path.name}: 1 of 2 rows have no time: dropped\n" in text
+    assert f"! {path.name}: 1 of 2 rows have no time; they were dropped\n" in text

@@ -48,7 +48,7 @@ def test_a_rotated_imu_is_written_into_the_file_and_weighs(tmp_path: Path) -> No
     np.testing.assert_allclose(
         rotation_to_machine_axes(found), rotation_to_machine_axes(imu), atol=1e-9
     )
-    assert "at standstill: it is mounted so" in text
+    assert "at standstill: the IMU is mounted so" in text
 
 
 def test_without_wheels_the_yaw_is_left_to_the_reader(tmp_path: Path) -> None:

@@ -149,7 +149,7 @@ def test_of_a_table_every_column_is_read(
     is_csv = path.suffix == ".csv"
     assert (
         losses
-        == [f"{path.name} table: 1 cells of column 'b' are no numbers, the first is 'x'"][
+        == [f"{path.name} table: 1 cells of column 'b' are not numbers; the first is 'x'"][
             : int(is_csv)
         ]
     )

@@ -28,15 +28,15 @@ def test_rows_that_are_too_short_end_in_nulls_with_a_loss(tmp_path: Path) -> Non
         (4, None),
     ]
     assert told(log) == [
-        "rows with fewer cells than the header: 2, the first in line 3; "
-        "the cells that they lack are not there"
+        "rows with fewer cells than the header: 2, the first in line 3; their missing cells are "
+        "empty"
     ]
 
 
 def test_rows_that_are_too_long_are_cut_with_a_loss(tmp_path: Path) -> None:
     log = opened(tmp_path, "time_s,a\n0,1\n1,2,9,9\n2,3\n")
     assert log.read("table", ["a"])["a"].to_list() == [1, 2, 3]
-    assert told(log) == ["rows with more cells than the header: what is too much is not read"]
+    assert told(log) == ["rows with more cells than the header: the additional cells are not read"]
 
 
 @pytest.mark.parametrize("end", ["2", "2,", "2,3", '2,"x"', "2.0000001,-3.141"])

@@ -79,7 +79,7 @@ def test_damage_in_a_chunk_without_a_crc_costs_the_messages_that_it_hit(tmp_path
     container = BagFile(path)
     assert times(stored(container)) == [1000 + k for k in range(200) if k != 50]
     whats = [loss.what for loss in container.losses]
-    assert any("form no whole record" in what for what in whats)
+    assert any("form no complete record" in what for what in whats)
     assert any("where its index counts" in what for what in whats)
     container.close()
 
@@ -116,7 +116,7 @@ def test_a_message_of_a_crashed_bag_whose_op_is_damaged_is_missed(
     overwrite(path, data.rindex(b"op=", 0, time) + 3, bytes([byte]))
     container = BagFile(path)
     assert times(stored(container)) == [1000 + k for k in range(200) if k != 50]
-    assert any("form no whole record" in loss.what for loss in container.losses)
+    assert any("form no complete record" in loss.what for loss in container.losses)
     container.close()
 
 

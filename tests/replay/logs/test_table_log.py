@@ -83,14 +83,14 @@ def test_rows_out_of_order_are_sorted_stably(tmp_path: Path) -> None:
 def test_rows_without_a_time_are_dropped_and_counted(tmp_path: Path) -> None:
     log = open_log(write_csv(tmp_path, "time_s,a\n0,1\n,2\nnan,3\n1,4\n"))
     assert log.read("table", ["a"])["a"].to_list() == [1, 4]
-    assert [loss.what for loss in log.losses()] == ["2 of 4 rows have no time: dropped"]
+    assert [loss.what for loss in log.losses()] == ["2 of 4 rows have no time; they were dropped"]
 
 
 def test_text_among_numbers_is_null_and_counted(tmp_path: Path) -> None:
     log = open_log(write_csv(tmp_path, "time_s,a\n0,1.5\n1,broken\n2,\n3,2\n"))
     assert log.read("table", ["a"])["a"].to_list() == [1.5, None, None, 2.0]
     assert [loss.what for loss in log.losses()] == [
-        "1 cells of column 'a' are no numbers, the first is 'broken'"
+        "1 cells of column 'a' are not numbers; the first is 'broken'"
     ]
 
 

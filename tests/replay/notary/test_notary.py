@@ -346,7 +346,7 @@ def test_a_torn_tail_is_found_by_verify(listed: NotarisedFolder, payscope: Paysc
     listed.path.write_bytes(listed.path.read_bytes()[:-40])
     left = payscope("verify", listed.path)
     assert left.status == 5
-    assert "incomplete: notary.jsonl: breaks off" in left.out
+    assert "incomplete: notary.jsonl: is truncated" in left.out
 
 
 def test_a_list_that_was_cut_or_taken_away_is_not_gone_on_with(
@@ -354,7 +354,9 @@ def test_a_list_that_was_cut_or_taken_away_is_not_gone_on_with(
 ) -> None:
     whole = listed.path.read_bytes().splitlines(keepends=True)
     listed.path.write_bytes(b"".join(whole[:-1]))
-    with pytest.raises(EvidenceError, match="written up to number 6, so it was cut or replaced"):
+    with pytest.raises(
+        EvidenceError, match="written up to number 6, so it was truncated or replaced"
+    ):
         notarise_folder(folder, key_file=keys[0])
     listed.path.unlink()
     with pytest.raises(EvidenceError, match="so the list was removed"):

@@ -67,21 +67,21 @@ def test_a_column_of_another_quantity_is_not_taken(tmp_path: Path, name: str) ->
 
 def test_a_force_goes_with_the_change_of_the_speed(tmp_path: Path) -> None:
     channels, questions = proposed(tmp_path, speed_m_s=V, force_N=1000 * A)
-    assert "goes with the change of speed_m_s, 0.99" in channels["force_x_N"].reason
+    assert "correlates with the change of speed_m_s, 0.99" in channels["force_x_N"].reason
     assert questions == []
 
 
 def test_an_inverted_force_is_a_question(tmp_path: Path) -> None:
     _, questions = proposed(tmp_path, speed_m_s=V, force_N=-1000 * A)
     (asked,) = questions
-    assert "which way 'force_N' is positive" in asked
+    assert "which direction of 'force_N' is positive" in asked
     assert "scale = -1" in asked
 
 
 def test_a_speed_is_the_slope_of_a_position(tmp_path: Path) -> None:
     place = np.cumsum(V) / 50
     channels, _ = proposed(tmp_path, distance_m=place, speed_m_s=V)
-    assert "goes with the change of distance_m, 1.00" in channels["speed_x_m_s"].reason
+    assert "correlates with the change of distance_m, 1.00" in channels["speed_x_m_s"].reason
 
 
 @pytest.mark.parametrize(("down", "unit"), [(9.81, None), (1.0, "standard_gravity")])
@@ -267,7 +267,7 @@ def test_the_type_of_a_variable_is_no_side(tmp_path: Path) -> None:
 
 def test_a_third_wheels_torque_is_a_question(tmp_path: Path) -> None:
     _, questions = proposed(tmp_path, speed_m_s=V, left_Nm=A, right_Nm=A, rear_torque_Nm=A)
-    assert any("whether 'rear_torque_Nm' moves the machine as well" in each for each in questions)
+    assert any("whether 'rear_torque_Nm' also drives the machine" in each for each in questions)
 
 
 def test_a_torque_in_percent_needs_the_rated_one(tmp_path: Path) -> None:

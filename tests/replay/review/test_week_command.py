@@ -97,9 +97,9 @@ def test_friction_that_rises_is_dated_and_such_as_does_not_is_not(
     assert state.friction[0] is not None
     limit = f"{1.3 * state.friction[0]:.0f}"
     rising = payscope("review", "--week", *map(str, folders), "--friction-limit", limit)
-    assert "(95 %)" in rising.out or "cannot be said" in rising.out
+    assert "(95 %)" in rising.out or "cannot be predicted" in rising.out
     few = payscope("review", "--week", *map(str, folders[:2]), "--friction-limit", limit)
-    assert "cannot be said: 2 of at least 4 shifts" in few.out
+    assert "cannot be predicted: 2 of at least 4 shifts" in few.out
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_friction_that_rises_is_dated_and_such_as_does_not_is_not(
     [
         (("-o", "week.txt"), "the page of a week is one file"),
         (("-o", "notes.html"), "is not a page of a week"),
-        (("--target", "700"), "--week takes folders of reviews"),
+        (("--target", "700"), "--week accepts only folders of reviews"),
         (("nowhere",), "holds no review"),
     ],
 )

@@ -69,7 +69,7 @@ def test_samples_that_are_no_number_are_left_out_and_counted(raw_topic, machine)
     channels, losses, _ = derived(raw, machine())
     assert channels["force_x_N"].height == 497
     assert [loss.what for loss in losses] == [
-        "3 of 500 samples of force are missing or not finite; they were left out"
+        "3 of 500 samples of force are missing or not finite; they were excluded"
     ]
 
 
@@ -270,7 +270,8 @@ def test_what_stands_for_no_reading_is_left_out_and_counted(raw_topic, machine):
     channels, losses, _ = derived(loader(raw_topic, force=force), machine())
     assert channels["force_x_N"].height == 498
     assert [loss.what for loss in losses] == [
-        "2 of 500 samples of force are beyond 1e+15 N, which is no reading; they were left out"
+        "2 of 500 samples of force are beyond 1e+15 N, which cannot be a reading; they were "
+        "excluded"
     ]
 
 

@@ -37,7 +37,7 @@ def test_log_time_places_what_has_no_header(raw_topic, name, label):
 def test_header_stamps_that_were_never_set_fall_back_to_log_time_and_say_so(raw_topic):
     frame, label, losses = placed_one(raw_topic, header=np.zeros_like(LOG))
     assert label == "log"
-    assert losses == ["200 of 200 header stamps are not set, so log time places it"]
+    assert losses == ["200 of 200 header stamps are not set, so log time is used instead"]
     assert frame.height == LOG.size
 
 
@@ -55,7 +55,7 @@ def test_header_stamps_that_jump_back_by_a_second_are_another_clock(raw_topic):
     header[100:] -= 5 * SECOND
     frame, label, losses = placed_one(raw_topic, header=header)
     assert label == "log"
-    assert losses == ["header stamps jump back by 4.99 s, so log time places it"]
+    assert losses == ["header stamps jump back by 4.99 s, so log time is used instead"]
     np.testing.assert_array_equal(frame["unix_ns"], LOG)
 
 

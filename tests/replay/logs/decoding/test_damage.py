@@ -175,11 +175,11 @@ def test_a_string_in_cdr_may_have_the_length_0() -> None:
     ("text", "fault"),
     [
         (b"ab", "lacks its terminator"),
-        (b"\xff\0", "no UTF-8"),
-        (b"\xc0\x80\0", "no UTF-8"),
-        (b"\xed\xa0\x80\0", "no UTF-8"),
-        (b"\xf4\x90\x80\x80\0", "no UTF-8"),
-        (b"\xe2\x86\0", "no UTF-8"),
+        (b"\xff\0", "not UTF-8"),
+        (b"\xc0\x80\0", "not UTF-8"),
+        (b"\xed\xa0\x80\0", "not UTF-8"),
+        (b"\xf4\x90\x80\x80\0", "not UTF-8"),
+        (b"\xe2\x86\0", "not UTF-8"),
     ],
 )
 def test_a_string_that_is_none_costs_the_message_also_when_nobody_asks_for_it(
