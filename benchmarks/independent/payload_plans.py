@@ -89,6 +89,7 @@ SITUATIONS: Final[Mapping[str, Situation]] = {
     "rolling 2 both ways": Situation(rolling_1=0.02, ways=2),
     "rolling 3 both ways": Situation(rolling_1=0.03, ways=2),
     "rolling 2 by speed": Situation(rolling_1=0.02, rolling_speed_s_m=0.05),
+    "rolling 4 by speed": Situation(rolling_1=0.04, rolling_speed_s_m=0.05),
     "offset 5": Situation(offset_share=0.05),
     "Coulomb 5": Situation(coulomb_share=0.05),
     "squat 0.3": Situation(squat_deg_s2_m=0.3),
