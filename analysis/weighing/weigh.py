@@ -320,7 +320,7 @@ def mean_difference_kg(one: JointFit, other: JointFit) -> float:
 def fit_curvature(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
 ) -> Curvature:
-    """Refit with a term in a·|a|.
+    """Refit with a term in a·|a|; 0 where the log does not determine it.
 
     Args:
         fit: the fit without the term.
@@ -330,6 +330,9 @@ def fit_curvature(
     """
     curved = refit_with_changes(fit, noise, priors, (CURVATURE,), rows=rows).fit
     moved = float(curved.theta[fit.main_state] - fit.theta[fit.main_state])
+    if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
+        # with accelerations of one size the term is collinear with the mass
+        return Curvature(0.0, 0.0, fit.mass_kg)
     return Curvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
 
 

@@ -316,8 +316,10 @@ class WeighingLimits:
     same_lag_s: float = 0.01
     #: Standard deviations from which a term in a·|a| shows,
     curvature_min_std: float = 6.0
-    #: if it moves the mass by this share.
+    #: if it moves the mass by this share,
     curvature_min_fraction: float = 0.01
+    #: and by no more than this: a term that moves it farther is collinear with it.
+    curvature_max_fraction: float = 0.5
     #: Means of so many samples of a derivative are differences.
     derivative_mean_samples: int = 20
     #: Rounds of the fit that finds the errors of a calibration's means: terms are products.

@@ -157,7 +157,7 @@ def test_a_load_transfer_that_looks_like_loads_by_direction_is_named_with_them(
 ) -> None:
     row = named(("load transfer", size), seed=seed).row(0, named=True)
     assert row["cause"] == "driveline"
-    assert "go with the direction" in row["evidence"]
+    assert "depend on the direction" in row["evidence"]
     assert row["mass_change_kg"] is None
 
 
@@ -179,7 +179,7 @@ def test_a_load_transfer_beside_a_load_taken_once_keeps_its_kilograms(seed: int)
     log = join_designs(machine, {"starts": {"directions": "alternating"}, "loading": half})
     found = replayed(log, [(BY_NAME["load transfer"], 2.0)]).frames["findings"]
     row = found.filter(pl.col("cause") == "driveline").row(0, named=True)
-    assert "go with the direction" not in row["evidence"]
+    assert "depend on the direction" not in row["evidence"]
     assert row["mass_change_kg"] is not None
 
 

@@ -242,13 +242,16 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
     "probability in percent": (put("ProbabilityXMLList>0.95", "ProbabilityXMLList>95"), "prob"),
     # whose each is
     "a name too few": (put(NAMES, "SN-weight-1"), "number of its names is 1"),
-    "a name of no item": (put(NAMES, "SN-weight-9 SN-weight-1"), "'SN-weight-9', which 0 items"),
+    "a name of no item": (
+        put(NAMES, "SN-weight-9 SN-weight-1"),
+        "'SN-weight-9', which is the name of 0 items",
+    ),
     "a name twice": (put(NAMES, "SN-weight-1 SN-weight-1"), "names a weight twice"),
     "a name of two items": (
         lambda data: put("<dcc:value>SN-weight-2", "<dcc:value>SN-weight-1")(
             put(NAMES, "SN-weight-1 weight-2")(data)
         ),
-        "'SN-weight-1', which 2 items",
+        "'SN-weight-1', which is the name of 2 items",
     ),
     "names of a result that is of one item": (
         put("<dcc:result>", '<dcc:result refId="weight-1">'),

@@ -170,7 +170,7 @@ def test_the_recording_of_the_calibration_is_made_anew_and_compared(
     )
     found = verify_bundle(folder, logs=bundle.with_name("logs"))
     assert found.outcome is TAMPERED
-    assert "calibration.rrd: has other frames points than the evidence gives" in items(found)
+    assert "calibration.rrd: differs in its frames points from the evidence" in items(found)
 
 
 def test_a_pdf_is_compared_by_its_words(bundle: Path, tmp_path: Path) -> None:

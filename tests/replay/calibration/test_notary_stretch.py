@@ -116,7 +116,7 @@ def test_the_list_of_a_revoked_recorder_counts_for_nothing(notarised: Notarised)
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("last = 4", "last = 9", "notary.last is 9, and .* ends at number 4"),
+        ("last = 4", "last = 9", "notary.last is 9, but .* ends at number 4"),
         ("first = 1", "first = 5", "last is 4, before first, 5"),
         ("number = 4", "number = 7", "number 7 is left out, but is not between first and last"),
         ('reason = "shift work between the runs"', 'reason = ""', "notary.left_out.*reason"),
@@ -211,11 +211,11 @@ ATTACKS: dict[str, tuple[Callable[[Bundle], None], BundleOutcome | None, str]] =
     "a run's log left out": (
         in_campaign(left_out=[LEFT_OUT, {"number": 2, "reason": "x"}]),
         IRREPRODUCIBLE,
-        "number 2 is left out, and load-1.csv is a log of the campaign",
+        "number 2 is left out, although load-1.csv is a log of the campaign",
     ),
     "lines swapped": (of_bytes(swapped), TAMPERED, "out of order"),
     "the head dropped": (of_bytes(without(0)), TAMPERED, "does not begin with the head"),
-    "a torn tail": (of_bytes(lambda data: data[:-9]), INCOMPLETE, "breaks off"),
+    "a torn tail": (of_bytes(lambda data: data[:-9]), INCOMPLETE, "is truncated"),
     "another digest": (
         of_bytes(lambda data: data.replace(b'"sha256":"', b'"sha256":"f', 1)), TAMPERED, "sha256",
     ),

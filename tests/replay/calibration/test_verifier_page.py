@@ -114,7 +114,7 @@ def test_the_page_is_small_the_same_twice_and_the_one_that_the_version_names(
     assert verifier_sha256() in payscope("verify", "--page", "-o", out).out
     assert out.read_bytes() == page
     one_line(payscope("verify", "--page", "-o", out), "exists already")
-    one_line(payscope("verify", tmp_path, "--page"), "the same for all evidence")
+    one_line(payscope("verify", tmp_path, "--page"), "the same page for all evidence")
     one_line(payscope("verify"), "name the folder of the evidence")
     for name in ("http://", "https://", "{version}", "{script"):
         # names of formats are no addresses that anything is fetched from

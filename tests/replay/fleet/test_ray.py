@@ -71,7 +71,7 @@ for name in ("die", "large", "raise", "threads"):
 def test_nodes_and_workers_may_die_and_what_is_given_up_has_its_reason() -> None:
     first, *said = run([sys.executable, "-c", ENGINE]).splitlines()
     assert first == "killed both"
-    assert said[0].startswith("die its worker ended 4 times without a word")
+    assert said[0].startswith("die its worker ended 4 times without a message")
     assert said[1].startswith("large declares 1048576.0 GiB of memory, and the largest node has")
     assert said[2:] == ["raise ValueError: a fault of ours", "threads ['1', '1']"]
 
