@@ -202,31 +202,31 @@ def _split_energy_by_phase(found: PhaseIntegrals, model: ForceModel) -> Floats:
     return np.stack([work, found.kinetic_J, slope, friction, digging, braking], axis=1)
 
 
-def _integrate_drive_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
+def _integrate_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the measured force, corrected for its errors, (phases,) in J."""
     return (
-        of["force"]
-        - model.transfer * of["transfer"]
-        - model.gain_drift * of["gain_drift"]
-        - model.offset * of["offset"]
+        integrals["force"]
+        - model.transfer * integrals["transfer"]
+        - model.gain_drift * integrals["gain_drift"]
+        - model.offset * integrals["offset"]
     )
 
 
-def _mass_and_friction_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
+def _mass_and_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work done on masses and fitted friction, (phases,) in J."""
     return (
-        of["mass"]
-        + model.acting * of["offset"]
-        + model.viscous * of["viscous"]
-        + sum(getattr(model, name) * of[name] for name in WARMING)
-        + model.direction * of["direction"]
-        + model.quadratic * of["quadratic"]
+        integrals["mass"]
+        + model.acting * integrals["offset"]
+        + model.viscous * integrals["viscous"]
+        + sum(getattr(model, name) * integrals[name] for name in WARMING)
+        + model.direction * integrals["direction"]
+        + model.quadratic * integrals["quadratic"]
     )
 
 
-def _work_against_friction(of: EnergyIntegrals, model: ForceModel) -> Floats:
+def _work_against_friction(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the drive against friction and slip without a pile, (phases,) in J."""
-    return _mass_and_friction_work(of, model) + of["slip"]
+    return _mass_and_friction_work(integrals, model) + integrals["slip"]
 
 
 def _work_moved_by_slope(found: PhaseIntegrals, model: ForceModel) -> Floats:
@@ -313,10 +313,10 @@ def _make_energy_rows(
     cycle = np.array([span.cycle for span in spans])
     phase = np.array([span.phase for span in spans])
 
-    def row(number: int | None, name: str) -> EnergyRow:
+    def row(cycle_number: int | None, name: str) -> EnergyRow:
         of = (phase == name) if name != WHOLE else np.ones(cycle.size, np.bool_)
-        if number is not None:
-            of = of & (cycle == number)
+        if cycle_number is not None:
+            of = of & (cycle == cycle_number)
         # random within a cycle alike, between cycles not
         own = np.unique(cycle[of], return_inverse=True)[1]
         by_cycle = [np.bincount(own, random[of, part]) for part in range(len(PARTS))]
@@ -331,7 +331,9 @@ def _make_energy_rows(
         )
         litres = float(fuel_L[of].sum())
         burnt_L = round(litres, 4) if np.isfinite(litres) else None
-        return EnergyRow(number, name, work, kinetic, slope, friction, digging, braking, burnt_L)
+        return EnergyRow(
+            cycle_number, name, work, kinetic, slope, friction, digging, braking, burnt_L
+        )
 
     shift = [row(None, name) for name in (WHOLE, *PHASES)]
     own: list[EnergyRow] = []

@@ -174,15 +174,15 @@ def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, Bundle
 def _check_file_sums(
     checked: CheckedBundle,
     names: list[str],
-    held: Mapping[str, BundleFile],
+    files: Mapping[str, BundleFile],
     listed: Mapping[str, str],
 ) -> None:
     for name, digest in listed.items():
-        if name in held and held[name].sha256 != digest:
+        if name in files and files[name].sha256 != digest:
             checked.add(BundleOutcome.TAMPERED, name, f"is not the file whose digest {SUMS} has")
         if name not in names and name not in REQUIRED:
             checked.add(BundleOutcome.INCOMPLETE, name, f"is missing, although {SUMS} lists it")
-    for name in sorted(set(held) - set(listed) - set(UNLISTED)):
+    for name in sorted(set(files) - set(listed) - set(UNLISTED)):
         checked.add(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
 
 
@@ -201,7 +201,7 @@ def _check_recordings(
 
 
 def read_checked_tables(
-    checked: CheckedBundle, held: Mapping[str, BundleFile], document: EvidenceDocument
+    checked: CheckedBundle, files: Mapping[str, BundleFile], document: EvidenceDocument
 ) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
     """Readings and points; None for each that cannot be read."""
     digests = {
@@ -209,13 +209,13 @@ def read_checked_tables(
         POINTS: document.tables.points_sha256,
     }
     schemas = {READINGS: READING_COLUMNS, POINTS: POINT_COLUMNS}
-    there = [name for name in (READINGS, POINTS) if name in held]
+    there = [name for name in (READINGS, POINTS) if name in files]
     for name in there:
-        if held[name].sha256 != digests[name]:
+        if files[name].sha256 != digests[name]:
             checked.add(
                 BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
             )
-    asked = [UntrustedTable(held_bytes(held, name), schemas[name]) for name in there]
+    asked = [UntrustedTable(held_bytes(files, name), schemas[name]) for name in there]
     found: dict[str, pl.DataFrame] = {}
     for name, table in zip(there, read_tables(asked), strict=True):
         if isinstance(table, str):
@@ -227,7 +227,7 @@ def read_checked_tables(
 
 def check_signature(
     checked: CheckedBundle,
-    held: Mapping[str, BundleFile],
+    files: Mapping[str, BundleFile],
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
     key: PublicKey | None,
@@ -237,19 +237,19 @@ def check_signature(
 
     Args:
         checked: receives the findings and the signer.
-        held: files of the bundle.
+        files: files of the bundle.
         digests: digests of the signed files, by name.
         document: the evidence; None if it cannot be read.
         key: key given by the user, if any.
         keyring: keys kept by the user.
     """
     named = document.signer if document is not None else None
-    if STATEMENT not in held:
+    if STATEMENT not in files:
         _add_unsigned_findings(checked, document, key)
         return
     checked.signed_by = SignedBy("broken")
     try:
-        signed = parse_envelope(held_bytes(held, STATEMENT), STATEMENT)
+        signed = parse_envelope(held_bytes(files, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.from_text(named.public_key)
     except EvidenceError as fault:
         checked.add(BundleOutcome.TAMPERED, STATEMENT, fault_without_name(STATEMENT, fault))
@@ -263,7 +263,7 @@ def check_signature(
         )
     if key is None and stated is not None and not signed.is_signed_by(stated):
         checked.add(BundleOutcome.TAMPERED, STATEMENT, "its signature is not by the key it names")
-    _check_statement(checked, signed, held, digests, document)
+    _check_statement(checked, signed, files, digests, document)
     if len(checked.findings) == before and stated is not None and document is not None:
         identify_signer(checked, stated, document, key, keyring)
 
@@ -335,7 +335,7 @@ def _check_signer(
 def _check_statement(
     checked: CheckedBundle,
     signed: EnvelopeContent,
-    held: Mapping[str, BundleFile],
+    files: Mapping[str, BundleFile],
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
 ) -> None:
@@ -344,8 +344,8 @@ def _check_statement(
     if said.get("_type") != STATEMENT_TYPE or said.get("predicateType") != PREDICATE_TYPE:
         checked.add(BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind")
     wanted: dict[str, Any] = dict(digests)
-    if SUMS in held:
-        wanted[SUMS] = held[SUMS].sha256
+    if SUMS in files:
+        wanted[SUMS] = files[SUMS].sha256
     subjects = said.get("subject")
     found: dict[str, Any] = {}
     for each in subjects if isinstance(subjects, list) else []:

@@ -49,9 +49,9 @@ class CheckedBundle:
         self.findings.append(BundleFinding(outcome, item, what))
 
 
-def held_bytes(held: Mapping[str, BundleFile], name: str) -> bytes:
+def held_bytes(files: Mapping[str, BundleFile], name: str) -> bytes:
     """Content of a file held in memory."""
-    data = held[name].data
+    data = files[name].data
     assert data is not None
     return data
 

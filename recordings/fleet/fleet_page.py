@@ -315,7 +315,7 @@ def tonnes_picture(weeks: pl.DataFrame) -> Drawing | None:
     return picture
 
 
-def drift_picture(number: int, shown: MachineChart) -> Drawing:
+def drift_picture(picture_number: int, shown: MachineChart) -> Drawing:
     """Picture of a machine's quantity by week, with the limits of its baseline."""
     flagged, since = shown.chart.flagged, shown.chart.since
     assert flagged is not None
@@ -329,7 +329,7 @@ def drift_picture(number: int, shown: MachineChart) -> Drawing:
     signal = shown.signal
     unit = {"zero": "kg", "scale": "kg", "friction": "N·s/m"}[signal.name]
     picture = Drawing(
-        f"drift-{number}",
+        f"drift-{picture_number}",
         f"{shown.machine}: {signal.name}",
         f"Weekly means of the {signal.means}, in {unit}, with the limits of a week's mean about "
         f"its first {count} days; dashed: {shown.days[flagged]}, when the "

@@ -203,10 +203,10 @@ def revoke_key(keyring: Keyring, key_id: str, day: dt.date, because: str) -> Key
     )
 
 
-def _parse_key(path: Path, number: int, row: object) -> KnownKey:
+def _parse_key(path: Path, key_number: int, row: object) -> KnownKey:
     try:
         return KnownKey.model_validate(row)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(map(str, first["loc"]))
-        raise EvidenceError(f"{path}: key {number}: {place or 'it'}: {first['msg']}") from None
+        raise EvidenceError(f"{path}: key {key_number}: {place or 'it'}: {first['msg']}") from None

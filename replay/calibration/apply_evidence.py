@@ -247,26 +247,28 @@ def load_calibration(asked: CalibrationRequest) -> MachineCalibration:
     return MachineCalibration(folder, document, document.calibration, by)
 
 
-def require_known_signature(asked: CalibrationRequest, by: SignedBy, keyring: Keyring) -> SignedBy:
+def require_known_signature(
+    asked: CalibrationRequest, signature: SignedBy, keyring: Keyring
+) -> SignedBy:
     """Return the signature if its key is known; a key trusted on first use is kept.
 
     Raises:
         EvidenceError: unsigned, or signed by an unknown key that the user rejects.
     """
-    if by.is_trusted:
-        return by
-    if by.how == "unsigned":
+    if signature.is_trusted:
+        return signature
+    if signature.how == "unsigned":
         raise EvidenceError(
             f"{asked.folder}: is unsigned; calibrate with --key, or leave out --require-signed"
         )
-    owner = "" if asked.ask is None else asked.ask(by).strip()
+    owner = "" if asked.ask is None else asked.ask(signature).strip()
     if not owner:
         raise EvidenceError(
-            f"{asked.folder}: is {by}; get the key from the signer, and give it with --key KEY or "
-            f"keep it: {by.add_line}"
+            f"{asked.folder}: is {signature}; get the key from the signer, and give it with "
+            f"--key KEY or keep it: {signature.add_line}"
         )
-    add_key(keyring, KnownKey(key=by.public_key, owner=owner))
-    return replace(by, how="known", owner=owner)
+    add_key(keyring, KnownKey(key=signature.public_key, owner=owner))
+    return replace(signature, how="known", owner=owner)
 
 
 def calibrated_frame(

@@ -135,17 +135,17 @@ def frames_to_explain(asked: ExplainRequest, on_stage: Callable[[str], None]) ->
             raise DataError(f"{asked.path} with {asked.machine_file}: {error}") from None
 
 
-def _is_other_machine(held: OpenRecording, machine: Machine) -> bool:
-    about = held.provenance
+def _is_other_machine(recording: OpenRecording, machine: Machine) -> bool:
+    about = recording.provenance
     recorded = Machine.model_validate({**about.machine, "settings": about.settings})
     return bool(changed_settings(recorded, machine))
 
 
-def read_explained_frames(held: OpenRecording, *, pictured: bool) -> Run:
+def read_explained_frames(recording: OpenRecording, *, pictured: bool) -> Run:
     """Read the frames needed for an explanation or a picture."""
-    held.refuse_without_stages()
+    recording.refuse_without_stages()
     wanted: dict[str, Sequence[str]] = {}
-    for name, columns in held.stages.items():
+    for name, columns in recording.stages.items():
         if name in SMALL:
             wanted[name] = columns
         elif name in COLUMNS:
@@ -153,14 +153,14 @@ def read_explained_frames(held: OpenRecording, *, pictured: bool) -> Run:
             wanted[name] = [column for column in columns if column in kept]
         elif pictured and name in _RECURSIVE:
             wanted[name] = [column for column in columns if column in _SETTLING]
-    frames = {name: held.read(name, columns) for name, columns in wanted.items()}
+    frames = {name: recording.read(name, columns) for name, columns in wanted.items()}
     # what a recovered recording has lost must not pass for what its log does not show
-    lost = [each for each in held.manifest.frames if each.name in frames]
+    lost = [each for each in recording.manifest.frames if each.name in frames]
     lost = [each for each in lost if frames[each.name].height != each.rows]
     if lost:
         more = f" (and {len(lost) - 1} more stages miss rows)" if len(lost) > 1 else ""
         raise RecordingError(
-            f"{held.path}: is incomplete: '{lost[0].name}' has {frames[lost[0].name].height} of "
-            f"{lost[0].rows} rows{more}; replay the log"
+            f"{recording.path}: is incomplete: '{lost[0].name}' has "
+            f"{frames[lost[0].name].height} of {lost[0].rows} rows{more}; replay the log"
         )
-    return Run(frames, held.provenance)
+    return Run(frames, recording.provenance)

@@ -283,7 +283,7 @@ def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> st
 
 
 def _resolved_inputs(
-    machine: Machine, options: ReviewOptions, by: MachineCalibration | None
+    machine: Machine, options: ReviewOptions, calibration: MachineCalibration | None
 ) -> dict[str, Any]:
     return {
         **resolve_machine(machine),
@@ -291,7 +291,7 @@ def _resolved_inputs(
         "versions": package_versions(),
         "target_kg": options.target_kg,
         "decimal_comma": options.decimal_comma,
-        "calibration": "none" if by is None else f"evidence {by.document.id}",
+        "calibration": "none" if calibration is None else f"evidence {calibration.document.id}",
     }
 
 

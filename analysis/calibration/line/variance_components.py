@@ -42,9 +42,9 @@ class Variances:
     value: Floats
     covariance: Floats
 
-    def combine_linearly(self, by: Floats) -> "Variances":
-        """Variances of the linear combinations `by` @ value."""
-        return Variances(by @ self.value, by @ self.covariance @ by.T)
+    def combine_linearly(self, coefficients: Floats) -> "Variances":
+        """Variances of the linear combinations `coefficients` @ value."""
+        return Variances(coefficients @ self.value, coefficients @ self.covariance @ coefficients.T)
 
     def dof(self, weight: Floats, total: float) -> float:
         """Degrees of freedom of a variance `total` whose estimated part is `weight` @ value.
