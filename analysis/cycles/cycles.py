@@ -353,7 +353,7 @@ def shared_uncertainty(
         nothing = np.zeros(count)
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
         return _SharedUncertainty(none, none, 1.0, ShiftScale())
-    datum = empty.make_datum(pass_weights_by_state(weighing.fit, found) @ weights)
+    datum = empty.relate_to_empty_mass(pass_weights_by_state(weighing.fit, found) @ weights)
     own = common_uncertainty(weighing, machine, found, weights, None)
     gain_1, gain_u_1 = empty.gain or (None, None)
     sources = payload_sources(weighing, machine, datum, empty.weights)

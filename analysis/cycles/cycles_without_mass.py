@@ -184,10 +184,10 @@ def find_channel_gaps_ns(excitation: pl.DataFrame, aligned: pl.DataFrame) -> lis
     return [(int(here[k]), int(here[k + 1])) for k in wide]
 
 
-def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles:
-    """Estimate the cycles hidden by holes: those whose whole haul is inside a hole.
+def estimate_cycles_in_gaps(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles:
+    """Estimate how many cycles gaps of the log hide: those whose whole haul is inside a gap.
 
-    With a period P between dumps and hauls of duration D, a hole G hides (G − D)/P cycles, none if
+    With a period P between dumps and hauls of duration D, a gap G hides (G − D)/P cycles, none if
     hauls are longer; the number of whole periods in a randomly placed span deviates by √(f(1−f)), f
     being the fraction beyond whole ones, and periods differ. Without a completely seen haul nothing
     is estimated.

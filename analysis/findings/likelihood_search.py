@@ -16,7 +16,7 @@ from analysis.findings.channel_causes import is_near_spike
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import renumber_stretches
+from analysis.findings.refit import renumber_and_drop_short_stretches
 from analysis.findings.whitened_rows import (
     EquationRows,
     ProjectedEquation,
@@ -72,7 +72,7 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
     motion = explain_constant_force(inputs).motion or fit.motion
     near = is_near_spike(inputs)
     if near.any():  # a spike is no motion, whatever it looks like
-        motion = renumber_stretches(motion.exclude_samples(near))
+        motion = renumber_and_drop_short_stretches(motion.exclude_samples(near))
         if not motion.used.any():  # there are spikes all along
             return {}
     taken: list[str] = []

@@ -18,7 +18,7 @@ from analysis.weighing.joint_fit import (
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_states import (
     LoadStates,
-    find_states,
+    find_load_states,
     load_change_kinds,
     single_unknown_state,
     states_of_partition,
@@ -140,7 +140,7 @@ def _refit_with_own_scatter(
     if not np.isfinite(fit.theta).all():
         return fit
     units, states = _manoeuvre_effects(fit, inputs, kind), _states_in(fit)
-    likeliest = find_states(units, states.unit, repeatability_kg)
+    likeliest = find_load_states(units, states.unit, repeatability_kg)
     scattering = states_of_partition(units, states.unit, states.membership, usual_scatter=False)
     states = replace(scattering, single_probability=likeliest.single_probability)
     return refit_with_changes(replace(fit, states=states), inputs.noise, inputs.priors, rounds=2)
@@ -174,7 +174,7 @@ def _settle_states(
         task, rows = _task_of_fit(found, inputs), fit_rows(found, inputs.noise)
         states = max(
             (
-                find_states(
+                find_load_states(
                     replace(task.group_effects_of_fit(found, each), kind=kind),
                     number,
                     repeatability_kg,

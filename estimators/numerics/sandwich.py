@@ -107,9 +107,9 @@ def standard_deviations(G: Floats, B: Floats, rss: float, samples: float) -> Flo
     They are never below the textbook's: a tapered correlation need not be positive definite.
     """
     meats = pack(B).reshape(-1, 1)
-    return stds_from_bread(invert_packed(pack(G).reshape(1, -1)), meats, np.array([rss]), samples)[
-        :, 0
-    ]
+    return larger_of_sandwich_and_textbook_stds(
+        invert_packed(pack(G).reshape(1, -1)), meats, np.array([rss]), samples
+    )[:, 0]
 
 
 def window_std(A: Floats, gram: Floats, residual: Floats, autocorrelation: Floats | None) -> Floats:
@@ -149,7 +149,9 @@ def window_stds(
 
     def work(rows: slice) -> None:
         meats = window_meats(A, window, index[rows], correlation)
-        out[rows] = stds_from_bread(invert_packed(grams[rows]), meats, rss[rows], window).T
+        out[rows] = larger_of_sandwich_and_textbook_stds(
+            invert_packed(grams[rows]), meats, rss[rows], window
+        ).T
 
     in_chunks(work, index.size)
     return out * scale_widening(window, correlation)
@@ -161,8 +163,13 @@ def invert_packed(grams: Floats) -> Floats:
     return invert(*factor(np.ascontiguousarray(grams.T), p, p))
 
 
-def stds_from_bread(bread: Floats, meats: Floats, rss: Floats, samples: float) -> Floats:
-    """Standard deviations (p, m) from inverses (p, p, m), packed meats (entries, m), RSS (m,)."""
+def larger_of_sandwich_and_textbook_stds(
+    bread: Floats, meats: Floats, rss: Floats, samples: float
+) -> Floats:
+    """Larger of the sandwich and the textbook standard deviation of each parameter, (p, m).
+
+    From inverses (p, p, m), packed meats (entries, m) and RSS (m,).
+    """
     p = len(bread)
     freedom = samples - trace_of_product(bread, meats)
     freedom = np.where(freedom > 0.5, freedom, np.nan)

@@ -34,7 +34,11 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.bundle_tables import UntrustedTable, read_tables
 from recordings.calibration.chain_check import check_chain, check_counter
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.checked_bundle import CheckedBundle, fault_without_name, held_bytes
+from recordings.calibration.checked_bundle import (
+    CheckedBundle,
+    content_in_memory,
+    fault_without_name,
+)
 from recordings.calibration.evidence_document import (
     EvidenceDocument,
     UnknownFormatError,
@@ -113,7 +117,7 @@ def _check_without_earlier(
         return checked
     digests = {name: each.sha256 for name, each in held.items() if name not in UNLISTED}
     try:
-        document = parse_document(held_bytes(held, EVIDENCE), EVIDENCE)
+        document = parse_document(content_in_memory(held, EVIDENCE), EVIDENCE)
     except EvidenceError as fault:
         strange = isinstance(fault, UnknownFormatError)
         outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
@@ -124,7 +128,7 @@ def _check_without_earlier(
     check_timestamp(checked, held, document, authorities)
     check_signature(checked, held, digests, document, key, keyring)
     _check_recordings(checked, document, digests)
-    stretch = held_bytes(held, NOTARY) if NOTARY in held else None
+    stretch = content_in_memory(held, NOTARY) if NOTARY in held else None
     check_notary(checked, document, stretch, keyring)
     readings, points = read_checked_tables(checked, held, document)
     checked.readings, checked.points = readings, points
@@ -163,7 +167,7 @@ def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, Bundle
         if name not in names:
             checked.add(BundleOutcome.INCOMPLETE, name, "is missing")
     if SUMS in held:
-        checked.sums = held_bytes(held, SUMS)
+        checked.sums = content_in_memory(held, SUMS)
         try:
             _check_file_sums(checked, names, held, parse_sums(checked.sums))
         except EvidenceError as fault:
@@ -215,7 +219,7 @@ def read_checked_tables(
             checked.add(
                 BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
             )
-    asked = [UntrustedTable(held_bytes(files, name), schemas[name]) for name in there]
+    asked = [UntrustedTable(content_in_memory(files, name), schemas[name]) for name in there]
     found: dict[str, pl.DataFrame] = {}
     for name, table in zip(there, read_tables(asked), strict=True):
         if isinstance(table, str):
@@ -249,7 +253,7 @@ def check_signature(
         return
     checked.signed_by = SignedBy("broken")
     try:
-        signed = parse_envelope(held_bytes(files, STATEMENT), STATEMENT)
+        signed = parse_envelope(content_in_memory(files, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.from_text(named.public_key)
     except EvidenceError as fault:
         checked.add(BundleOutcome.TAMPERED, STATEMENT, fault_without_name(STATEMENT, fault))

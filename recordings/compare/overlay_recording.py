@@ -25,7 +25,7 @@ from recordings.rrd.display_frames import (
 )
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import Kind, View
-from recordings.rrd.writer import Scene, write_scene
+from recordings.rrd.writer import Scene, write_recording_with_scene
 
 #: The text beside the first tab.
 COMPARED: Final = "compared"
@@ -87,7 +87,7 @@ def write_overlay(
             texts={COMPARED: text},
         )
 
-    return write_scene(Run({}, about), scene, path, force=force)
+    return write_recording_with_scene(Run({}, about), scene, path, force=force)
 
 
 def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list[Page]:

@@ -11,7 +11,7 @@ from recordings.report.finding_text import (
     consequence_text,
     finding_span_text,
     indistinguishable_causes,
-    mass_change_text,
+    mass_change_if_fixed_text,
     may_change_mass,
     proposal_text,
 )
@@ -50,7 +50,7 @@ def verdict_sentence(explained: Explanation) -> str:
     # the list's own order: a sentence that skips would be another order of likelihood
     first, others = found[0], len(found) - 1
     more = f", and {counted(others, 'finding')} more" if others else ""
-    change = mass_change_text(first) or (
+    change = mass_change_if_fixed_text(first) or (
         "" if may_change_mass(first) else "not known to affect the mass"
     )
     return (
@@ -86,7 +86,7 @@ def describe_findings(explained: Explanation) -> Iterator[str]:
         yield f"{each.rank}. {cause_name(each.cause)}{f' ({where})' if where else ''}: {each.says}"
         for line in (
             each.evidence,
-            mass_change_text(each),
+            mass_change_if_fixed_text(each),
             proposal_text(each),
             indistinguishable_causes(each),
             consequence_text(each),

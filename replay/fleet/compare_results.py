@@ -88,11 +88,14 @@ class OtherSettings:
             raise FleetError(f"{log}: the last run has no machine '{machine}'; run the fleet again")
         files = self.last.machines[machine].files
         overrides = (*files.overrides, *self.overrides)
-        return _setups_of_machine(machine, NamedFiles(files.file, overrides, files.calibrations))
+        return _lenient_machine_setups(
+            machine, NamedFiles(files.file, overrides, files.calibrations)
+        )
 
 
 @cache
-def _setups_of_machine(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+def _lenient_machine_setups(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+    """Setups of a machine without evidence of other settings, read once."""
     return machine_setups(machine, files, lenient=True)
 
 

@@ -22,8 +22,8 @@ from analysis.stages.motion.forces import longitudinal_force, regressor_accelera
 from analysis.stages.noise.grid_noise import (
     ColumnResponse,
     is_hidden_by_grid,
-    propagate_channel_noise,
     response_of_each_column,
+    simulate_grid_noise_covariances,
 )
 from analysis.stages.noise.noise_limits import RESIDUALS, SPREAD, clip_to_limits
 from analysis.stages.noise.noise_spectra import (
@@ -182,7 +182,7 @@ def add_noise_of_samples(
         x = np.column_stack([columns[name] for name in names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
-    told = propagate_channel_noise(read, machine, of_grid)
+    told = simulate_grid_noise_covariances(read, machine, of_grid)
     if told is None:
         return
     for column in np.flatnonzero(unseen):
