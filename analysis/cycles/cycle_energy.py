@@ -195,7 +195,7 @@ def _split_energy_by_phase(found: PhaseIntegrals, model: ForceModel) -> Floats:
     drive, dig, slow = found.drive, found.dig, found.slow
     straight = _integrate_drive_work(drive, model)
     work = straight + found.turning_J
-    slope = drive["mass"] - found.kinetic_J + model.acting_constant_N * drive["offset"]
+    slope = drive["mass"] - found.kinetic_J + model.acting_constant_force * drive["offset"]
     digging = _integrate_drive_work(dig, model) - _work_against_friction(dig, model)
     friction = work - found.kinetic_J - slope - digging
     braking = -_mass_and_friction_work(slow, model)
@@ -216,7 +216,7 @@ def _mass_and_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Fl
     """Work done on masses and fitted friction, (phases,) in J."""
     return (
         integrals["mass"]
-        + model.acting_constant_N * integrals["offset"]
+        + model.acting_constant_force * integrals["offset"]
         + model.viscous * integrals["viscous"]
         + sum(getattr(model, name) * integrals[name] for name in WARMING)
         + model.direction * integrals["direction"]

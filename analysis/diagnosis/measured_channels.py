@@ -275,7 +275,7 @@ def find_repeated_extremes(x: Floats) -> dict[float, float]:
 
 
 def _find_clipping_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
-    """Find levels at which readings are clipped: long runs return to them, few readings exceed them."""
+    """Find levels at which readings are clipped: long runs return to them, few exceed them."""
     often = Counter(run.value for run in runs)
     return {
         value: float((x == value).mean())

@@ -291,7 +291,7 @@ def _count_elements(filled: Ints, kept: Ints, elements: Ints) -> None:
 def _next_step(
     steps: Ints, step: int, filled: Ints, left: Ints, depth: int, count: int
 ) -> tuple[int, int]:
-    """Find the step after this one, and its depth of nested lists; counts an element of its list."""
+    """The step after this one, and its depth of nested lists; counts the elements of lists."""
     op = steps[step, _OP]
     if op == _NEXT:
         node = steps[step, _NODE]
