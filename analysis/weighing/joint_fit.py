@@ -131,22 +131,22 @@ def applicable_terms(motion: MotionSamples, *, several: bool) -> tuple[Nuisance,
     )
 
 
-def _take_slip_on_ground(inputs: JointFitInputs, whole: FitTask, pilot: JointFit) -> FitTask:
+def _take_slip_on_ground(inputs: JointFitInputs, task: FitTask, pilot: JointFit) -> FitTask:
     """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
     if not (abs(pilot.lag_s) > LIMITS.short_lag_s or pilot.found.transfer_s2_m):
-        return whole
+        return task
     # slip is of the force on the ground at that moment
     in_time = inputs.motion.shift_force(pilot.lag_s)
     acting = replace(in_time, force=pilot.found.ground_force(in_time))
-    return replace(whole, wheels=_wheel_kinematics(acting, inputs.noise, inputs.priors))
+    return replace(task, wheels=_wheel_kinematics(acting, inputs.noise, inputs.priors))
 
 
-def _fit_whole(whole: FitTask, samples: int) -> JointFit:
+def _fit_whole(task: FitTask, samples: int) -> JointFit:
     """Fit all stretches, with the force either advanced by its lag or taken as low-passed."""
-    moved = whole.fit_means(samples, LIMITS.lag_rounds)
+    moved = task.fit_means(samples, LIMITS.lag_rounds)
     if abs(moved.lag_s) < LIMITS.short_lag_s:
         return moved
-    filtered = whole.fit_means(samples, 2, shift=False)
+    filtered = task.fit_means(samples, 2, shift=False)
     filters = filtered.fit.residual_rms < moved.fit.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.fit.misfit.any():

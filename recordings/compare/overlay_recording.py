@@ -198,17 +198,17 @@ def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Pane
     )
 
 
-def count_named_lines(drawn: Sequence[DisplayColumn]) -> int:
+def count_named_lines(display_columns: Sequence[DisplayColumn]) -> int:
     """Number of lines with their own name: neither extremes nor thresholds."""
-    return sum(not each.faint and each.column != "threshold" for each in drawn)
+    return sum(not each.faint and each.column != "threshold" for each in display_columns)
 
 
 def _style_lines_of_run(
-    drawn: Sequence[DisplayColumn], side: str, alike: set[str], *, lone: bool
+    display_columns: Sequence[DisplayColumn], side: str, alike: set[str], *, lone: bool
 ) -> list[DisplayColumn]:
     """Style A with usual colours and wide lines, visible under B; B with other or paler colours."""
     found: list[DisplayColumn] = []
-    for each in drawn:
+    for each in display_columns:
         colour = each.colour
         if side == _B and colour:
             other = lone and each.column != "threshold"

@@ -129,14 +129,14 @@ def determined_parameter_lines(found: DeterminedParameters | None) -> Iterator[s
         )
 
 
-def manoeuvre_line(seen: ManoeuvreReport) -> str:
+def manoeuvre_line(report: ManoeuvreReport) -> str:
     """Line on a manoeuvre's mass and that of its load, or why it has no mass."""
-    span = f"{seen.start_s:,.1f} to {seen.end_s:,.1f} s"
-    if seen.mass_kg is None:
-        return f"{span}: no mass ({seen.reason.replace('_', ' ')})"
-    mass = f"{span}: {format_plus_minus(seen.mass_kg, seen.mass_std_kg)} kg on its own"
-    if seen.load_kg is None or seen.deviations is None:
+    span = f"{report.start_s:,.1f} to {report.end_s:,.1f} s"
+    if report.mass_kg is None:
+        return f"{span}: no mass ({report.reason.replace('_', ' ')})"
+    mass = f"{span}: {format_plus_minus(report.mass_kg, report.mass_std_kg)} kg on its own"
+    if report.load_kg is None or report.deviations is None:
         return mass
-    apart = f"{seen.deviations:+.1f} standard deviations from load {seen.load_id}"
-    note = ", worth a look" if abs(seen.deviations) > _APART else ""
-    return f"{mass}, {apart} ({format_number(seen.load_kg)} kg){note}"
+    apart = f"{report.deviations:+.1f} standard deviations from load {report.load_id}"
+    note = ", worth a look" if abs(report.deviations) > _APART else ""
+    return f"{mass}, {apart} ({format_number(report.load_kg)} kg){note}"

@@ -279,10 +279,10 @@ def wait_until_written(recording: "RecordingStream", piped: PipedFile, path: Pat
 
 
 def frame_batches(
-    run: Run, shown: Mapping[str, pl.DataFrame]
+    run: Run, display_frames: Mapping[str, pl.DataFrame]
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
     """Record batches with their index: drawn frames first, in order of time, then all others."""
-    for name, frame in shown.items():
+    for name, frame in display_frames.items():
         for batch in iter_drawn_batches(name, frame, run.provenance.t0_unix_ns):
             yield [TIME, SINCE_START], batch
     for batch in make_timed_rows(run.frames, run.provenance.t0_unix_ns):

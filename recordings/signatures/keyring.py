@@ -173,18 +173,18 @@ def save_keyring(path: Path, keys: Sequence[KnownKey]) -> Keyring:
     return Keyring(path, tuple(keys))
 
 
-def add_key(keyring: Keyring, known: KnownKey) -> Keyring:
+def add_key(keyring: Keyring, key: KnownKey) -> Keyring:
     """Add a key, and write the keyring.
 
     Raises:
         EvidenceError: the key is there already, or the file cannot be written.
     """
-    same = keyring.find(known.public.key_id)
+    same = keyring.find(key.public.key_id)
     if same is not None:
         raise EvidenceError(
-            f"{keyring.path}: holds key {known.public.key_id[:12]}… already, of {same.owner}"
+            f"{keyring.path}: holds key {key.public.key_id[:12]}… already, of {same.owner}"
         )
-    return save_keyring(keyring.path, (*keyring.keys, known))
+    return save_keyring(keyring.path, (*keyring.keys, key))
 
 
 def revoke_key(keyring: Keyring, key_id: str, day: dt.date, because: str) -> Keyring:

@@ -82,19 +82,19 @@ def command(
 
 
 def _print_rows(
-    asked: "Query", join_within_s: float | None, chosen: str, output: Path | None, *, force: bool
+    query: "Query", join_within_s: float | None, chosen: str, output: Path | None, *, force: bool
 ) -> None:
     from recordings.report.atomic_output import require_writable_output
     from replay.commands.frame_output import frame_text, print_frame
 
     if output is not None:
         require_writable_output(output, force=force)
-    rows = asked.collect(join_within_s)
+    rows = query.collect(join_within_s)
     if chosen == "table" and output is None:
         typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
         if rows.height > _ROWS_SHOWN:
             typer.echo(f"{rows.height} rows, {_ROWS_SHOWN} shown; --format csv gives all", err=True)
-        opens = asked.opening_command(rows)
+        opens = query.opening_command(rows)
         if opens and join_within_s is None:
             typer.echo(f"the first row in the viewer: {opens}", err=True)
         return

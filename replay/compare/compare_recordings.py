@@ -23,12 +23,14 @@ if TYPE_CHECKING:
 class RecordedRun:
     """A recording that is compared; columns are read on demand."""
 
-    def __init__(self, recording: OpenRecording, asked: "CalibrationRequest | None" = None) -> None:
+    def __init__(
+        self, recording: OpenRecording, request: "CalibrationRequest | None" = None
+    ) -> None:
         """Read the recording's description.
 
         Args:
             recording: the open recording.
-            asked: evidence that calibrates its loads, if any.
+            request: evidence that calibrates its loads, if any.
 
         Raises:
             EvidenceError: the evidence does not apply.
@@ -38,12 +40,12 @@ class RecordedRun:
         self.provenance: Provenance = recording.provenance
         self.stages: Mapping[str, Sequence[str]] = recording.stages
         self._loads: pl.DataFrame | None = None
-        if asked is not None and "loads" in self.stages:
+        if request is not None and "loads" in self.stages:
             from analysis.calibration.use.later_log import FRAMES
             from replay.calibration.apply_evidence import calibrated_frame
 
             raw = {stage: recording.read(stage) for stage in FRAMES if stage in self.stages}
-            self._loads = calibrated_frame(raw, self.provenance, asked, recording.path)
+            self._loads = calibrated_frame(raw, self.provenance, request, recording.path)
             self.stages = {**self.stages, "loads": self._loads.columns}
 
     def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
