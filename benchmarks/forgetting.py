@@ -12,7 +12,7 @@ import polars as pl
 import typer
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.campaign_readings import average_readings_by_run
+from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
 from analysis.calibration.campaign.method_errors import rms_errors
 from analysis.model.axes import straight_regressor
 from analysis.model.run_record import Run
@@ -42,7 +42,7 @@ def estimates_of(replayed: Run, runs: pl.DataFrame) -> dict[tuple[float, bool], 
         change = {"trace.forgetting": forgetting, "trace.directional_forgetting": directional}
         traced = trace(frame, gated, MACHINE.settings.with_changes(change))
         whole = Run({"estimates/rls": traced["rls"]}, replayed.provenance)
-        found[forgetting, directional] = average_readings_by_run(whole, runs)
+        found[forgetting, directional] = masses_by_method_and_run(whole, runs)
     return found
 
 

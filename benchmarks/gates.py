@@ -15,7 +15,7 @@ import polars as pl
 import typer
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.campaign_readings import average_readings_by_run
+from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
 from analysis.calibration.campaign.method_errors import rms_errors
 from analysis.model.axes import straight_regressor
 from analysis.model.run_record import Run
@@ -106,7 +106,7 @@ def one_seed(parts: tuple[dict[str, object], ...], seed: int) -> dict[tuple[str,
         windows = estimates["ls"].join(truth, on="t_ns", suffix="_true").drop_nulls("mass_kg")
         error = (windows["mass_kg"] - windows["mass_kg_true"]).to_numpy()
         named = {f"estimates/{method}": table for method, table in estimates.items()}
-        by_run = average_readings_by_run(Run(named, replayed.provenance), runs)
+        by_run = masses_by_method_and_run(Run(named, replayed.provenance), runs)
         errors = rms_errors(calibrate_methods(by_run))
         left_out = dict(errors.select("method", "rmse_left_out_kg").iter_rows())
         raw = by_run.filter(pl.col("method") == "ls")

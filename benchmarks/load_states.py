@@ -17,7 +17,7 @@ import typer
 from scipy.stats import norm
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.weighing.load_states import LoadStates, find_states
+from analysis.weighing.load_states import LoadStates, find_load_states
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.page import markdown, put
 from benchmarks.weighed import machine
@@ -146,7 +146,7 @@ def curve(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
             for _ in range(logs):
                 drawn = manoeuvres(dice, *changing(dice, jump, scatter, 3), scatter)
                 counts += changes(
-                    find_states(drawn.units, np.arange(drawn.state.size), None), drawn
+                    find_load_states(drawn.units, np.arange(drawn.state.size), None), drawn
                 )
             cells.append(f"{f1(counts):.3f}")
         cells += [f"{singles(dice, jump, logs, *about):.3f}" for about in SINGLES.values()]
@@ -168,7 +168,7 @@ def singles(
             units = replace(units, kind=1 + moves.astype(np.int64))
         if not offset:
             units = replace(units, x=np.zeros_like(units.x))
-        found = find_states(units, np.arange(drawn.state.size), 0.0 if known else None)
+        found = find_load_states(units, np.arange(drawn.state.size), 0.0 if known else None)
         counts += changes(found, drawn)
     return f1(counts)
 
@@ -193,7 +193,7 @@ def one_state(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
                 state, level_kg = np.zeros(count, np.int64), np.array([MASS_KG])
                 units = manoeuvres(dice, state, level_kg, scatter, **more).units
                 units = replace(units, kind=units.kind + boom)
-                found = find_states(units, np.arange(count), None)
+                found = find_load_states(units, np.arange(count), None)
                 single += found.count == 1
                 doubted += found.other is not None
             label = f"{name}, scatter {scatter:g}"
@@ -232,7 +232,7 @@ def held(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
             if state.size - level_kg.size < 4:
                 continue
             drawn = manoeuvres(dice, state, level_kg, scatter)
-            found = find_states(drawn.units, np.arange(state.size), None)
+            found = find_load_states(drawn.units, np.arange(state.size), None)
             if not np.array_equal(found.membership, state):
                 continue
             weight = 1.0 / (drawn.units.variance + found.scatter_kg**2)

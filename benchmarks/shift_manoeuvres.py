@@ -20,7 +20,7 @@ from analysis.model.verdict import Verdict
 from analysis.weighing.fit_columns import PreviousEstimates
 from analysis.weighing.growing_load import LoadFilling
 from analysis.weighing.joint_result import JointFit, PriorMeans
-from analysis.weighing.load_states import LoadStates, find_states
+from analysis.weighing.load_states import LoadStates, find_load_states
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import Curvature, Weighing
 from estimators.arrays import Floats, Ints
@@ -164,7 +164,7 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
         oracle: whether the true boundaries are known.
     """
     number = np.arange(truth.membership.size)
-    states = find_states(truth.units, number, None)
+    states = find_load_states(truth.units, number, None)
     if oracle:
         states = _with_true_states(truth, states)
     weighing, hat = _weighing(truth, states)

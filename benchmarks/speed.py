@@ -23,7 +23,12 @@ from estimators.arrays import Floats, Ints
 from estimators.methods import fgls, tls
 from estimators.numerics.mutual_information import correlated_sums
 from estimators.numerics.normal_equations import solve
-from estimators.numerics.recursive import fed_samples, feed_products, sample_chunks, unpack_lanes
+from estimators.numerics.recursive import (
+    fed_samples,
+    feed_products,
+    pad_entries_to_lanes,
+    sample_chunks,
+)
 from estimators.numerics.rolling import sum_windows
 from estimators.numerics.small_systems import pack
 from estimators.threads import in_chunks
@@ -147,7 +152,7 @@ def recursive(data: Data) -> Floats:
     """θ alone, from P₀ = I / ε and no first window, as padasip starts."""
     fed, seen = fed_samples(np.arange(1, data.f.size), 2)
     theta = np.empty((seen.size, 2))
-    past = unpack_lanes(pack(np.diag([EPSILON, EPSILON, 0.0])))
+    past = pad_entries_to_lanes(pack(np.diag([EPSILON, EPSILON, 0.0])))
     feed_products(data.A, data.f, np.arange(2), 0.998, past)
     theta[0] = solve(past[:6].reshape(-1, 1)).theta[:, 0]
     for of_chunk, of_rows, at_rows in sample_chunks(seen):

@@ -76,9 +76,9 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else " " if c.isspace() else "�" for c in text)
 
 
-def counted(number: int, thing: str) -> str:
+def counted(count: int, thing: str) -> str:
     """Number and noun, with a plural s unless the number is 1."""
-    return f"{number:,} {thing}{'' if number == 1 else 's'}"
+    return f"{count:,} {thing}{'' if count == 1 else 's'}"
 
 
 def nearest(word: str, choices: Iterable[str]) -> str:

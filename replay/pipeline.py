@@ -282,7 +282,9 @@ def _run_stages(
     )
 
 
-def _find_causes(seen: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine) -> pl.DataFrame:
+def _find_causes(
+    stages: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine
+) -> pl.DataFrame:
     """Find the causes of the log, and those behind a cause that masks the others."""
     part = findings_of_first_hour(raw)
 
@@ -294,4 +296,4 @@ def _find_causes(seen: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machin
             return None
 
     whole = all(part[topic].height == frame.height for topic, frame in raw.items())
-    return add_masked_findings(find_causes(seen.case), machine, look, whole=whole)
+    return add_masked_findings(find_causes(stages.case), machine, look, whole=whole)

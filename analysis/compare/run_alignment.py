@@ -176,8 +176,8 @@ def _subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.D
     return both.sort(_ROW).select(*rest, *changed)
 
 
-def _add_row_key(frame: pl.DataFrame, at: pl.Expr, by: Sequence[str]) -> pl.DataFrame:
-    texts = [pl.col(name).cast(pl.String) for name in by]
+def _add_row_key(frame: pl.DataFrame, at: pl.Expr, key_columns: Sequence[str]) -> pl.DataFrame:
+    texts = [pl.col(name).cast(pl.String) for name in key_columns]
     return frame.with_row_index(_ROW).with_columns(at, *texts).drop_nulls("_at").sort("_at")
 
 

@@ -9,31 +9,31 @@ from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
 
 
-def does_digging_contradict_boom(found: Passes, digs: pl.DataFrame) -> bool:
+def does_digging_contradict_boom(passes: Passes, digs: pl.DataFrame) -> bool:
     """Whether masses change so often that most fillings would be hauled twice.
 
     With loads too small for the ground, masses follow other alternating effects, such as the
     driving direction.
 
     Args:
-        found: the passes.
+        passes: the passes.
         digs: the frame `digging`.
     """
-    if found.dumps.tells or digs.height <= LIMITS.boom_min_cycles:
+    if passes.dumps.tells or digs.height <= LIMITS.boom_min_cycles:
         return False
     begin_ns, end_ns = (np.sort(digs[name].to_numpy()) for name in ("start_t_ns", "end_t_ns"))
-    fills = begin_ns[np.append(True, begin_ns[1:] - end_ns[:-1] > found.one_filling_ns)]
+    fills = begin_ns[np.append(True, begin_ns[1:] - end_ns[:-1] > passes.one_filling_ns)]
     lasts_ns = np.diff(fills)
     one = lasts_ns <= LIMITS.one_cycle_ratio * lasts_ns.min(initial=np.iinfo(np.int64).max)
     if one.sum() < LIMITS.boom_min_cycles:
         return False
-    hauled = np.diff(np.searchsorted(found.start_ns[found.loaded], fills))
+    hauled = np.diff(np.searchsorted(passes.start_ns[passes.loaded], fills))
     return float(np.mean(hauled[one] > 1)) > LIMITS.hauled_twice_fraction
 
 
 def add_boom_cycles(
     parts: list[CycleParts],
-    found: Passes,
+    passes: Passes,
     digs: pl.DataFrame,
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
@@ -42,7 +42,7 @@ def add_boom_cycles(
 
     Args:
         parts: cycles by masses, with their dumps.
-        found: the passes.
+        passes: the passes.
         digs: the frame `digging`.
         aligned: frame with `boom_rad`, if measured.
         excitation: frame with the phases.
@@ -57,7 +57,7 @@ def add_boom_cycles(
     agree = [
         each.is_near(times, LIMITS.dump_match_ns)
         for each in seen.dumps
-        if told and found.end_ns[0] <= each.end_ns and each.start_ns <= found.start_ns[-1]
+        if told and passes.end_ns[0] <= each.end_ns and each.start_ns <= passes.start_ns[-1]
     ]
     contradicts = bool(agree) and float(np.mean(agree)) < LIMITS.dump_match_fraction
     if contradicts or not told:
@@ -70,7 +70,7 @@ def add_boom_cycles(
     )
     missed = [
         CycleParts(dump_ns=(each.start_ns, each.end_ns), dumped_ns=each.dumped_ns)
-        for each in found.dumps.dumps
+        for each in passes.dumps.dumps
         if not each.is_near(times, max(ONE_DUMP_NS, apart_ns))
     ]
     return sorted([*parts, *missed], key=_cycle_first_seen_ns), False
@@ -81,17 +81,17 @@ def _cycle_first_seen_ns(part: CycleParts) -> int:
     return next(span[0] for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span)
 
 
-def _boom_cycle_parts(seen: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
+def _boom_cycle_parts(boom_dumps: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
     """Make a cycle for each dump of the boom, with the digging before it."""
     dug = sorted(digs.select("start_t_ns", "end_t_ns").iter_rows())
-    before = [0, *(each.end_ns for each in seen.dumps)]
+    before = [0, *(each.end_ns for each in boom_dumps.dumps)]
     return [
         CycleParts(
             _digging_span(dug, since_ns, each.start_ns),
             dump_ns=(each.start_ns, each.end_ns),
             dumped_ns=each.dumped_ns,
         )
-        for since_ns, each in zip(before, seen.dumps, strict=False)
+        for since_ns, each in zip(before, boom_dumps.dumps, strict=False)
     ]
 
 

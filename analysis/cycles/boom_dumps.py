@@ -72,15 +72,15 @@ NO_DUMPS: Final = BoomDumps(tells=False)
 
 
 def find_boom_dumps(
-    aligned: pl.DataFrame, excitation: pl.DataFrame, known: Sequence[Span] | None = None
+    aligned: pl.DataFrame, excitation: pl.DataFrame, unloading_spans: Sequence[Span] | None = None
 ) -> BoomDumps:
     """Find every dump of the boom.
 
     Args:
         aligned: frame with `boom_rad`, if measured.
         excitation: frame with phases and speed.
-        known: spans that each contain a dump according to the masses; None if unknown, and the
-            boom dumps where it reaches up.
+        unloading_spans: spans that each contain a dump according to the masses; None if unknown,
+            and the boom dumps where it reaches up.
     """
     t_ns, boom = excitation["t_ns"].to_numpy(), values(aligned, "boom_rad")
     slow = is_creeping(excitation)
@@ -89,13 +89,15 @@ def find_boom_dumps(
     if not driving.any() or not (slow & whole).any():
         return NO_DUMPS
     away = boom - float(np.median(boom[driving]))
-    if known is None:
+    if unloading_spans is None:
         reached = np.array([dumping_reach(away[slow & whole])])
     else:
-        reached = np.array([_farthest_reach(away, slow & whole, t_ns, span) for span in known])
+        reached = np.array(
+            [_farthest_reach(away, slow & whole, t_ns, span) for span in unloading_spans]
+        )
     typical_rad = float(np.median(reached)) if reached.size else 0.0
     if abs(typical_rad) < BOOM_MOVES_RAD or (
-        known is not None and len(known) < LIMITS.boom_min_changes
+        unloading_spans is not None and len(unloading_spans) < LIMITS.boom_min_changes
     ):
         return NO_DUMPS
     reach = away / typical_rad

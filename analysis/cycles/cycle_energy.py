@@ -135,13 +135,13 @@ def compute_shift_energy(
 
 
 def _common_phase_changes(
-    drive: FittedDrive, spans: list[PhaseSpan], found: PhaseIntegrals, value: Floats
+    drive: FittedDrive, spans: list[PhaseSpan], integrals: PhaseIntegrals, value: Floats
 ) -> list[Floats]:
     """Changes of the energy by one standard uncertainty of each term, (phases, parts) in J each."""
     model = drive.model
     forces = [
         *change_each_term(model, drive.model_u),
-        _shift_friction_to_coulomb(found, model, drive.coulomb_N),
+        _shift_friction_to_coulomb(integrals, model, drive.coulomb_N),
     ]
     moved = [replace(drive, errors=each) for each in change_each_term(drive.errors, drive.errors_u)]
     earlier, later = (
@@ -149,12 +149,12 @@ def _common_phase_changes(
         for each in (shift_drive_in_time(drive.samples, way * drive.move_rows) for way in (-1, 1))
     )
     return [
-        *(_split_energy_by_phase(found, each) - value for each in forces),
+        *(_split_energy_by_phase(integrals, each) - value for each in forces),
         *(_split_energy_by_phase(each.integrate(spans), model) - value for each in moved),
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
-        _work_moved_by_slope(found, model),
-        _misfit_work(found, value, model),
+        _work_moved_by_slope(integrals, model),
+        _misfit_work(integrals, value, model),
         drive.speed_u_1 * _work_change_by_speed(value),
     ]
 
@@ -190,52 +190,52 @@ def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
     return edges if sorted(edges) == edges else None
 
 
-def _split_energy_by_phase(found: PhaseIntegrals, model: ForceModel) -> Floats:
+def _split_energy_by_phase(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Energy by phase and part, (phases, parts) in J."""
-    drive, dig, slow = found.drive, found.dig, found.slow
+    drive, dig, slow = integrals.drive, integrals.dig, integrals.slow
     straight = _integrate_drive_work(drive, model)
-    work = straight + found.turning_J
-    slope = drive["mass"] - found.kinetic_J + model.acting * drive["offset"]
+    work = straight + integrals.turning_J
+    slope = drive["mass"] - integrals.kinetic_J + model.acting_constant_force * drive["offset"]
     digging = _integrate_drive_work(dig, model) - _work_against_friction(dig, model)
-    friction = work - found.kinetic_J - slope - digging
+    friction = work - integrals.kinetic_J - slope - digging
     braking = -_mass_and_friction_work(slow, model)
-    return np.stack([work, found.kinetic_J, slope, friction, digging, braking], axis=1)
+    return np.stack([work, integrals.kinetic_J, slope, friction, digging, braking], axis=1)
 
 
-def _integrate_drive_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
+def _integrate_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the measured force, corrected for its errors, (phases,) in J."""
     return (
-        of["force"]
-        - model.transfer * of["transfer"]
-        - model.gain_drift * of["gain_drift"]
-        - model.offset * of["offset"]
+        integrals["force"]
+        - model.transfer * integrals["transfer"]
+        - model.gain_drift * integrals["gain_drift"]
+        - model.offset * integrals["offset"]
     )
 
 
-def _mass_and_friction_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
+def _mass_and_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work done on masses and fitted friction, (phases,) in J."""
     return (
-        of["mass"]
-        + model.acting * of["offset"]
-        + model.viscous * of["viscous"]
-        + sum(getattr(model, name) * of[name] for name in WARMING)
-        + model.direction * of["direction"]
-        + model.quadratic * of["quadratic"]
+        integrals["mass"]
+        + model.acting_constant_force * integrals["offset"]
+        + model.viscous * integrals["viscous"]
+        + sum(getattr(model, name) * integrals[name] for name in WARMING)
+        + model.direction * integrals["direction"]
+        + model.quadratic * integrals["quadratic"]
     )
 
 
-def _work_against_friction(of: EnergyIntegrals, model: ForceModel) -> Floats:
+def _work_against_friction(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the drive against friction and slip without a pile, (phases,) in J."""
-    return _mass_and_friction_work(of, model) + of["slip"]
+    return _mass_and_friction_work(integrals, model) + integrals["slip"]
 
 
-def _work_moved_by_slope(found: PhaseIntegrals, model: ForceModel) -> Floats:
+def _work_moved_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Change of the energy if a slope shifts weight like an acceleration, (phases, parts) in J.
 
     The full effect is assumed, with half its width over √3 as uncertainty, since it may be partial.
     """
     share = model.transfer / np.sqrt(3.0)
-    work, dig = (share * of["transfer_slope"] for of in (found.drive, found.dig))
+    work, dig = (share * of["transfer_slope"] for of in (integrals.drive, integrals.dig))
     nothing = np.zeros_like(work)
     return np.stack([work, nothing, nothing, work - dig, dig, nothing], axis=1)
 
@@ -253,56 +253,60 @@ def _work_change_by_speed(value: Floats) -> Floats:
 
 
 def _shift_friction_to_coulomb(
-    found: PhaseIntegrals, model: ForceModel, coulomb_N: float
+    integrals: PhaseIntegrals, model: ForceModel, coulomb_N: float
 ) -> ForceModel:
     """Force model with more Coulomb and less viscous friction, equal at the drive's mean."""
-    way_m, viscous = (found.drive[name].sum() for name in ("direction", "viscous"))
+    way_m, viscous = (integrals.drive[name].sum() for name in ("direction", "viscous"))
     less_N_s_m = coulomb_N * way_m / viscous if viscous else 0.0
     return replace(model, direction=model.direction + coulomb_N, viscous=model.viscous - less_N_s_m)
 
 
-def _misfit_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+def _misfit_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """Mean residual work of the fit without digging, (phases, parts) in J."""
-    left_N = _unexplained_work(found, value, model).sum() / max(found.drive["direction"].sum(), 1.0)
-    dig, slow = left_N * found.dig["direction"], left_N * found.slow["direction"]
-    nothing, slope = np.zeros_like(dig), left_N * found.drive["offset"]
+    left_N = _unexplained_work(integrals, value, model).sum() / max(
+        integrals.drive["direction"].sum(), 1.0
+    )
+    dig, slow = left_N * integrals.dig["direction"], left_N * integrals.slow["direction"]
+    nothing, slope = np.zeros_like(dig), left_N * integrals.drive["offset"]
     return np.stack([nothing, nothing, slope, -dig - slope, dig, slow], axis=1)
 
 
-def _unexplained_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+def _unexplained_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """Work not explained by masses, fitted friction or digging, (phases,) in J."""
-    explained = _work_against_friction(found.drive, model) + value[:, PARTS.index("digging")]
-    return _integrate_drive_work(found.drive, model) - explained
+    explained = _work_against_friction(integrals.drive, model) + value[:, PARTS.index("digging")]
+    return _integrate_drive_work(integrals.drive, model) - explained
 
 
-def _work_change_by_mass(found: PhaseIntegrals) -> Floats:
+def _work_change_by_mass(integrals: PhaseIntegrals) -> Floats:
     """Change of the energy by a relative error of 1 of all masses, (phases, parts) in J."""
-    lifted = found.drive["mass"] - found.kinetic_J
-    dug = -found.dig["mass"]
-    friction = -found.kinetic_J - lifted - dug
+    lifted = integrals.drive["mass"] - integrals.kinetic_J
+    dug = -integrals.dig["mass"]
+    friction = -integrals.kinetic_J - lifted - dug
     nothing = np.zeros_like(lifted)
-    return np.stack([nothing, found.kinetic_J, lifted, friction, dug, -found.slow["mass"]], axis=1)
+    return np.stack(
+        [nothing, integrals.kinetic_J, lifted, friction, dug, -integrals.slow["mass"]], axis=1
+    )
 
 
 def _random_work(
-    found: PhaseIntegrals,
+    integrals: PhaseIntegrals,
     value: Floats,
     model: ForceModel,
     mass_u_1: float,
     spans: list[PhaseSpan],
 ) -> Floats:
     """Random uncertainty from cycle to cycle, of masses and fit residual, (phases, parts) in J."""
-    drive, dig = found.drive, found.dig
-    left = _unexplained_work(found, value, model)
+    drive, dig = integrals.drive, integrals.dig
+    left = _unexplained_work(integrals, value, model)
     way_m = drive["direction"]
     number = np.unique([span.cycle for span in spans], return_inverse=True)[1]
     left_N = np.bincount(number, left) / np.maximum(np.bincount(number, way_m), 1.0)
     scatter_N = float(left_N.std(ddof=1)) if left_N.size >= LIMITS.energy_min_cycles else 0.0
-    mass = abs(mass_u_1 * _work_change_by_mass(found))
+    mass = abs(mass_u_1 * _work_change_by_mass(integrals))
     ways = np.zeros_like(value)
     ways[:, PARTS.index("work")] = ways[:, PARTS.index("friction")] = way_m
     ways[:, PARTS.index("digging")] = dig["direction"]
-    ways[:, PARTS.index("braking")] = found.slow["direction"]
+    ways[:, PARTS.index("braking")] = integrals.slow["direction"]
     return np.hypot(mass, scatter_N * ways)
 
 
@@ -313,10 +317,10 @@ def _make_energy_rows(
     cycle = np.array([span.cycle for span in spans])
     phase = np.array([span.phase for span in spans])
 
-    def row(number: int | None, name: str) -> EnergyRow:
+    def row(cycle_number: int | None, name: str) -> EnergyRow:
         of = (phase == name) if name != WHOLE else np.ones(cycle.size, np.bool_)
-        if number is not None:
-            of = of & (cycle == number)
+        if cycle_number is not None:
+            of = of & (cycle == cycle_number)
         # random within a cycle alike, between cycles not
         own = np.unique(cycle[of], return_inverse=True)[1]
         by_cycle = [np.bincount(own, random[of, part]) for part in range(len(PARTS))]
@@ -331,7 +335,9 @@ def _make_energy_rows(
         )
         litres = float(fuel_L[of].sum())
         burnt_L = round(litres, 4) if np.isfinite(litres) else None
-        return EnergyRow(number, name, work, kinetic, slope, friction, digging, braking, burnt_L)
+        return EnergyRow(
+            cycle_number, name, work, kinetic, slope, friction, digging, braking, burnt_L
+        )
 
     shift = [row(None, name) for name in (WHOLE, *PHASES)]
     own: list[EnergyRow] = []

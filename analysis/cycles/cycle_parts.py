@@ -121,13 +121,13 @@ class CycleParts:
     unseen: bool = False
 
 
-def split_cycles_into_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
+def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CycleParts]:
     """Assign passes and digging starts to cycles, in order of time.
 
     Each hauled load is a cycle, and so is digging without a weighed load.
     """
     events = [
-        *((int(t), 1, n) for n, t in enumerate(found.start_ns)),
+        *((int(t), 1, n) for n, t in enumerate(passes.start_ns)),
         *((int(t), 0, n) for n, t in enumerate(digs["start_t_ns"])),
     ]
     ends = digs["end_t_ns"].to_list()
@@ -142,15 +142,16 @@ def split_cycles_into_parts(found: Passes, digs: pl.DataFrame) -> list[CyclePart
                 now is not None
                 and now.loaded is None
                 and now.dig_ns is not None
-                and start_ns - now.dig_ns[1] < found.one_filling_ns
-                and not found.dumps.dumps_during(now.dig_ns[1], start_ns)
+                and start_ns - now.dig_ns[1] < passes.one_filling_ns
+                and not passes.dumps.dumps_during(now.dig_ns[1], start_ns)
             )
             # a bucket that is not dumped since is full: what looks like digging fills none
             inside = (
                 now is not None
                 and now.haul_ns is not None
                 and (
-                    start_ns < now.haul_ns[1] or found.dumps.shows_no_dump(now.haul_ns[0], start_ns)
+                    start_ns < now.haul_ns[1]
+                    or passes.dumps.shows_no_dump(now.haul_ns[0], start_ns)
                 )
             )
             if again and now is not None and now.dig_ns is not None:
@@ -158,22 +159,22 @@ def split_cycles_into_parts(found: Passes, digs: pl.DataFrame) -> list[CyclePart
             elif not inside:
                 now = CycleParts(dig_ns=span, before=empty)
                 cycles.append(now)
-        elif found.loaded[number]:
+        elif passes.loaded[number]:
             if now is None or now.loaded is not None:
                 now = CycleParts(before=empty)
                 cycles.append(now)
             now.loaded = number
-            now.haul_ns = (start_ns, int(found.end_ns[number]))
+            now.haul_ns = (start_ns, int(passes.end_ns[number]))
         else:
             if now is not None:
                 now.after = number
             now, empty = None, number
-    return _add_neighbours(cycles, found)
+    return _add_neighbours(cycles, passes)
 
 
-def _add_neighbours(cycles: list[CycleParts], found: Passes) -> list[CycleParts]:
+def _add_neighbours(cycles: list[CycleParts], passes: Passes) -> list[CycleParts]:
     """Add the nearest empty passes to cycles that lack their own."""
-    empties = np.flatnonzero(~found.loaded)
+    empties = np.flatnonzero(~passes.loaded)
     for cycle in cycles:
         if cycle.loaded is None:
             continue
@@ -184,7 +185,7 @@ def _add_neighbours(cycles: list[CycleParts], found: Passes) -> list[CycleParts]
 
 
 def add_dump_times(
-    cycles: list[CycleParts], found: Passes, aligned: pl.DataFrame, excitation: pl.DataFrame
+    cycles: list[CycleParts], passes: Passes, aligned: pl.DataFrame, excitation: pl.DataFrame
 ) -> None:
     """Find the dump time of each load by the boom.
 
@@ -193,7 +194,7 @@ def add_dump_times(
 
     Args:
         cycles: cycles, whose `dump_ns` are set.
-        found: the passes.
+        passes: the passes.
         aligned: frame with `boom_rad`, if measured.
         excitation: frame with the phases.
     """
@@ -201,13 +202,13 @@ def add_dump_times(
     stands, stops = find_standing_samples(excitation), is_creeping(excitation)
     boom = values(aligned, "boom_rad")
     for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
-        ready = _when_last_loaded_ns(cycle, found)
-        over = [int(ns) for ns in found.start_ns[np.searchsorted(found.start_ns, ready) :][:1]]
+        ready = _when_last_loaded_ns(cycle, passes)
+        over = [int(ns) for ns in passes.start_ns[np.searchsorted(passes.start_ns, ready) :][:1]]
         if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
             over.append(later.dig_ns[0])
         empty = min(over, default=int(t_ns[-1]))
-        dumped = found.dumps.dumps_with_boom_out(ready, empty)
-        if not dumped and cycle.loaded is None and over and not found.dumps.tells:
+        dumped = passes.dumps.dumps_with_boom_out(ready, empty)
+        if not dumped and cycle.loaded is None and over and not passes.dumps.tells:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)
             cycle.dump_ns = _find_longest_stop(stops[inside], t_ns[inside])
@@ -230,10 +231,10 @@ def add_dump_times(
             cycle.dumped_ns = _boom_out_ns(boom[part], t_ns[part], *stand[:2])
 
 
-def _when_last_loaded_ns(cycle: CycleParts, found: Passes) -> int:
+def _when_last_loaded_ns(cycle: CycleParts, passes: Passes) -> int:
     """Last time with the load: end of its pass, or of its digging."""
     if cycle.loaded is not None:
-        return int(found.end_ns[cycle.loaded])
+        return int(passes.end_ns[cycle.loaded])
     assert cycle.dig_ns is not None
     return cycle.dig_ns[1]
 

@@ -94,7 +94,7 @@ def weigh_cycles(
     frames: dict[str, pl.DataFrame],
     machine: Machine,
     verdict: Verdict,
-    known: Passes | None = None,
+    passes: Passes | None = None,
 ) -> LogCycles:
     """Make `cycles`, with each payload's composition and the source of the scale.
 
@@ -103,18 +103,18 @@ def weigh_cycles(
         frames: `aligned`, `excitation`, `digging`, `loads` and `manoeuvres` of a run.
         machine: machine file, for the scale.
         verdict: the verdict, which withholds quantities.
-        known: the passes, if already found.
+        passes: the passes, if already found.
     """
     digs = frames["digging"]
     motion = frames["aligned"], frames["excitation"]
     masses = frames["loads"], frames["manoeuvres"]
-    found = known or find_load_passes(*masses, digs, *motion) or NO_PASSES
-    twice = known is None and does_digging_contradict_boom(found, digs)
+    found = passes or find_load_passes(*masses, digs, *motion) or NO_PASSES
+    twice = passes is None and does_digging_contradict_boom(found, digs)
     found = NO_PASSES if twice else found
     parts = split_cycles_into_parts(found, digs)
     add_dump_times(parts, found, *motion)
     contradicts = False
-    if known is None:
+    if passes is None:
         parts, contradicts = add_boom_cycles(parts, found, digs, *motion)
     if not parts:
         return LogCycles(_cycle_frame([]), {}, ShiftScale())
@@ -209,7 +209,7 @@ def _row_quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
 
 
 def _make_payload_row(
-    part: CycleParts, found: Passes, share: Floats, cleanest: tuple[float, float]
+    part: CycleParts, passes: Passes, share: Floats, cleanest: tuple[float, float]
 ) -> dict[str, object]:
     row: dict[str, object] = {}
     for name, number in (
@@ -219,19 +219,19 @@ def _make_payload_row(
     ):
         if number is not None:
             row[f"{name}_id"] = number
-            row[f"{name}_kg"] = float(found.mass_kg[number])
-            row[f"{name}_u_kg"] = float(found.u_kg[number])
-    weights = pass_weights(part, share, found.mass_kg.size)
-    payload_kg = float(weights @ found.mass_kg)
-    random_kg = float(np.sqrt(weights**2 @ found.u_kg**2 + _carried_kg2(part, found, share)))
+            row[f"{name}_kg"] = float(passes.mass_kg[number])
+            row[f"{name}_u_kg"] = float(passes.u_kg[number])
+    weights = pass_weights(part, share, passes.mass_kg.size)
+    payload_kg = float(weights @ passes.mass_kg)
+    random_kg = float(np.sqrt(weights**2 @ passes.u_kg**2 + _carried_kg2(part, passes, share)))
     row |= {
         "tare_before_1": 0.0 if part.before is None else -float(weights[part.before]),
         "payload_kg": payload_kg,
         "payload_u_random_kg": random_kg,
     }
     if part.after is not None:
-        row["carry_back_kg"] = float(found.mass_kg[part.after]) - cleanest[0]
-        row["carry_back_u_kg"] = float(np.hypot(found.u_kg[part.after], cleanest[1]))
+        row["carry_back_kg"] = float(passes.mass_kg[part.after]) - cleanest[0]
+        row["carry_back_u_kg"] = float(np.hypot(passes.u_kg[part.after], cleanest[1]))
     return row
 
 
@@ -283,22 +283,22 @@ def pass_weights(part: CycleParts, share: Floats, count: int) -> Floats:
     return weights
 
 
-def _tare_share(found: Passes) -> Floats:
+def _tare_share(passes: Passes) -> Floats:
     """Minimum-variance weight of the empty pass before each loaded pass, (passes,)."""
-    share = np.full(found.mass_kg.size, 0.5)
-    empties = np.flatnonzero(~found.loaded)
-    spread = 2.0 * carry_back_variance(found)
-    for loaded in np.flatnonzero(found.loaded):
+    share = np.full(passes.mass_kg.size, 0.5)
+    empties = np.flatnonzero(~passes.loaded)
+    spread = 2.0 * carry_back_variance(passes)
+    for loaded in np.flatnonzero(passes.loaded):
         place = int(np.searchsorted(empties, loaded))
         if 0 < place < empties.size:
-            before, after = found.u_kg[empties[place - 1]] ** 2, found.u_kg[empties[place]] ** 2
+            before, after = passes.u_kg[empties[place - 1]] ** 2, passes.u_kg[empties[place]] ** 2
             share[loaded] = after / (spread + before + after)
     return share
 
 
-def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
+def _carried_kg2(part: CycleParts, passes: Passes, share: Floats) -> float:
     """Variance of a payload due to a different carry-back before it, in kg²."""
-    variance = 2.0 * carry_back_variance(found)
+    variance = 2.0 * carry_back_variance(passes)
     if part.loaded is None:
         return 0.0
     before = 0.0 if part.before is None else 1.0 if part.after is None else share[part.loaded]
@@ -308,11 +308,11 @@ def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
     return variance * (before**2 + after**2)
 
 
-def _sum_weights(found: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
+def _sum_weights(passes: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
     """Weights of the passes in the sum of all payloads, (passes,)."""
     whole = [p for p in parts if p.loaded is not None and (p.before, p.after) != (None, None)]
-    weights = [pass_weights(part, tare, found.mass_kg.size) for part in whole]
-    return np.sum([np.zeros(found.mass_kg.size), *weights], axis=0)
+    weights = [pass_weights(part, tare, passes.mass_kg.size) for part in whole]
+    return np.sum([np.zeros(passes.mass_kg.size), *weights], axis=0)
 
 
 @dataclass(frozen=True)
@@ -335,7 +335,7 @@ class _SharedUncertainty:
 def shared_uncertainty(
     weighing: Weighing | None,
     machine: Machine,
-    found: Passes,
+    passes: Passes,
     weights: Floats,
     empty: EmptyMachine | None,
 ) -> _SharedUncertainty:
@@ -344,17 +344,17 @@ def shared_uncertainty(
     Args:
         weighing: the joint fit.
         machine: machine file, for the scale.
-        found: the passes.
+        passes: the passes.
         weights: (passes,) weights in the sum of payloads.
         empty: empty machine as weighed by the empty passes.
     """
     if weighing is None or weighing.fit.states is None or empty is None or not weights.any():
-        count = found.mass_kg.size
+        count = passes.mass_kg.size
         nothing = np.zeros(count)
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
         return _SharedUncertainty(none, none, 1.0, ShiftScale())
-    datum = empty.make_datum(pass_weights_by_state(weighing.fit, found) @ weights)
-    own = common_uncertainty(weighing, machine, found, weights, None)
+    datum = empty.relate_to_empty_mass(pass_weights_by_state(weighing.fit, passes) @ weights)
+    own = common_uncertainty(weighing, machine, passes, weights, None)
     gain_1, gain_u_1 = empty.gain or (None, None)
     sources = payload_sources(weighing, machine, datum, empty.weights)
     unknown = unknown_scale(sources)
@@ -363,12 +363,12 @@ def shared_uncertainty(
     if datum is None:
         return _SharedUncertainty(own, own, 1.0, scale)
     return _SharedUncertainty(
-        own, common_uncertainty(weighing, machine, found, weights, datum), datum.scale_1, scale
+        own, common_uncertainty(weighing, machine, passes, weights, datum), datum.scale_1, scale
     )
 
 
 def common_uncertainty(
-    weighing: Weighing, machine: Machine, found: Passes, weights: Floats, datum: Datum | None
+    weighing: Weighing, machine: Machine, passes: Passes, weights: Floats, datum: Datum | None
 ) -> _CommonUncertainty:
     """Uncertainty common to the uncalibrated payloads, with the fit's correlations.
 
@@ -376,25 +376,25 @@ def common_uncertainty(
     single payload also has nuisance errors of its own starts.
     """
     fit = weighing.fit
-    of_states = pass_weights_by_state(fit, found)
+    of_states = pass_weights_by_state(fit, passes)
     summed = of_states @ weights
     sources = payload_sources(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
-    total_kg = max(abs(float(weights @ found.mass_kg)), 1e-9)
-    kept = (combine(sources, "random") / by_1) ** 2 - float(weights**2 @ found.u_kg**2)
+    total_kg = max(abs(float(weights @ passes.mass_kg)), 1e-9)
+    kept = (combine(sources, "random") / by_1) ** 2 - float(weights**2 @ passes.u_kg**2)
     common = combine(sources, "common", "scale") / by_1
     names = {term.source or term.name for term in fit.terms}
     other = [s for s in sources if s.kind != "random" and s.name not in names]
     masses = slice(0, fit.count)
     covariance = of_states.T @ (fit.fit.noise + fit.fit.scatter)[masses, masses] @ of_states
-    empty = np.zeros(found.mass_kg.size)
+    empty = np.zeros(passes.mass_kg.size)
     if datum is not None:
-        share = np.where(found.loaded, 0.0, 1.0 / found.u_kg**2)
+        share = np.where(passes.loaded, 0.0, 1.0 / passes.u_kg**2)
         empty = -datum.by_kg * share / share.sum()
     return _CommonUncertainty(
         float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,
         combine(other) / by_1 / total_kg,
         fit.term_responses @ of_states,
-        covariance - np.diag(found.u_kg**2),
+        covariance - np.diag(passes.u_kg**2),
         empty,
     )

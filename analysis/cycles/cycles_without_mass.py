@@ -76,23 +76,27 @@ def uncounted_cycles(
 
 
 def unweighed_load_kg(
-    number: float, number_u: float, mean_kg: float | None, std_kg: float | None, counted: int
+    cycles: float,
+    cycles_u: float,
+    mean_kg: float | None,
+    std_kg: float | None,
+    counted_payloads: int,
 ) -> tuple[float, float]:
     """Estimated total load of unweighed cycles, from the weighed ones, with its uncertainty.
 
     Args:
-        number: number of cycles.
-        number_u: its standard uncertainty.
+        cycles: number of cycles.
+        cycles_u: its standard uncertainty.
         mean_kg: mean of the counted payloads.
         std_kg: standard deviation of the counted payloads.
-        counted: number of counted payloads; the mean of a few differs from that of the rest.
+        counted_payloads: how many were counted; the mean of a few differs from that of the rest.
     """
     if mean_kg is None:
         return 0.0, 0.0
     spread_kg = LIMITS.single_load_std_fraction * abs(mean_kg) if std_kg is None else std_kg
-    mean_u_kg = spread_kg / np.sqrt(max(counted, 1))
-    parts = (number_u * mean_kg, np.sqrt(number) * spread_kg, number * mean_u_kg)
-    return number * mean_kg, float(np.linalg.norm(parts))
+    mean_u_kg = spread_kg / np.sqrt(max(counted_payloads, 1))
+    parts = (cycles_u * mean_kg, np.sqrt(cycles) * spread_kg, cycles * mean_u_kg)
+    return cycles * mean_kg, float(np.linalg.norm(parts))
 
 
 def _row_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
@@ -180,10 +184,10 @@ def find_channel_gaps_ns(excitation: pl.DataFrame, aligned: pl.DataFrame) -> lis
     return [(int(here[k]), int(here[k + 1])) for k in wide]
 
 
-def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles:
-    """Estimate the cycles hidden by holes: those whose whole haul is inside a hole.
+def estimate_cycles_in_gaps(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles:
+    """Estimate how many cycles gaps of the log hide: those whose whole haul is inside a gap.
 
-    With a period P between dumps and hauls of duration D, a hole G hides (G − D)/P cycles, none if
+    With a period P between dumps and hauls of duration D, a gap G hides (G − D)/P cycles, none if
     hauls are longer; the number of whole periods in a randomly placed span deviates by √(f(1−f)), f
     being the fraction beyond whole ones, and periods differ. Without a completely seen haul nothing
     is estimated.

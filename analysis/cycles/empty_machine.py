@@ -69,34 +69,34 @@ class ShiftScale(NamedTuple):
     gain_u_1: float | None = None
 
 
-def pass_weights_by_state(fit: JointFit, found: Passes) -> Floats:
+def pass_weights_by_state(fit: JointFit, passes: Passes) -> Floats:
     """(states, passes) weights of the states' masses in the passes' masses."""
     assert fit.states is not None
-    weights = np.zeros((fit.count, found.mass_kg.size))
-    np.add.at(weights, (fit.states.membership, found.membership), found.share)
+    weights = np.zeros((fit.count, passes.mass_kg.size))
+    np.add.at(weights, (fit.states.membership, passes.membership), passes.share)
     return weights
 
 
-def carry_back_variance(found: Passes) -> float:
+def carry_back_variance(passes: Passes) -> float:
     """Variance of the carry-back in kg²: variance of the empty passes beyond their noise."""
-    mass, u = found.mass_kg[~found.loaded], found.u_kg[~found.loaded]
+    mass, u = passes.mass_kg[~passes.loaded], passes.u_kg[~passes.loaded]
     if mass.size < LIMITS.carried_min_passes:
         return 0.0
     # neighbours, since fuel is burnt
     return max(float(np.mean(np.diff(mass) ** 2 - u[1:] ** 2 - u[:-1] ** 2)) / 2.0, 0.0)
 
 
-def clean_bucket_mass_kg(found: Passes) -> tuple[float, float]:
+def clean_bucket_mass_kg(passes: Passes) -> tuple[float, float]:
     """Mass of the machine with a clean bucket, and its uncertainty, in kg.
 
     The spread of empty passes exceeds that of the carry-back, so quantiles are shrunk towards the
     mean by the fraction of noise in the variance.
     """
-    mass, u = found.mass_kg[~found.loaded], found.u_kg[~found.loaded]
+    mass, u = passes.mass_kg[~passes.loaded], passes.u_kg[~passes.loaded]
     if not mass.size:
         return float("nan"), float("nan")
     noise = float(np.mean(u**2))
-    true = carry_back_variance(found)
+    true = carry_back_variance(passes)
     kept = float(np.sqrt(true / (true + noise))) if true + noise > 0 else 0.0
     middle = float(np.mean(mass))
     least = middle + kept * (float(np.quantile(mass, LIMITS.clean_bucket_quantile)) - middle)
@@ -104,28 +104,28 @@ def clean_bucket_mass_kg(found: Passes) -> tuple[float, float]:
 
 
 def empty_machine(
-    weighing: Weighing | None, machine: Machine, found: Passes
+    weighing: Weighing | None, machine: Machine, passes: Passes
 ) -> EmptyMachine | None:
     """The empty machine as weighed by the empty passes; None without any.
 
     Args:
         weighing: the joint fit.
         machine: machine file.
-        found: the passes.
+        passes: the passes.
     """
-    empty = ~found.loaded
+    empty = ~passes.loaded
     if weighing is None or weighing.fit.states is None or not empty.any():
         return None
-    share = np.where(empty, 1.0 / found.u_kg**2, 0.0)
+    share = np.where(empty, 1.0 / passes.u_kg**2, 0.0)
     share /= share.sum()
-    least_kg, least_u_kg = clean_bucket_mass_kg(found)
-    carried_kg = max(float(share @ found.mass_kg) - least_kg, 0.0)
+    least_kg, least_u_kg = clean_bucket_mass_kg(passes)
+    carried_kg = max(float(share @ passes.mass_kg) - least_kg, 0.0)
     # the noise of the passes is in their own masses
-    noise_kg2 = float(np.mean(found.u_kg[empty] ** 2)) / int(empty.sum())
+    noise_kg2 = float(np.mean(passes.u_kg[empty] ** 2)) / int(empty.sum())
     own_kg2 = max(least_u_kg**2 - noise_kg2, 0.0)
     carried = carried_kg, float(np.sqrt(own_kg2 + (LIMITS.clean_bucket_u * carried_kg) ** 2))
     return EmptyMachine(
-        weighing, machine, pass_weights_by_state(weighing.fit, found) @ share, carried
+        weighing, machine, pass_weights_by_state(weighing.fit, passes) @ share, carried
     )
 
 

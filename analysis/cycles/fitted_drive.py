@@ -76,7 +76,7 @@ def _ground_force(
     """
     v, a = centred_motion(excitation, machine)
     resisted = model.viscous * v + model.direction * np.sign(v) + model.quadratic * v * np.abs(v)
-    return mass_kg * a + model.acting + resisted
+    return mass_kg * a + model.acting_constant_force + resisted
 
 
 def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDrive:

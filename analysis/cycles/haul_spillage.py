@@ -28,7 +28,7 @@ _IN_PROPORTION: Final = (
 def subtract_spillage(
     cycles: pl.DataFrame,
     parts: Sequence[CycleParts],
-    found: Passes,
+    passes: Passes,
     frames: Mapping[str, pl.DataFrame],
     body: Body,
 ) -> pl.DataFrame:
@@ -37,13 +37,13 @@ def subtract_spillage(
     Args:
         cycles: frame with payloads as weighed.
         parts: begin of each haul, and stop for its dump.
-        found: manoeuvres that weigh each load.
+        passes: manoeuvres that weigh each load.
         frames: the frames `manoeuvres` and `excitation`.
         body: machine body with its spillage.
     """
     if body.haul_spillage_share is None or cycles.is_empty():
         return cycles
-    progress = _weighing_progress(parts, found, frames["manoeuvres"], frames["excitation"])
+    progress = _weighing_progress(parts, passes, frames["manoeuvres"], frames["excitation"])
     arriving, u = estimate_arriving_share(progress, body)
     known = cycles["payload_kg"].is_not_null().to_numpy()
     return subtract_spillage_from_payloads(
@@ -88,7 +88,7 @@ def subtract_spillage_from_payloads(cycles: pl.DataFrame) -> pl.DataFrame:
 
 
 def _weighing_progress(
-    parts: Sequence[CycleParts], found: Passes, manoeuvres: pl.DataFrame, excitation: pl.DataFrame
+    parts: Sequence[CycleParts], passes: Passes, manoeuvres: pl.DataFrame, excitation: pl.DataFrame
 ) -> Floats:
     """Fraction of the haul at which each load is weighed, (cycles,).
 
@@ -115,8 +115,8 @@ def _weighing_progress(
             continue
         begin, end = np.searchsorted(t_ns, (part.haul_ns[0], part.dump_ns[0]))
         haul = driven[min(end, t_ns.size - 1)] - driven[begin]
-        own = found.membership == part.loaded
+        own = passes.membership == part.loaded
         if haul > 0.0:
-            mean = float(found.share[own] @ place[own])
+            mean = float(passes.share[own] @ place[own])
             progress[number] = np.clip((mean - driven[begin]) / haul, 0.0, 1.0)
     return progress

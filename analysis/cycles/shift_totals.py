@@ -13,8 +13,8 @@ import polars as pl
 from analysis.cycles.boom_dumps import find_standing_samples
 from analysis.cycles.cycle_parts import IDLE_S
 from analysis.cycles.cycles_without_mass import (
+    estimate_cycles_in_gaps,
     find_channel_gaps_ns,
-    lost_cycles,
     uncounted_cycles,
     unweighed_load_kg,
 )
@@ -57,7 +57,10 @@ def sum_shift(
         scale: source of the payloads' scale.
     """
     gaps = find_channel_gaps_ns(excitation, aligned)
-    lost, more = lost_cycles(cycles, gaps), uncounted_cycles(cycles, excitation, aligned)
+    lost, more = (
+        estimate_cycles_in_gaps(cycles, gaps),
+        uncounted_cycles(cycles, excitation, aligned),
+    )
     t_ns = excitation["t_ns"].to_numpy()
     duration_s = float(t_ns[-1] - t_ns[0]) / NS_PER_S if t_ns.size else 0.0
     gap_s = sum(end - start for start, end in gaps) / NS_PER_S

@@ -76,8 +76,8 @@ class EmptyMassDifference:
         return self.mass_kg / self.empty_kg
 
     @property
-    def is_informative(self) -> bool:
-        """Whether the difference tests the scale; a larger mass may be a payload."""
+    def can_test_scale(self) -> bool:
+        """Whether no payload can explain the difference, so that it tests the scale."""
         return self.difference_in_u < 0.0 or self.empty_known or self.difference_in_u > _PAYLOAD_U
 
     @property

@@ -137,7 +137,7 @@ def _empty_mass_shortfall_u(inputs: CheckInputs, _: AxisMotion) -> float:
 
 def _empty_mass_difference_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
     found = inputs.empty_mass
-    if found is None or not found.is_informative:
+    if found is None or not found.can_test_scale:
         return np.nan
     # what is so far below that it is withheld is said once
     withheld = -found.difference_in_u > inputs.machine.settings.verdict.negative_payload_max_u
@@ -147,7 +147,7 @@ def _empty_mass_difference_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
 def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
     found = inputs.empty_mass
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
-    far = found is not None and found.is_informative and abs(found.difference_in_u) > limit_u
+    far = found is not None and found.can_test_scale and abs(found.difference_in_u) > limit_u
     return found.text if found is not None and far else ""
 
 

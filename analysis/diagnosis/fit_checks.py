@@ -16,22 +16,22 @@ from analysis.weighing.wheel_kinematics import WheelKinematics
 
 
 def _make_weighing_value(
-    number: Callable[[Weighing], float],
+    quantity: Callable[[Weighing], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
-    def of(inputs: CheckInputs, _: AxisMotion) -> float:
-        return np.nan if inputs.weighing is None else number(inputs.weighing)
+    def compute_value(inputs: CheckInputs, _: AxisMotion) -> float:
+        return np.nan if inputs.weighing is None else quantity(inputs.weighing)
 
-    return of
+    return compute_value
 
 
 def _make_wheel_value(
-    number: Callable[[WheelKinematics], float],
+    quantity: Callable[[WheelKinematics], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
-    def of(inputs: CheckInputs, _: AxisMotion) -> float:
+    def compute_value(inputs: CheckInputs, _: AxisMotion) -> float:
         wheels = None if inputs.weighing is None else inputs.weighing.fit.kinematics
-        return np.nan if wheels is None else number(wheels)
+        return np.nan if wheels is None else quantity(wheels)
 
-    return of
+    return compute_value
 
 
 def _has_fit(inputs: CheckInputs, _: AxisMotion) -> bool:

@@ -98,7 +98,7 @@ class Signals:
         return {
             name: {
                 **find_repeated_extremes(x),
-                **_find_recurring_levels(self._repeated_readings[name], x),
+                **_find_clipping_levels(self._repeated_readings[name], x),
             }
             for name, (_, x) in self.channels.items()
             if name in _FORCES
@@ -274,8 +274,8 @@ def find_repeated_extremes(x: Floats) -> dict[float, float]:
     }
 
 
-def _find_recurring_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
-    """Find levels that long runs return to and few readings exceed."""
+def _find_clipping_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
+    """Find levels at which readings are clipped: long runs return to them, few exceed them."""
     often = Counter(run.value for run in runs)
     return {
         value: float((x == value).mean())

@@ -267,7 +267,7 @@ def _regressor_noise(
     return samples * weighted.sum(0)[COLUMNS[drive]]
 
 
-def condition_number(
+def scaled_condition_from_gram(
     drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> float:
     """Condition number of AᵀA after each column is divided by its noise."""

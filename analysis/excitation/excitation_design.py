@@ -16,8 +16,8 @@ from analysis.excitation.error_prediction import (
     Filters,
     MeasuredSignals,
     Prediction,
-    condition_number,
     predict_errors,
+    scaled_condition_from_gram,
     sensor_noise_of_scenario,
 )
 from analysis.simulation import Channels, Scenario, solve_motion
@@ -329,7 +329,7 @@ def _score_shape(
         rank=determined_parameter_count(
             Channels._make(each[first : first + samples] for each in driven)
         ),
-        condition=condition_number(drive, filters, part, noise),
+        condition=scaled_condition_from_gram(drive, filters, part, noise),
         snr=varies / noisy,
         snr_needed=None if least is None else varies / least,
         peak_speed_m_s=float(np.abs(driven.speed_x_m_s[repeats]).max()),

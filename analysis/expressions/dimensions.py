@@ -96,7 +96,7 @@ def format_dimension(dimension: Any) -> str:
     return f"in {'·'.join(parts)}"
 
 
-def si_gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:
+def si_gain(unit: str, expression: str, registry: Any) -> tuple[float, Any]:
     """Factor that converts a number to SI units, and its dimension."""
     import pint
 
@@ -108,11 +108,11 @@ def si_gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:
         zero = registry.Quantity(0.0, quantity.units).to_base_units().magnitude
         base = quantity.to_base_units()
     except (pint.PintError, AttributeError, TypeError, ValueError) as error:
-        raise ExpressionError(f"{of}: no unit '{unit}'") from error
+        raise ExpressionError(f"{expression}: no unit '{unit}'") from error
     if zero:
         raise ExpressionError(
-            f"{of}: '{unit}' has an offset zero point, so it cannot be multiplied or divided; use "
-            "a unit such as K"
+            f"{expression}: '{unit}' has an offset zero point, so it cannot be multiplied or "
+            "divided; use a unit such as K"
         )
     return float(base.magnitude), base.dimensionality
 

@@ -324,39 +324,40 @@ def find_unlike_sides(inputs: FindingInputs) -> list[Symptom]:
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _side_symptom(inputs: FindingInputs, seen: SideDifference) -> Symptom:
-    least = LIMITS.unlike_slip_1 if seen.kind == "slip" else LIMITS.unlike_sides_1
-    strength = abs(seen.value_1) / max(least + seen.resistance_1, SURELY * seen.std_1)
-    left, right = _CHANNELS[seen.kind]
-    smaller, larger = (left, right) if seen.smaller_side == "left" else (right, left)
-    other = "right" if seen.smaller_side == "left" else "left"
-    if seen.kind == "torque":
+def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
+    least = LIMITS.unlike_slip_1 if sides.kind == "slip" else LIMITS.unlike_sides_1
+    strength = abs(sides.value_1) / max(least + sides.resistance_1, SURELY * sides.std_1)
+    left, right = _CHANNELS[sides.kind]
+    smaller, larger = (left, right) if sides.smaller_side == "left" else (right, left)
+    other = "right" if sides.smaller_side == "left" else "left"
+    if sides.kind == "torque":
         return Symptom(
             strength,
-            f"on straight drives the {seen.smaller_side} torque is "
-            f"{seen.smaller_over_larger_1:.1%} (± {seen.std_1:.1%}) of the {other} one: "
+            f"on straight drives the {sides.smaller_side} torque is "
+            f"{sides.smaller_over_larger_1:.1%} (± {sides.std_1:.1%}) of the {other} one: "
             "one of the two is wrong",
             channel=smaller,
-            change=lambda: change_if_smaller_is_wrong(inputs, seen),
+            change=lambda: change_if_smaller_is_wrong(inputs, sides),
         )
-    if seen.kind == "slip":
+    if sides.kind == "slip":
         return Symptom(
             strength,
-            f"in hard starts the {other} wheels turn faster than the {seen.smaller_side} ones by "
-            f"{abs(seen.value_1):.1%} ± {seen.std_1:.1%} more than in soft ones, by the gyroscope",
+            f"in hard starts the {other} wheels turn faster than the {sides.smaller_side} ones "
+            f"by {abs(sides.value_1):.1%} ± {sides.std_1:.1%} more than in soft ones, "
+            "by the gyroscope",
             channel=larger,
             change=lambda: change_by_wheel_speed(inputs),
             alternatives=("slip",),
         )
-    wrong = wrong_speed_channel(inputs, seen)
+    wrong = wrong_speed_channel(inputs, sides)
     setting, value = (None, None) if wrong is None else inputs.scale_channels((wrong[0],), wrong[1])
     by_imu = (
         "" if wrong is None else f"; the accelerometer agrees with the {_other_side(wrong[0])} ones"
     )
     return Symptom(
         strength,
-        f"on straight drives the {other} wheels turn faster than the {seen.smaller_side} ones by "
-        f"{abs(seen.value_1):.1%} ± {seen.std_1:.1%}, by the gyroscope{by_imu}",
+        f"on straight drives the {other} wheels turn faster than the {sides.smaller_side} ones by "
+        f"{abs(sides.value_1):.1%} ± {sides.std_1:.1%}, by the gyroscope{by_imu}",
         channel=larger if wrong is None else wrong[0],
         setting=setting,
         value=value,
@@ -368,12 +369,12 @@ def _other_side(channel: str) -> str:
     return "right" if channel == SPEEDS[0] else "left"
 
 
-def wrong_speed_channel(inputs: FindingInputs, seen: SideDifference) -> tuple[str, float] | None:
+def wrong_speed_channel(inputs: FindingInputs, sides: SideDifference) -> tuple[str, float] | None:
     """Wheel speed that the accelerometer contradicts, and the factor for its scale."""
     wheels = None if inputs.fit is None else inputs.fit.kinematics
     if wheels is None or not wheels.is_consistent:
         return None
-    gains = [(1.0 + wheels.gain[0]) * (1.0 + way * seen.value_1 / 2.0) for way in (-1.0, 1.0)]
+    gains = [(1.0 + wheels.gain[0]) * (1.0 + way * sides.value_1 / 2.0) for way in (-1.0, 1.0)]
     if min(gains) <= 0.0:
         return None
     off = np.abs(np.log(gains))
@@ -383,11 +384,11 @@ def wrong_speed_channel(inputs: FindingInputs, seen: SideDifference) -> tuple[st
     return SPEEDS[1 - right], gains[right] / gains[1 - right]
 
 
-def change_if_smaller_is_wrong(inputs: FindingInputs, seen: SideDifference) -> MassChange | None:
+def change_if_smaller_is_wrong(inputs: FindingInputs, sides: SideDifference) -> MassChange | None:
     """Mass change if the smaller side is wrong; as uncertain, since the larger may be."""
-    if inputs.fit is None or seen.smaller_over_larger_1 <= -1.0:
+    if inputs.fit is None or sides.smaller_over_larger_1 <= -1.0:
         return None
-    kg = abs(inputs.fit.mass_kg) * (2.0 / (1.0 + max(seen.smaller_over_larger_1, 0.0)) - 1.0)
+    kg = abs(inputs.fit.mass_kg) * (2.0 / (1.0 + max(sides.smaller_over_larger_1, 0.0)) - 1.0)
     return MassChange(kg, kg)
 
 

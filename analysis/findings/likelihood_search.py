@@ -16,7 +16,7 @@ from analysis.findings.channel_causes import is_near_spike
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import renumber_stretches
+from analysis.findings.refit import renumber_and_drop_short_stretches
 from analysis.findings.whitened_rows import (
     EquationRows,
     ProjectedEquation,
@@ -72,7 +72,7 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
     motion = explain_constant_force(inputs).motion or fit.motion
     near = is_near_spike(inputs)
     if near.any():  # a spike is no motion, whatever it looks like
-        motion = renumber_stretches(motion.exclude_samples(near))
+        motion = renumber_and_drop_short_stretches(motion.exclude_samples(near))
         if not motion.used.any():  # there are spikes all along
             return {}
     taken: list[str] = []
@@ -175,7 +175,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
 
 
 def remove_delay_iteratively(
-    inputs: FindingInputs, motion: MotionSamples, taken: list[str], pick: PickedCause
+    inputs: FindingInputs, motion: MotionSamples, picked_causes: list[str], pick: PickedCause
 ) -> tuple[MotionSamples, PickedCause]:
     """Correct the delay of a channel repeatedly until none is left."""
     channel, total, std = pick.name.partition(":")[2], 0.0, pick.std
@@ -187,7 +187,7 @@ def remove_delay_iteratively(
             )
         )
         motion = correct_channel_delay(begun, channel, total)
-        again = score_causes(build_equations(inputs, motion), taken).get(pick.name)
+        again = score_causes(build_equations(inputs, motion), picked_causes).get(pick.name)
         if again is None:
             break
         step, std = again.value, again.std
@@ -199,7 +199,7 @@ def remove_delay_iteratively(
 def attribute_delay(
     inputs: FindingInputs,
     begun: MotionSamples,
-    taken: list[str],
+    picked_causes: list[str],
     settled: tuple[MotionSamples, PickedCause],
 ) -> tuple[MotionSamples, PickedCause, tuple[str, ...]]:
     """Decide whether the wheels are early or the accelerometer is late.
@@ -209,7 +209,7 @@ def attribute_delay(
     Args:
         inputs: the log.
         begun: motion before any correction.
-        taken: causes found before.
+        picked_causes: causes found before.
         settled: corrected motion and the delay that was found.
 
     Returns:
@@ -221,7 +221,8 @@ def attribute_delay(
     other = correct_channel_delay(begun, turned.name.partition(":")[2], turned.value)
     # tried whole: noise of the force makes its derivative too large, and a delay too small
     left, left_other = (
-        remaining_motion(build_equations(inputs, each), taken)[0] for each in (motion, other)
+        remaining_motion(build_equations(inputs, each), picked_causes)[0]
+        for each in (motion, other)
     )
     apart = left.square_left * left.variance - left_other.square_left * left_other.variance
     apart /= min(left.variance, left_other.variance)
@@ -231,16 +232,16 @@ def attribute_delay(
     return motion, own, (turned.name,) if near else ()
 
 
-def score_causes(equations: Equations, taken: list[str]) -> dict[str, PickedCause]:
+def score_causes(equations: Equations, picked_causes: list[str]) -> dict[str, PickedCause]:
     """Score every remaining cause in addition to those already picked."""
-    force, wheels = remaining_motion(equations, taken)
+    force, wheels = remaining_motion(equations, picked_causes)
     # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
     together = wheels is not None and wheels.variance < LIMITS.wheel_noise_ratio
     parts = [force, wheels] if wheels is not None and together else [force]
     names = list(dict.fromkeys(name for part in parts for name in part.information))
     out: dict[str, PickedCause] = {}
     for name in names:
-        if name in taken:
+        if name in picked_causes:
             continue
         square = sum(part.information_about(name) for part in parts)
         if not square > 0.0:
@@ -266,10 +267,10 @@ def build_equations(inputs: FindingInputs, motion: MotionSamples) -> Equations:
 
 
 def remaining_motion(
-    equations: Equations, taken: Sequence[str] = ()
+    equations: Equations, picked_causes: Sequence[str] = ()
 ) -> tuple[ProjectedEquation, ProjectedEquation | None]:
     """Force and wheel equations with the picked causes projected out."""
     force, wheels = equations
     return ProjectedEquation.project_out(
-        force, taken
-    ), None if wheels is None else ProjectedEquation.project_out(wheels, taken)
+        force, picked_causes
+    ), None if wheels is None else ProjectedEquation.project_out(wheels, picked_causes)

@@ -98,7 +98,9 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
     priors = inputs.machine.settings.priors
     known = is_wheel_agreement_kept(fit.motion, motion)
     # of a long log a part says as much of what a cause does
-    motion = renumber_stretches(motion.cut_to_first_stretches(LIMITS.refit_max_stretches))
+    motion = renumber_and_drop_short_stretches(
+        motion.cut_to_first_stretches(LIMITS.refit_max_stretches)
+    )
     if motion.used.sum() < LIMITS.refit_min_samples or not motion.drives:
         return None
     motion = motion.near_fitted(LIMITS.refit_reach_s)
@@ -167,8 +169,8 @@ def refit_warm_started(
     return refit_with_changes(replace(begun, found=pilot.found, theta=theta), noise, priors)
 
 
-def renumber_stretches(motion: MotionSamples) -> MotionSamples:
-    """Number the stretches again, since excluded samples may have split some."""
+def renumber_and_drop_short_stretches(motion: MotionSamples) -> MotionSamples:
+    """Number the stretches again after samples were excluded, and exclude those now too short."""
     parts = np.where(motion.used, np.cumsum(first_of_stretch(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
     short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)

@@ -65,8 +65,8 @@ def _braking_over_driving(evidence: CheckInputs) -> float:
     return found[1][0] / found[0][0]
 
 
-def _fit_mass(A: np.ndarray, f: np.ndarray, of: Bools) -> tuple[float, float]:
-    mass_kg, std_kg, _ = fit_quality.ungated_fit(A, f, of)
+def _fit_mass(A: np.ndarray, f: np.ndarray, chosen_rows: Bools) -> tuple[float, float]:
+    mass_kg, std_kg, _ = fit_quality.ungated_fit(A, f, chosen_rows)
     return mass_kg, std_kg
 
 

@@ -364,7 +364,7 @@ def multiply_channel(motion: MotionSamples, channel: str, times: float) -> Motio
 def find_wrong_scale(inputs: FindingInputs) -> list[Symptom]:
     """Find a lightest load that contradicts the empty mass, given the scale's uncertainty."""
     found = inputs.check_inputs.empty_mass
-    if found is None or not found.is_informative:
+    if found is None or not found.can_test_scale:
         return []
     return [
         Symptom(

@@ -33,14 +33,14 @@ def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
     return [] if found is None else [found]
 
 
-def unexplained_symptom(judged: pl.DataFrame, shown: Collection[str]) -> Symptom | None:
+def unexplained_symptom(judged: pl.DataFrame, causes: Collection[str]) -> Symptom | None:
     """Symptom of failed checks that no cause explains; None if each is explained.
 
     Args:
         judged: the frame `verdict`.
-        shown: keys of the causes that the log shows.
+        causes: keys of the causes that the log shows.
     """
-    failed = [row for row in judged.iter_rows(named=True) if _is_unexplained(row, set(shown))]
+    failed = [row for row in judged.iter_rows(named=True) if _is_unexplained(row, set(causes))]
     if not failed:
         return None
     said = "; ".join(f"{row['check']} {_check_value(row)}: {row['meaning']}" for row in failed)
@@ -49,10 +49,10 @@ def unexplained_symptom(judged: pl.DataFrame, shown: Collection[str]) -> Symptom
     )
 
 
-def _is_unexplained(row: Mapping[str, Any], shown: set[str]) -> bool:
+def _is_unexplained(row: Mapping[str, Any], causes: set[str]) -> bool:
     if row["about"] != "mass" or row["passed"] is not False or row["consequence"] not in _COSTS:
         return False
-    accounts = shown & set(_OF_ONE_THING.get(row["check"], shown))
+    accounts = causes & set(_OF_ONE_THING.get(row["check"], causes))
     return not accounts - set(_BEND_NOTHING)
 
 

@@ -206,9 +206,9 @@ class ProjectedEquation:
     variance: float
 
     @classmethod
-    def project_out(cls, system: EquationRows, taken: Sequence[str]) -> "ProjectedEquation":
+    def project_out(cls, system: EquationRows, picked_causes: Sequence[str]) -> "ProjectedEquation":
         """Remove what the base and the picked causes explain, corrected for column noise."""
-        own = [name for name in taken if name in system.columns]
+        own = [name for name in picked_causes if name in system.columns]
         others = [name for name in system.columns if name not in own]
         known = np.column_stack([system.base, *(system.columns[name] for name in own)])
         tried = np.column_stack(

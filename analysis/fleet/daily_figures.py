@@ -62,10 +62,10 @@ def weekly_tonnes(results: pl.DataFrame) -> pl.DataFrame:
     return sum_results(dated.with_columns(week), ["machine", "week"])
 
 
-def sum_results(results: pl.DataFrame, by: list[str]) -> pl.DataFrame:
+def sum_results(results: pl.DataFrame, group_columns: list[str]) -> pl.DataFrame:
     """Recordings, loads and tonnes grouped by some columns; see `weekly`."""
     return (
-        results.group_by(by)
+        results.group_by(group_columns)
         .agg(
             pl.len().cast(pl.Int64).alias("recordings"),
             pl.col("cycles_counted").sum().alias("loads"),
@@ -79,7 +79,7 @@ def sum_results(results: pl.DataFrame, by: list[str]) -> pl.DataFrame:
             .sqrt()
             .alias("payload_u_kg")
         )
-        .sort(by)
+        .sort(group_columns)
     )
 
 

@@ -127,16 +127,16 @@ def stored_dtype(column: Column) -> pl.DataType:
     return pl.String() if isinstance(dtype, pl.Enum) else dtype
 
 
-def rows_of_table(name: str, frame: pl.DataFrame, of: Mapping[str, object]) -> pl.DataFrame:
+def rows_of_table(name: str, frame: pl.DataFrame, key_values: Mapping[str, object]) -> pl.DataFrame:
     """Convert rows of a frame to rows of its table.
 
     Args:
         name: name of the frame and the table.
         frame: frame with some or all of its columns; missing ones become null.
-        of: values of key, machine, day and t0_unix_ns.
+        key_values: values of key, machine, day and t0_unix_ns.
     """
     schema = table_schema(name)
-    given = frame.with_columns(**{each: pl.lit(value) for each, value in of.items()})
+    given = frame.with_columns(**{each: pl.lit(value) for each, value in key_values.items()})
     return given.select(
         (pl.col(each) if each in given.columns else pl.lit(None)).cast(dtype).alias(each)
         for each, dtype in schema.items()

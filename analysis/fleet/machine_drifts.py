@@ -231,7 +231,7 @@ def _change_since(values: Floats, since: int | None) -> tuple[float, float]:
 
 @cache
 def chart_limit(run_length: float) -> float:
-    """Limit at which false alarms are `run_length` values apart on average.
+    """CUSUM limit, in standard deviations, for false alarms on average `run_length` values apart.
 
     Args:
         run_length: average run length of both sums together, without drift.

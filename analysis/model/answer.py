@@ -125,7 +125,7 @@ class Answer:
     findings: Sequence[Mapping[str, Any]] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """The answer as JSON-compatible values; a log with one load has a mass of its own."""
+        """The answer as JSON-compatible values; a single load has its masses beside `loads`."""
         one = self.rows[0].quantities if len(self.rows) == 1 else {}
         several = {"no_mass_for": f"{len(self.loads)} loads"} if len(self.loads) > 1 else {}
         return {

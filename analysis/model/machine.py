@@ -208,8 +208,8 @@ class Channel(BaseModel):
         return () if self.field is None else (self.field,)
 
     @property
-    def sources(self) -> tuple[str, ...]:
-        """The channels that this one is derived from."""
+    def direct_source_channels(self) -> tuple[str, ...]:
+        """The channels that this one is computed from, one step back; none if it is recorded."""
         if self.expression is not None:
             return tuple(
                 dict.fromkeys(
@@ -227,7 +227,7 @@ class Channel(BaseModel):
                 raise ValueError("an angle of a quaternion takes no 'unit', 'scale' or 'offset'")
             return self
         try:
-            sources = self.sources
+            sources = self.direct_source_channels
         except ExpressionError as error:
             raise ValueError(f"cannot derive '{self.derive}': {error}") from None
         if self.derive is not None and not sources:
@@ -277,7 +277,7 @@ class Machine(BaseModel):
     def _check_channels(self) -> Self:
         known = {column.name for column in CHANNEL_COLUMNS}
         for name, channel in self.channels.items():
-            for source in channel.sources:
+            for source in channel.direct_source_channels:
                 if source not in self.channels and channel.expression is not None:
                     raise ValueError(
                         f"channels.{name}: '{source}' is neither a channel nor a key of [machine]; "
@@ -288,14 +288,14 @@ class Machine(BaseModel):
             source
             for channel in self.channels.values()
             if channel.expression is not None
-            for source in channel.sources
+            for source in channel.direct_source_channels
         }
         for name, channel in self.channels.items():
             if name not in known:
                 raise ValueError(f"channels.{name}: no such column; {nearest(name, known)}")
             if channel.angle_of and name != f"{channel.angle_of[0]}_rad":
                 raise ValueError(f"channels.{name}: '{channel.derive}' does not compute {name}")
-            for source in channel.sources:
+            for source in channel.direct_source_channels:
                 if source not in self.channels:
                     raise ValueError(f"channels.{name}: '{source}' is not among the channels")
             for key in (
@@ -374,7 +374,11 @@ class Machine(BaseModel):
         order: list[str] = []
         waiting = dict(self.channels)
         while waiting:
-            ready = [n for n, c in waiting.items() if not any(s in waiting for s in c.sources)]
+            ready = [
+                n
+                for n, c in waiting.items()
+                if not any(s in waiting for s in c.direct_source_channels)
+            ]
             if not ready:
                 raise ValueError(
                     f"these channels are derived from each other in a circle: {', '.join(waiting)}"

@@ -383,7 +383,11 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float("mass_kg", "kg", "mass by the joint fit (null where it is withheld)"),
                 _float("u_kg", "kg", "its standard uncertainty: random, common and scale"),
                 _float("u_random_kg", "kg", "the part that more starts would average out"),
-                _float("u_common_kg", "kg", "the part that is common to the log: nuisances, scale"),
+                _float(
+                    "u_common_kg",
+                    "kg",
+                    "the part shared by all loads of the log: nuisance terms, scale",
+                ),
                 _float("payload_kg", "kg", "mass less that of an empty state, or the empty mass"),
                 _float("payload_u_kg", "kg", "its standard uncertainty"),
                 _float("payload_u_random_kg", "kg", "the part that more starts would average out"),
@@ -392,7 +396,13 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float(
                     "own_payload_u_random_kg", "kg", "the part that more starts would average out"
                 ),
-                Column("payload_to", pl.Int64, "1", "first empty load (null: the empty mass)"),
+                Column(
+                    "payload_to",
+                    pl.Int64,
+                    "1",
+                    "load_id of the empty load that the payload is measured from (null: the stated "
+                    "empty mass)",
+                ),
                 Column("empty", pl.Boolean, "1", "true when it is taken as empty"),
                 _float("scatter_kg", "kg", "standard deviation between manoeuvres of one load"),
                 Column("scatter_known", pl.Boolean, "1", "true if enough manoeuvres determine it"),
@@ -689,7 +699,7 @@ FRAMES: Final[dict[str, Frame]] = {
                     "value",
                     pl.String,
                     "1",
-                    "the value proposed for each, as TOML, separated by commas",
+                    "proposed value of each key in `setting`, as TOML, separated by commas",
                 ),
                 Column(
                     "alternatives",

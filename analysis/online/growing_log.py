@@ -63,7 +63,9 @@ class LogBasis:
 
 def causal_machine(machine: Machine) -> Machine:
     """The machine for following: with causal filters, without optional channels."""
-    needed = {source for channel in machine.channels.values() for source in channel.sources}
+    needed = {
+        source for channel in machine.channels.values() for source in channel.direct_source_channels
+    }
     channels = {
         name: channel
         for name, channel in machine.channels.items()

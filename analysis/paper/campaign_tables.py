@@ -186,7 +186,7 @@ def _make_swept_table(
             for i, method in enumerate(printed_numbers.METHODS)
         },
         extremes=tuple(
-            _find_extremes(str(method), setting, part)
+            _find_best_and_worst_setting(str(method), setting, part)
             for (method,), part in table.group_by("method", maintain_order=True)
             if method in _COMPARED
         ),
@@ -221,7 +221,8 @@ def _mean_errors_by_setting(
     )
 
 
-def _find_extremes(method: str, setting: str, part: pl.DataFrame) -> Extremes:
+def _find_best_and_worst_setting(method: str, setting: str, part: pl.DataFrame) -> Extremes:
+    """The values of a setting with the least and the largest error of a method."""
     known = dict(part.select(setting, "run_left_out_kg").drop_nulls().iter_rows())
     (best, *_), worst = lowest_errors(known), max(known, key=lambda at: known[at])
     high = part.filter(pl.col(setting) == best)["run_left_out_kg_high"][0]

@@ -259,15 +259,15 @@ def _compare_buffers(frame: pl.DataFrame) -> Buffers:
     )
 
 
-def claim_row(claim: str, of: str, row: Mapping[str, Any], name: str) -> dict[str, Any]:
+def claim_row(claim: str, sample_kind: str, row: Mapping[str, Any], name: str) -> dict[str, Any]:
     """Row of a finding whose number and interval are in `row` under `name`."""
     return {
         "claim": claim,
-        "of": of,
+        "of": sample_kind,
         "method": row.get("method"),
         "fed": row.get("fed"),
         "directional": row.get("directional", False),
-        "windows": row.get("trials") if of == "window" else None,
+        "windows": row.get("trials") if sample_kind == "window" else None,
         "window_samples": row.get("window_samples"),
         "buffer_bytes": row.get("buffer_bytes"),
         "found_kg": row[name],

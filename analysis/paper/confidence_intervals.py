@@ -14,30 +14,30 @@ _RESAMPLES: Final = 1000
 
 
 def mean_intervals(
-    repetitions: pl.DataFrame, by: Sequence[str], values: Sequence[str]
+    repetitions: pl.DataFrame, group_columns: Sequence[str], values: Sequence[str]
 ) -> pl.DataFrame:
     """Means over independent repetitions with Student's interval.
 
     Args:
         repetitions: one row per repetition and group.
-        by: columns that define a group.
+        group_columns: columns that define a group.
         values: columns to average; null if a repetition has no value.
 
     Returns:
-        One row per group in order of appearance: `by`, `trials` (number of rows), and for each
-        value its mean under the same name with `{value}_low` and `{value}_high`, null below two
-        values.
+        One row per group in order of appearance: `group_columns`, `trials` (number of rows), and
+        for each value its mean under the same name with `{value}_low` and `{value}_high`, null
+        below two values.
     """
     from scipy.stats import t
 
-    by, values = list(by), list(values)
-    means = repetitions.group_by(by, maintain_order=True).agg(
+    group_columns, values = list(group_columns), list(values)
+    means = repetitions.group_by(group_columns, maintain_order=True).agg(
         pl.len().alias("trials"),
         *(pl.col(name).mean() for name in values),
         *(pl.col(name).std().alias(f"{name}_std") for name in values),
         *(pl.col(name).count().alias(f"{name}_count") for name in values),
     )
-    columns = [means[name] for name in (*by, "trials")]
+    columns = [means[name] for name in (*group_columns, "trials")]
     for name in values:
         count = means[f"{name}_count"].to_numpy().astype(float)
         std = means[f"{name}_std"].cast(pl.Float64).fill_null(np.nan).to_numpy()

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.campaign_readings import average_readings_by_run
+from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
 from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs, rms_errors
 from analysis.model.run_record import Run
 from analysis.model.settings import Settings
@@ -47,7 +47,7 @@ class ReplayedCampaign:
 
     def estimate_by_method_and_trial(self) -> pl.DataFrame:
         """One mass per method and trial."""
-        return average_readings_by_run(self.replayed, self.trials)
+        return masses_by_method_and_run(self.replayed, self.trials)
 
 
 def replay_with_gate(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:

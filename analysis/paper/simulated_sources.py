@@ -59,9 +59,9 @@ class Study:
     campaigns: int
     replay: Callable[[Scenario, Machine, Chain], ReplayedCampaign]
 
-    def scenario_of_repetition(self, number: int) -> Scenario:
+    def scenario_of_repetition(self, repetition: int) -> Scenario:
         """Scenario of a repetition."""
-        return self.scenario.with_seed(self.scenario.sensors.seed + number)
+        return self.scenario.with_seed(self.scenario.sensors.seed + repetition)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,12 +139,12 @@ def plan_repetitions(
 
 def _add_repetition(
     source: Source[Any],
-    number: int,
+    repetition: int,
     wanted: Iterable[Extract[Any, Any]],
     study: Study,
     extracts: Extracts,
 ) -> None:
-    made = source.make(study, number)
+    made = source.make(study, repetition)
     for extract in wanted:
         extracts.add(extract, extract.make(made))
 
@@ -165,20 +165,20 @@ def _make_steady_study(study: Study, _: int) -> SteadyStudy:
     return SteadyStudy(steady_drive(study.scenario), study.scenario.sensors, study.windows)
 
 
-def _replay_seeded_campaign(study: Study, number: int) -> ReplayedCampaign:
+def _replay_seeded_campaign(study: Study, repetition: int) -> ReplayedCampaign:
     settings = study.machine.settings.with_changes(
         {"gate.window_samples": WINDOW_SAMPLES, "gate.threshold_nat": THRESHOLD_NAT}
     )
     machine = study.machine.model_copy(update={"settings": settings})
-    return study.replay(study.scenario_of_repetition(number), machine, _unchanged_log)
+    return study.replay(study.scenario_of_repetition(repetition), machine, _unchanged_log)
 
 
-def _chained_campaign(study: Study, number: int) -> ReplayedCampaign:
+def _chained_campaign(study: Study, repetition: int) -> ReplayedCampaign:
     # (17) as printed knows no share of the force
     printed = study.machine.machine.model_copy(update={"force_share": 1.0})
     machine = study.machine.model_copy(update={"machine": printed})
     return study.replay(
-        study.scenario_of_repetition(number),
+        study.scenario_of_repetition(repetition),
         machine,
         lambda log: record_through_chain(log, TorqueChain()),
     )
@@ -200,8 +200,8 @@ def _replay_start(study: Study, _: int) -> ReplayedCampaign:
     return study.replay(one_start_scenario(study.scenario), study.machine, _unchanged_log)
 
 
-def _replay_cruise(study: Study, number: int) -> ReplayedCampaign:
-    short = one_start_scenario(study.scenario_of_repetition(number))
+def _replay_cruise(study: Study, repetition: int) -> ReplayedCampaign:
+    short = one_start_scenario(study.scenario_of_repetition(repetition))
     campaign = short.campaign.model_copy(update={"cruise_s": CRUISE_S})
     return study.replay(
         short.model_copy(update={"campaign": campaign}), study.machine, _unchanged_log

@@ -222,19 +222,19 @@ def _errors_kg(
     return float(bound_kg), float(strict_kg), {m: np.concatenate(e) for m, e in errors.items()}
 
 
-def _masses_kg(method: str, seen: MeasuredWindows, sensors: SimulatedSensors) -> Floats:
+def _masses_kg(method: str, windows: MeasuredWindows, sensors: SimulatedSensors) -> Floats:
     """Mass (windows,) of every window, NaN if it has none."""
-    _, samples, parameters = seen.A.shape
+    _, samples, parameters = windows.A.shape
     if method == "rls":
         start = round(_RLS_START_S * sensors.rate_hz)
         all_of_it = np.ones(samples, np.bool_)
         return np.array(
             [
                 rls.trace(A, f, start, all_of_it).theta[-1, 0]
-                for A, f in zip(seen.A, seen.f, strict=True)
+                for A, f in zip(windows.A, windows.f, strict=True)
             ]
         )
-    A, f = seen.A.reshape(-1, parameters), seen.f.ravel()
+    A, f = windows.A.reshape(-1, parameters), windows.f.ravel()
     ends = np.zeros(f.size, np.bool_)
     ends[samples - 1 :: samples] = True
     match method:

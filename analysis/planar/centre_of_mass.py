@@ -227,7 +227,7 @@ def fit_in_rounds(
     log: PlanarLog,
     segment_id: Ints,
     start: Floats,
-    known: Prior,
+    prior: Prior,
     rows: slice,
     columns: tuple[int, ...] = _ALL,
 ) -> NamedEstimate:
@@ -237,17 +237,17 @@ def fit_in_rounds(
         log: rows of the whole log.
         segment_id: (n,) stretch of each sample.
         start: (6,) mass, inertia, moments and frictions to begin with.
-        known: results of earlier stages, including terms.
+        prior: results of earlier stages, including terms.
         rows: of force, of yaw torque, or both.
         columns: which of the six.
     """
-    told = fit_with_coefficients(log, segment_id, start, known, rows, columns)
+    told = fit_with_coefficients(log, segment_id, start, prior, rows, columns)
     for _ in range(_ROUNDS - 1):
         coefficients = start.copy()
         found = told.estimate.coefficients[: len(columns)]
         if np.isfinite(found).all():
             coefficients[list(columns)] = found
-        told = fit_with_coefficients(log, segment_id, coefficients, known, rows, columns)
+        told = fit_with_coefficients(log, segment_id, coefficients, prior, rows, columns)
     return told
 
 
@@ -282,13 +282,13 @@ def fit_with_coefficients(
     return NamedEstimate(fitted, prior.names)
 
 
-def prior_for_rows(known: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
+def prior_for_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
     """The part of a prior that a fit of these rows has parameters of."""
-    own = [n for n, name in enumerate(known.names) if name in names]
+    own = [n for n, name in enumerate(prior.names) if name in names]
     return Prior(
-        tuple(known.names[n] for n in own),
-        known.mean[rows][:, own],
-        known.covariance[np.ix_(own, own)],
+        tuple(prior.names[n] for n in own),
+        prior.mean[rows][:, own],
+        prior.covariance[np.ix_(own, own)],
     )
 
 

@@ -97,15 +97,19 @@ def _gyro_bias_columns(m: TurningSamples) -> Columns:
     return -2.0 * m.drive.moment_x_kg_m * m.yaw_rate, sideways * m.speed + m.drive.turning_friction
 
 
-def _gyro_gain_columns(d: Drive) -> Mixture:
-    sideways = 0.0 if measures_sideways(d.machine) else d.moment_x_kg_m
-    turned = {_INERTIA: d.inertia_z_kg_m2, _FRICTION_Z: d.turning_friction, _MOMENT_X: sideways}
-    return {_MOMENT_X: 2.0 * d.moment_x_kg_m, _MOMENT_Y: d.moment_y_kg_m}, turned
+def _gyro_gain_mixture(drive: Drive) -> Mixture:
+    sideways = 0.0 if measures_sideways(drive.machine) else drive.moment_x_kg_m
+    turned = {
+        _INERTIA: drive.inertia_z_kg_m2,
+        _FRICTION_Z: drive.turning_friction,
+        _MOMENT_X: sideways,
+    }
+    return {_MOMENT_X: 2.0 * drive.moment_x_kg_m, _MOMENT_Y: drive.moment_y_kg_m}, turned
 
 
-def _accelerometer_gain_columns(d: Drive) -> Mixture:
-    sideways = d.moment_x_kg_m if measures_sideways(d.machine) else 0.0
-    return {_MASS: d.mass_kg}, {_MOMENT_X: sideways, _MOMENT_Y: d.moment_y_kg_m}
+def _accelerometer_gain_mixture(drive: Drive) -> Mixture:
+    sideways = drive.moment_x_kg_m if measures_sideways(drive.machine) else 0.0
+    return {_MASS: drive.mass_kg}, {_MOMENT_X: sideways, _MOMENT_Y: drive.moment_y_kg_m}
 
 
 def turning_torque_term(m: TurningSamples, moment_kg_m: float) -> Columns:
@@ -113,18 +117,18 @@ def turning_torque_term(m: TurningSamples, moment_kg_m: float) -> Columns:
     return None, moment_kg_m * m.yaw_rate**2
 
 
-def _lateral_arm_columns(d: Drive) -> Mixture:
+def _lateral_arm_mixture(drive: Drive) -> Mixture:
     # the sideways force, in proportion to the mass: m s_y + mc_x ω̇
-    return {}, {_MOMENT_X: d.mass_kg, _INERTIA: d.moment_x_kg_m}
+    return {}, {_MOMENT_X: drive.mass_kg, _INERTIA: drive.moment_x_kg_m}
 
 
-def _imu_x_columns(d: Drive) -> Mixture:
-    sideways = d.moment_x_kg_m if measures_sideways(d.machine) else 0.0
-    return {_MOMENT_X: -d.mass_kg}, {_INERTIA: -sideways}
+def _imu_x_mixture(drive: Drive) -> Mixture:
+    sideways = drive.moment_x_kg_m if measures_sideways(drive.machine) else 0.0
+    return {_MOMENT_X: -drive.mass_kg}, {_INERTIA: -sideways}
 
 
-def _imu_y_columns(d: Drive) -> Mixture:
-    return {_MOMENT_Y: -d.mass_kg}, {_INERTIA: -d.moment_y_kg_m}
+def _imu_y_mixture(drive: Drive) -> Mixture:
+    return {_MOMENT_Y: -drive.mass_kg}, {_INERTIA: -drive.moment_y_kg_m}
 
 
 def _imu_position_prior_std(drive: Drive, _: PriorSettings) -> float:
@@ -228,7 +232,7 @@ TERMS: Final = (
         "an accelerometer whose position is known: the force then determines the centre of mass "
         "alone",
         "z",
-        mixture=_lateral_arm_columns,
+        mixture=_lateral_arm_mixture,
     ),
     Term(
         "turning_drift",
@@ -304,7 +308,7 @@ TERMS: Final = (
         "an accelerometer that is calibrated",
         "xz",
         measures_force,
-        mixture=_accelerometer_gain_columns,
+        mixture=_accelerometer_gain_mixture,
     ),
     Term(
         "yaw_rate_bias",
@@ -321,7 +325,7 @@ TERMS: Final = (
         "gain of the gyroscope",
         "turning a known angle",
         "xz",
-        mixture=_gyro_gain_columns,
+        mixture=_gyro_gain_mixture,
     ),
     Term(
         f"{IMU_POSITION.name}_x",
@@ -333,7 +337,7 @@ TERMS: Final = (
         "xz",
         IMU_POSITION.applies,
         IMU_POSITION,
-        _imu_x_columns,
+        _imu_x_mixture,
     ),
     Term(
         f"{IMU_POSITION.name}_y",
@@ -346,7 +350,7 @@ TERMS: Final = (
         "xz",
         IMU_POSITION.applies,
         IMU_POSITION,
-        _imu_y_columns,
+        _imu_y_mixture,
     ),
 )
 

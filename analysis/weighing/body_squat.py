@@ -104,20 +104,23 @@ def find_squat(
     return Squat(value if squats else 0.0, float(np.sqrt(own + other * value**2)), relative_load)
 
 
-def scale_squat_with_load(share: float, seen: tuple[float, float] | None) -> tuple[float, float]:
+def scale_squat_with_load(
+    share: float, pitch_change: tuple[float, float] | None
+) -> tuple[float, float]:
     """Change of gain with the load, and its variance, from the squat of the loaded body.
 
     Linear springs give way in proportion to the mass that they hold.
 
     Args:
         share: squat at the reference mass, as a fraction of the acceleration.
-        seen: change that the pitch shows, and its variance; None if unknown.
+        pitch_change: change that the pitch shows, and its variance; None if unknown.
     """
     mean, variance = -share, (LIMITS.squat_growth_std * share) ** 2
-    if seen is None:
+    if pitch_change is None:
         return mean, variance
-    both = variance + seen[1]
-    return (mean * seen[1] + seen[0] * variance) / both, variance * seen[1] / both
+    shown, shown_variance = pitch_change
+    both = variance + shown_variance
+    return (mean * shown_variance + shown * variance) / both, variance * shown_variance / both
 
 
 _Stretch = tuple[Floats, Floats, Floats, float]

@@ -141,14 +141,14 @@ class EmptyMachine:
         u_1 = float(np.linalg.norm([u_kg, stated_u_kg, turns_u_kg])) / stated_kg
         return self.rotating_kg / stated_kg, u_1
 
-    def make_datum(self, payloads: Floats) -> "Datum | None":
+    def relate_to_empty_mass(self, payload_weights: Floats) -> "Datum | None":
         """Relate payloads to the empty mass; None if that does not reduce their uncertainty.
 
         Args:
-            payloads: (masses,) weights of the sum of payloads whose variance is minimised.
+            payload_weights: (masses,) weights of the sum of payloads whose variance is minimised.
         """
         stated_kg, stated_u_kg = self._stated_kg, self._body.empty_mass_u_kg
-        sum_kg = float(payloads @ self.weighing.fit.masses_kg)
+        sum_kg = float(payload_weights @ self.weighing.fit.masses_kg)
         if stated_kg is None or stated_u_kg is None or sum_kg <= 0.0 or self.rotating_kg <= 0.0:
             return None
         in_ratio = 1.0 / self.rotating_kg
@@ -165,9 +165,11 @@ class EmptyMachine:
             found = datum_of_share(in_ratio)
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
-        own_kg2 = self._variance_of_weighted_sum(payloads)
+        own_kg2 = self._variance_of_weighted_sum(payload_weights)
         empty_kg2 = combine(self.sources) ** 2
-        ratio_kg2 = self._variance_of_weighted_sum(payloads - in_ratio * sum_kg * self.weights)
+        ratio_kg2 = self._variance_of_weighted_sum(
+            payload_weights - in_ratio * sum_kg * self.weights
+        )
         together_kg2 = (
             own_kg2
             + (in_ratio * sum_kg) ** 2 * self._variance_of_weighted_sum(self.weights)
@@ -176,7 +178,7 @@ class EmptyMachine:
         together_kg2 /= 2.0 * in_ratio * sum_kg
         by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
         found = datum_of_share(float(np.clip(by_kg, 0.0, in_ratio)))
-        if found.scale_1 <= 0.0 or combine(found.payload_sources(payloads)) ** 2 >= own_kg2:
+        if found.scale_1 <= 0.0 or combine(found.payload_sources(payload_weights)) ** 2 >= own_kg2:
             return None
         return found
 

@@ -176,13 +176,13 @@ class FitColumns:
         motion: MotionSamples,
         noise: ColumnNoiseModel,
         terms: tuple[Nuisance, ...],
-        found: PreviousEstimates,
+        previous: PreviousEstimates,
     ) -> Self:
         """Make the columns; the arguments are those of `average_columns`."""
         pieces = map_in_threads(
-            lambda piece: _make_piece_columns(piece, noise, terms, found), list(motion.pieces)
+            lambda piece: _make_piece_columns(piece, noise, terms, previous), list(motion.pieces)
         )
-        return cls(pieces, terms, found, motion.rate_hz)
+        return cls(pieces, terms, previous, motion.rate_hz)
 
     def average_to_rows(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
         """Average the columns over so many samples."""
@@ -197,7 +197,7 @@ def average_columns(
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
     samples: int,
-    found: PreviousEstimates,
+    previous: PreviousEstimates,
 ) -> FitRows:
     """Average the columns, with the force advanced by its delay.
 
@@ -206,14 +206,14 @@ def average_columns(
         noise: noise of acceleration, speed and force.
         terms: the nuisances.
         samples: length of the longest mean.
-        found: estimates of earlier rounds.
+        previous: estimates of earlier rounds.
     """
     # a piece at a time: the columns of a whole shift are many
     pieces = map_in_threads(
-        lambda piece: _average_piece(_make_piece_columns(piece, noise, terms, found), samples),
+        lambda piece: _average_piece(_make_piece_columns(piece, noise, terms, previous), samples),
         list(motion.pieces),
     )
-    return weigh_piece_rows(pieces, noise, terms, samples, found.uneven_1_s, motion.rate_hz)
+    return weigh_piece_rows(pieces, noise, terms, samples, previous.uneven_1_s, motion.rate_hz)
 
 
 def weigh_piece_rows(
@@ -302,23 +302,23 @@ def _make_piece_columns(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
-    found: PreviousEstimates,
+    previous: PreviousEstimates,
 ) -> _PieceColumns:
     """Make the columns of a piece."""
-    in_time = motion.shift_force(found.lag_s)
-    if found.speed_late_s:
+    in_time = motion.shift_force(previous.lag_s)
+    if previous.speed_late_s:
         # what a late speed does to friction goes with the motion, which a specific force is not
-        in_time = in_time.shift_speed(found.speed_late_s)
-    force, acting, speed = in_time.force, found.ground_force(in_time), in_time.speed
+        in_time = in_time.shift_speed(previous.speed_late_s)
+    force, acting, speed = in_time.force, previous.ground_force(in_time), in_time.speed
     acceleration = motion.acceleration
-    if found.motion_gain:
+    if previous.motion_gain:
         own = acceleration if motion.without_gravity is None else motion.without_gravity
-        acceleration = acceleration + found.motion_gain * own
-    loads = found.relative_loads
-    if found.swing.lever_s2 and motion.specific_force is not None:
+        acceleration = acceleration + previous.motion_gain * own
+    loads = previous.relative_loads
+    if previous.swing.lever_s2 and motion.specific_force is not None:
         # springs give way in proportion to the mass
         by_load = 1.0 if loads is None else 1.0 + loads.relative_load_of(motion.unit)
-        swing_m_s2 = found.swing.swing_m_s2(motion.specific_force, motion.rate_hz)
+        swing_m_s2 = previous.swing.swing_m_s2(motion.specific_force, motion.rate_hz)
         acceleration = acceleration - by_load * swing_m_s2
     wheels, zeros = motion.wheel_acceleration, np.zeros(speed.size)
     force_std = float(np.sqrt(noise.covariance(1)[2, 2]))
@@ -326,7 +326,7 @@ def _make_piece_columns(
         acceleration,
         zeros if wheels is None else wheels,
         speed,
-        rolling_fraction(speed, acting, found.slip_1_N),
+        rolling_fraction(speed, acting, previous.slip_1_N),
         acting,
         derive_force_rate(force, motion.rate_hz, force_std, whole=wheels is not None),
         motion.direction,
@@ -336,12 +336,12 @@ def _make_piece_columns(
         zeros if loads is None else loads.standardised_load_of(motion.unit),
         motion.place_1,
         _distance_from_start(motion),
-        *_route_positions(motion, found),
-        found.slip_s_m,
-        found.transfer_s2_m,
+        *_route_positions(motion, previous),
+        previous.slip_s_m,
+        previous.transfer_s2_m,
         (0.0, 0.0) if loads is None else loads.weight_shares,
     )
-    group = _drop_first_samples(motion.group, math.ceil(abs(found.lag_s) * motion.rate_hz))
+    group = _drop_first_samples(motion.group, math.ceil(abs(previous.lag_s) * motion.rate_hz))
     values = np.empty((len(terms) + 3, group.size))
     values[0], values[1], values[-1] = raw.acceleration, raw.speed, force
     for place, term in enumerate(terms, start=2):
@@ -375,12 +375,12 @@ def _distance_from_start(motion: MotionSamples) -> Floats:
     return way - way[np.arange(way.size) - _samples_since_start(motion.group)]
 
 
-def _route_positions(motion: MotionSamples, found: PreviousEstimates) -> tuple[Floats, float]:
+def _route_positions(motion: MotionSamples, previous: PreviousEstimates) -> tuple[Floats, float]:
     """Position of each sample on the route, (n,), and the route's length in m.
 
     Both are 0 without a route.
     """
-    loads, route = found.relative_loads, found.route
+    loads, route = previous.relative_loads, previous.route
     if loads is None or route is None:
         return np.zeros(motion.speed.size), 0.0
     return route.position(motion), route.length_m

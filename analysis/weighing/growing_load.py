@@ -56,7 +56,7 @@ class LoadGrowth:
 
 @dataclass(frozen=True, slots=True)
 class LoadFilling:
-    """A load that grows equally at every start.
+    """A load that grows at the same rate, in kg/s, during every start.
 
     Attributes:
         kg_s: growth rate, at least 0.

@@ -71,12 +71,14 @@ class JointFitInputs:
         return cls(motion, noise, priors, _wheel_kinematics(motion, noise, priors), uneven_1_s)
 
 
-def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
+def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     """Fit with the shortest mean whose uncertainty is nearly the smallest."""
-    motion = of.motion
+    motion = inputs.motion
     several = states is not None and states.count > 1
     terms = applicable_terms(motion, several=several)
-    whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.uneven_1_s)
+    whole = FitTask(
+        motion, inputs.noise, inputs.priors, terms, inputs.wheels, states, inputs.uneven_1_s
+    )
     part = whole.cut_to_first_stretches(_TRIED)
     part = part if part.motion.drives else whole
     longest = (
@@ -85,10 +87,10 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     means = {rows_in_duration(mean_s, motion.rate_hz) for mean_s in MEANS_S}
     means = sorted(means | {*LIMITS.slow_grid_mean_rows} if 1 in means else means)
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
-    columns = FitColumns.from_motion(part.motion, of.noise, terms, part.initial_estimates)
+    columns = FitColumns.from_motion(part.motion, inputs.noise, terms, part.initial_estimates)
     first = [
         part.fit_means(
-            samples, LIMITS.pilot_rounds, rows=columns.average_to_rows(of.noise, samples)
+            samples, LIMITS.pilot_rounds, rows=columns.average_to_rows(inputs.noise, samples)
         )
         for samples in lengths
     ]
@@ -106,7 +108,7 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     best = next(
         found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
     )
-    whole = _take_slip_on_ground(of, whole, best)
+    whole = _take_slip_on_ground(inputs, whole, best)
     chosen = _fit_whole(whole, best.mean_samples)
     share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
     transient = rows_in_duration(LIMITS.transient_mean_s, motion.rate_hz)
@@ -129,22 +131,22 @@ def applicable_terms(motion: MotionSamples, *, several: bool) -> tuple[Nuisance,
     )
 
 
-def _take_slip_on_ground(of: JointFitInputs, whole: FitTask, pilot: JointFit) -> FitTask:
+def _take_slip_on_ground(inputs: JointFitInputs, task: FitTask, pilot: JointFit) -> FitTask:
     """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
     if not (abs(pilot.lag_s) > LIMITS.short_lag_s or pilot.found.transfer_s2_m):
-        return whole
+        return task
     # slip is of the force on the ground at that moment
-    in_time = of.motion.shift_force(pilot.lag_s)
+    in_time = inputs.motion.shift_force(pilot.lag_s)
     acting = replace(in_time, force=pilot.found.ground_force(in_time))
-    return replace(whole, wheels=_wheel_kinematics(acting, of.noise, of.priors))
+    return replace(task, wheels=_wheel_kinematics(acting, inputs.noise, inputs.priors))
 
 
-def _fit_whole(whole: FitTask, samples: int) -> JointFit:
+def _fit_whole(task: FitTask, samples: int) -> JointFit:
     """Fit all stretches, with the force either advanced by its lag or taken as low-passed."""
-    moved = whole.fit_means(samples, LIMITS.lag_rounds)
+    moved = task.fit_means(samples, LIMITS.lag_rounds)
     if abs(moved.lag_s) < LIMITS.short_lag_s:
         return moved
-    filtered = whole.fit_means(samples, 2, shift=False)
+    filtered = task.fit_means(samples, 2, shift=False)
     filters = filtered.fit.residual_rms < moved.fit.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.fit.misfit.any():
@@ -245,8 +247,8 @@ def drop_unlikely_effects(
     )
 
 
-def add_squat(found: JointFit, priors: PriorSettings) -> JointFit:
-    """Estimate a change of the accelerometer's gain with the load, and add it to the fit."""
+def add_gain_by_load(found: JointFit, priors: PriorSettings) -> JointFit:
+    """Add a change of the accelerometer's gain with the load, if the motion shows one."""
     wheels, loads, states = found.kinematics, found.found.relative_loads, found.states
     if wheels is None or loads is None or states is None:
         return found
@@ -274,9 +276,9 @@ def add_motion_responses(
         return found
     known, count = found.found, found.count
 
-    def moved(changed: PreviousEstimates, by: float) -> Floats:
+    def moved(changed: PreviousEstimates, step: float) -> Floats:
         other = refit_with_changes(replace(found, found=changed), noise, priors)
-        return (other.theta[:count] - found.theta[:count]) / by
+        return (other.theta[:count] - found.theta[:count]) / step
 
     later = replace(known, speed_late_s=known.speed_late_s + LIMITS.probe_delay_s)
     larger = replace(known, motion_gain=known.motion_gain + LIMITS.probe_gain_1)

@@ -99,8 +99,8 @@ def make_learnt_mean_responses(
     of_mass, of_payload, of_cycle = MOVED
     moved_kg = errors.mass_shifts_kg(weighing)
 
-    def fit_rows(of: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
-        return _make_response_rows(of, weighing, machine, errors.terms, moved_kg, sums)
+    def fit_rows(mass_kind: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
+        return _make_response_rows(mass_kind, weighing, machine, errors.terms, moved_kg, sums)
 
     rows = fit_rows(of_mass, {k: fit.weights_of_state(k) for k in states})
     if empty:
@@ -125,7 +125,7 @@ def make_learnt_mean_responses(
 
 
 def _make_response_rows(
-    of: str,
+    mass_kind: str,
     weighing: Weighing,
     machine: Machine,
     terms: Sequence[str],
@@ -147,7 +147,7 @@ def _make_response_rows(
         by_term = dict(zip(terms, (moved_kg @ weights).tolist(), strict=True))
         by_term[SCALE] = scale_1 * float(weights @ fit.masses_kg)
         rows += [
-            dict[str, object](of=of, number=number, term=term, response_kg=value)
+            dict[str, object](of=mass_kind, number=number, term=term, response_kg=value)
             for term, value in by_term.items()
         ]
     return rows

@@ -145,7 +145,7 @@ def _choose_empty_datum(
         return None, f"{found.contradiction}: payloads are on the log's own scale"
     others = [state for state in range(fit.count) if state not in empty]
     payloads = np.sum([difference_weights(weighing, state, empty) for state in others], axis=0)
-    return found.make_datum(payloads), ""
+    return found.relate_to_empty_mass(payloads), ""
 
 
 def difference_weights(weighing: Weighing, state: int, empty: list[int]) -> Floats:

@@ -18,7 +18,7 @@ from analysis.weighing.joint_fit import (
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_states import (
     LoadStates,
-    find_states,
+    find_load_states,
     load_change_kinds,
     single_unknown_state,
     states_of_partition,
@@ -37,7 +37,7 @@ _INDEPENDENT: Final = 15
 
 
 def add_load_states(
-    found: JointFit, of: JointFitInputs, repeatability_kg: float | None
+    found: JointFit, inputs: JointFitInputs, repeatability_kg: float | None
 ) -> JointFit:
     """Find load states and fit a mass for each, iterating until nothing changes.
 
@@ -48,24 +48,24 @@ def add_load_states(
     returned.
     """
     kind = load_change_kinds(found.motion)
-    settled = _settle_states(found, of, repeatability_kg, kind)
+    settled = _settle_states(found, inputs, repeatability_kg, kind)
     misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
     if not misfits or found.motion.manoeuvres < FEWEST:
         return settled
-    of = _add_uneven_ground(found, of, fit_rows(found, of.noise).group)
-    alike = _PartitionComparison.from_fit(found, of)
+    inputs = _add_uneven_ground(found, inputs, fit_rows(found, inputs.noise).group)
+    alike = _PartitionComparison.from_fit(found, inputs)
     fits = list[JointFit]()
     hints = np.append(0, np.cumsum(kind > 1))
     if hints[-1]:
-        held = _refit_fixed_states(alike.states(hints), of)
-        fits.append(_settle_states(held, of, repeatability_kg, kind))
+        held = _refit_fixed_states(alike.states(hints), inputs)
+        fits.append(_settle_states(held, inputs, repeatability_kg, kind))
     hauls = hauling_patterns(found.motion)
     if hauls:
         haul = min(hauls, key=alike.information_criterion)
         kind = np.where(np.diff(haul) > 0, np.maximum(kind, HINTED), kind)
-        held = _refit_fixed_states(alike.states(haul), of)
-        hidden = _settle_states(held, of, repeatability_kg, kind)
-        fits += [hidden, _refit_with_own_scatter(held, of, repeatability_kg, kind)]
+        held = _refit_fixed_states(alike.states(haul), inputs)
+        hidden = _settle_states(held, inputs, repeatability_kg, kind)
+        fits += [hidden, _refit_with_own_scatter(held, inputs, repeatability_kg, kind)]
     likely = [settled, *(each for each in fits if _has_certain_loads(each))]
     if len(likely) == 1:
         return settled
@@ -95,14 +95,16 @@ class _PartitionComparison:
     samples: int
 
     @classmethod
-    def from_fit(cls, found: JointFit, of: JointFitInputs) -> Self:
+    def from_fit(cls, found: JointFit, inputs: JointFitInputs) -> Self:
         """Prepare the comparison with the mean length and manoeuvres of an earlier fit."""
         motion, terms = found.motion, applicable_terms(found.motion, several=True)
-        task = FitTask(motion, of.noise, of.priors, terms, of.wheels, None, of.uneven_1_s)
+        task = FitTask(
+            motion, inputs.noise, inputs.priors, terms, inputs.wheels, None, inputs.uneven_1_s
+        )
         number = np.unique(unit_of_each_stretch(motion))
         return cls(
             task,
-            _manoeuvre_effects(found, of, load_change_kinds(motion)),
+            _manoeuvre_effects(found, inputs, load_change_kinds(motion)),
             number,
             found.mean_samples,
         )
@@ -120,43 +122,45 @@ class _PartitionComparison:
         return independent * float(np.log(fitted.fit.residual_rms**2)) + 2.0 * fitted.count
 
 
-def _refit_fixed_states(states: LoadStates, of: JointFitInputs) -> JointFit:
+def _refit_fixed_states(states: LoadStates, inputs: JointFitInputs) -> JointFit:
     """Refit with fixed states a few times, so that the ground terms by load settle."""
-    found = joint_fit(of, states)
+    found = joint_fit(inputs, states)
     for _ in range(1, LIMITS.held_rounds):
         if not np.isfinite(found.theta).all():
             break
-        units = _manoeuvre_effects(found, of, load_change_kinds(found.motion))
-        found = joint_fit(of, states_of_partition(units, states.unit, states.membership))
+        units = _manoeuvre_effects(found, inputs, load_change_kinds(found.motion))
+        found = joint_fit(inputs, states_of_partition(units, states.unit, states.membership))
     return found
 
 
 def _refit_with_own_scatter(
-    held: JointFit, of: JointFitInputs, repeatability_kg: float | None, kind: Ints
+    fit: JointFit, inputs: JointFitInputs, repeatability_kg: float | None, kind: Ints
 ) -> JointFit:
     """Refit the same load states with their own scatter and single-load probability."""
-    if not np.isfinite(held.theta).all():
-        return held
-    units, states = _manoeuvre_effects(held, of, kind), _states_in(held)
-    likeliest = find_states(units, states.unit, repeatability_kg)
+    if not np.isfinite(fit.theta).all():
+        return fit
+    units, states = _manoeuvre_effects(fit, inputs, kind), _states_in(fit)
+    likeliest = find_load_states(units, states.unit, repeatability_kg)
     scattering = states_of_partition(units, states.unit, states.membership, usual_scatter=False)
     states = replace(scattering, single_probability=likeliest.single_probability)
-    return refit_with_changes(replace(held, states=states), of.noise, of.priors, rounds=2)
+    return refit_with_changes(replace(fit, states=states), inputs.noise, inputs.priors, rounds=2)
 
 
-def _manoeuvre_effects(found: JointFit, of: JointFitInputs, kind: Ints) -> GroupEffects:
+def _manoeuvre_effects(found: JointFit, inputs: JointFitInputs, kind: Ints) -> GroupEffects:
     """Mass estimates of each manoeuvre by a fit, with the kinds of change between them."""
-    units = _task_of_fit(found, of).group_effects_of_fit(found, fit_rows(found, of.noise))
+    units = _task_of_fit(found, inputs).group_effects_of_fit(found, fit_rows(found, inputs.noise))
     return replace(units, kind=kind)
 
 
-def _task_of_fit(found: JointFit, of: JointFitInputs) -> FitTask:
+def _task_of_fit(found: JointFit, inputs: JointFitInputs) -> FitTask:
     """The task that produced a fit."""
-    return FitTask(found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states)
+    return FitTask(
+        found.motion, inputs.noise, inputs.priors, found.terms, found.kinematics, found.states
+    )
 
 
 def _settle_states(
-    found: JointFit, of: JointFitInputs, repeatability_kg: float | None, kind: Ints
+    found: JointFit, inputs: JointFitInputs, repeatability_kg: float | None, kind: Ints
 ) -> JointFit:
     """Alternate between state search and fit, from a first fit on.
 
@@ -167,10 +171,10 @@ def _settle_states(
         return _withhold_masses(found)
     first, tried = found, list[JointFit]()
     for _ in range(LIMITS.state_rounds):
-        task, rows = _task_of_fit(found, of), fit_rows(found, of.noise)
+        task, rows = _task_of_fit(found, inputs), fit_rows(found, inputs.noise)
         states = max(
             (
-                find_states(
+                find_load_states(
                     replace(task.group_effects_of_fit(found, each), kind=kind),
                     number,
                     repeatability_kg,
@@ -181,13 +185,15 @@ def _settle_states(
         )
         before = found.states
         if states.count == 1 and found.count == 1:
-            return refit_with_changes(replace(found, states=states), of.noise, of.priors, rows=rows)
+            return refit_with_changes(
+                replace(found, states=states), inputs.noise, inputs.priors, rows=rows
+            )
         if before is not None and np.array_equal(states.membership, before.membership):
             # the same loads, whose scatter is known better now
             found = replace(found, states=states)
-            return refit_with_changes(found, of.noise, of.priors, rounds=2, rows=rows)
-        of = _add_uneven_ground(found, of, rows.group)
-        found = joint_fit(of, states)
+            return refit_with_changes(found, inputs.noise, inputs.priors, rounds=2, rows=rows)
+        inputs = _add_uneven_ground(found, inputs, rows.group)
+        found = joint_fit(inputs, states)
         if not np.isfinite(found.theta).all():
             return _withhold_masses(first)
         if any(
@@ -211,13 +217,13 @@ def _states_in(found: JointFit) -> LoadStates:
     return found.states
 
 
-def _add_uneven_ground(found: JointFit, of: JointFitInputs, group: Ints) -> JointFitInputs:
+def _add_uneven_ground(found: JointFit, inputs: JointFitInputs, group: Ints) -> JointFitInputs:
     """Fit inputs with the variance of ground forces between stretches, from a fit's residual."""
-    if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
-        return of
+    if inputs.uneven_1_s or found.motion.manoeuvres < FEWEST:
+        return inputs
     residual = found.fit.residual
     correlation, white = pooled_autocorrelation(residual, group, None)
     a_second = found.motion.rate_hz / mean_stride(found.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
-    std_N = of.priors.ground_uneven_share * found.motion.weight
-    return replace(of, uneven_1_s=std_N**2 * a_second / noise)
+    std_N = inputs.priors.ground_uneven_share * found.motion.weight
+    return replace(inputs, uneven_1_s=std_N**2 * a_second / noise)

@@ -262,16 +262,18 @@ def _known_range(x: Floats) -> float:
     return float(np.ptp(known)) if known.size else 0.0
 
 
-def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | None) -> LoadStates:
+def find_load_states(
+    units: GroupEffects, manoeuvre_ids: Ints, repeatability_kg: float | None
+) -> LoadStates:
     """Find the most probable load states.
 
     Args:
         units: mass estimate of each manoeuvre.
-        number: (units,) numbers of the manoeuvres.
+        manoeuvre_ids: (units,) number of each manoeuvre in the log.
         repeatability_kg: scatter of manoeuvres of one load, if the machine file states it.
     """
     if not (np.isfinite(units.y).all() and (units.variance > 0.0).all()):
-        return single_unknown_state(number)
+        return single_unknown_state(manoeuvre_ids)
     typical_kg = _typical_mass_kg(units)
     found = find_partitions(
         units,
@@ -281,7 +283,7 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
     )
     best = found.best if _is_partition_credible(found, repeatability_kg) else found.single
     other = found.several if best.states == 1 else found.single
-    states = _states_of_partition(units, number, best)
+    states = _states_of_partition(units, manoeuvre_ids, best)
     if repeatability_kg is not None:
         states = replace(states, scatter_kg=repeatability_kg, freedom=np.inf)
     probability = found.single_probability if best.states > 1 else 1.0 - found.single_probability
@@ -294,29 +296,29 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
 
 
 def states_of_partition(
-    units: GroupEffects, number: Ints, membership: Ints, *, usual_scatter: bool = True
+    units: GroupEffects, manoeuvre_ids: Ints, membership: Ints, *, usual_scatter: bool = True
 ) -> LoadStates:
     """Load states of a given partition.
 
     Args:
         units: mass estimate of each manoeuvre.
-        number: (units,) numbers of the manoeuvres.
+        manoeuvre_ids: (units,) number of each manoeuvre in the log.
         membership: (units,) load state of each manoeuvre, numbered by time.
         usual_scatter: whether to assume the usual scatter, if `units` are of other loads.
     """
     typical_kg = _typical_mass_kg(units)
     posterior = PartitionPosterior(units, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
     partition = posterior.evaluate(Stretches.from_boundaries(membership, units.kind))
-    states = _states_of_partition(units, number, partition)
+    states = _states_of_partition(units, manoeuvre_ids, partition)
     if not usual_scatter:
         return states
     return replace(states, scatter_kg=LIMITS.repeatability_fraction * typical_kg, freedom=np.inf)
 
 
-def _states_of_partition(units: GroupEffects, number: Ints, best: Partition) -> LoadStates:
+def _states_of_partition(units: GroupEffects, manoeuvre_ids: Ints, best: Partition) -> LoadStates:
     level_kg = units.y - units.x @ best.effects
     return LoadStates(
-        number,
+        manoeuvre_ids,
         best.state,
         level_kg,
         np.sqrt(units.variance),
@@ -341,11 +343,9 @@ def _alternative_partition(
     units: GroupEffects, best: Partition, other: Partition | None, probability: float
 ) -> AlternativePartition | None:
     """The alternative partition that the manoeuvres allow; None if the log determines one."""
-    doubted = (
-        LIMITS.several_loads_min_probability
-        if best.states == 1
-        else LIMITS.single_load_min_probability
-    )
+    doubted = LIMITS.single_load_min_probability
+    if best.states == 1:
+        doubted = LIMITS.several_loads_min_probability
     if other is None or probability < doubted:
         return None
     level_kg = units.y - units.x @ other.effects
@@ -354,10 +354,10 @@ def _alternative_partition(
     return AlternativePartition(other.state, differs_kg, scatter_kg, probability)
 
 
-def single_unknown_state(number: Ints) -> LoadStates:
+def single_unknown_state(manoeuvre_ids: Ints) -> LoadStates:
     """One state of these manoeuvres, with unknown mass."""
-    one, nothing = np.zeros(number.size, np.int64), np.full(number.size, np.nan)
-    return LoadStates(number, one, nothing, nothing, 0.0, 0.0, float("nan"))
+    one, nothing = np.zeros(manoeuvre_ids.size, np.int64), np.full(manoeuvre_ids.size, np.nan)
+    return LoadStates(manoeuvre_ids, one, nothing, nothing, 0.0, 0.0, float("nan"))
 
 
 def _is_partition_credible(found: Partitions, repeatability_kg: float | None) -> bool:

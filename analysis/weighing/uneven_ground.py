@@ -55,7 +55,7 @@ class _DrivingDirection:
         found = [self._by_load("", lambda m: np.ones(m.speed.size), self._loading_place_std)]
         for begin_m, end_m in places:
             name, column = f"_{begin_m:.0f}_{end_m:.0f}m", _fraction_between(begin_m, end_m)
-            width = _random_walk_prior_std(end_m - begin_m)
+            width = _make_random_walk_prior(end_m - begin_m)
             found.append(self._term(name, column, width, "how the ground's force changes along it"))
             found.append(self._by_load(name, column, width))
         return found
@@ -120,8 +120,8 @@ def _restrict_to_direction(column: Floats, direction: Floats, sign: float) -> Fl
     return out
 
 
-def _random_walk_prior_std(over_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
-    """Prior standard deviation of the change over a length of way: a random walk."""
+def _make_random_walk_prior(over_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
+    """Make the function that gives the prior std of the change over a way: a random walk."""
     share = _random_walk_ratio(over_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.weight
 

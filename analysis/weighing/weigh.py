@@ -22,8 +22,8 @@ from analysis.weighing.growing_load import (
 )
 from analysis.weighing.joint_fit import (
     JointFitInputs,
+    add_gain_by_load,
     add_motion_responses,
-    add_squat,
     drop_unlikely_effects,
     fit_rows,
     joint_fit,
@@ -235,7 +235,7 @@ def _weigh_with_priors(
     doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
 
     fit = drop_unlikely_effects(fit, columns, priors)
-    fit = add_squat(fit, priors)
+    fit = add_gain_by_load(fit, priors)
     fit = add_motion_responses(fit, columns, priors)
     if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
         return None

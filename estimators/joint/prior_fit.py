@@ -345,7 +345,7 @@ def _between_group_covariance(
 
 
 def _common_misfit(
-    gain: Floats, A: Floats, residual: Floats, told: _InformativeGroups, direction: Floats
+    gain: Floats, A: Floats, residual: Floats, informative: _InformativeGroups, direction: Floats
 ) -> tuple[Floats, float]:
     """Covariance due to a residual common to all groups, (wide, wide), and its ratio to noise.
 
@@ -353,7 +353,7 @@ def _common_misfit(
     excess counts as one draw of an error with that average's correlation: repetition in every group
     does not average it out.
     """
-    nothing, rows = np.zeros((len(gain), len(gain))), told.rows
+    nothing, rows = np.zeros((len(gain), len(gain))), informative.rows
     if len(rows) < 3:
         return nothing, float("nan")
     length = int(np.median([part.size for part in rows]))
@@ -370,6 +370,6 @@ def _common_misfit(
     if not ratio > _MISFIT:
         return nothing, ratio
     correlation, _ = pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)
-    moved = told.common_residual_scores(A, direction, length) @ gain.T
+    moved = informative.common_residual_scores(A, direction, length) @ gain.T
     lasts = toeplitz(np.concatenate([correlation, np.zeros(length)])[:length])
     return moved.T @ lasts @ moved * (square - left), ratio

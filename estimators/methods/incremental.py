@@ -29,13 +29,13 @@ from estimators.methods.tls import TlsOptions, solve_scaled
 from estimators.numerics import directional_forgetting
 from estimators.numerics.mutual_information import correlation
 from estimators.numerics.normal_equations import columns_of, gram, residual_squares, solve
-from estimators.numerics.recursive import discounted_counts, feed_products, unpack_lanes
+from estimators.numerics.recursive import discounted_counts, feed_products, pad_entries_to_lanes
 from estimators.numerics.rolling import add_centre, centred_terms, count_lanes, suffix_sums
 from estimators.numerics.small_systems import (
-    condition_number,
     condition_numbers,
     inverse_spd,
     pack,
+    scaled_condition_from_gram,
     unpack,
 )
 
@@ -253,16 +253,20 @@ def _exponential_rls(
         squares = np.zeros((p + 1, p + 1))
         squares[:p, :p] = R @ inverse_spd(G) @ R
         past = WindowHistory(
-            unpack_lanes(pack(recursion.information(begin))),
-            unpack_lanes(pack(squares)),
+            pad_entries_to_lanes(pack(recursion.information(begin))),
+            pad_entries_to_lanes(pack(squares)),
             begin.weight,
         )
-        theta, rss, condition = begin.theta, begin.square, condition_number(G)
+        theta, rss, condition = begin.theta, begin.square, scaled_condition_from_gram(G)
     else:
         past = _feed_newest(state, past, newest, options.forgetting)
         solved = solve(past.products[:entries].reshape(-1, 1))
         R = unpack(past.products, p + 1, p)
-        theta, rss, condition = solved.theta[:, 0], float(solved.rss[0]), condition_number(R)
+        theta, rss, condition = (
+            solved.theta[:, 0],
+            float(solved.rss[0]),
+            scaled_condition_from_gram(R),
+        )
     return past, _recursive_estimate(theta, past, R, rss, mean, condition)
 
 
@@ -283,7 +287,7 @@ def _directional_rls(
         R = inverse_spd(past.P)
     rms = float(np.sqrt(max(past.square, 0.0) / past.weight))
     std = rms * np.sqrt(mean * np.diagonal(inverse_spd(R)))
-    return past, Estimate(past.theta, std, rms, condition_number(R))
+    return past, Estimate(past.theta, std, rms, scaled_condition_from_gram(R))
 
 
 def rtls(
@@ -294,8 +298,8 @@ def rtls(
     if past is None:
         A, f, _ = _window_as_log(state)
         begin = total_recursion.start(A, f, options)
-        products = unpack_lanes(pack(total_recursion.unscale_gram(begin, options)))
-        past = WindowHistory(products, unpack_lanes(state.products[:, 0]), begin.weight)
+        products = pad_entries_to_lanes(pack(total_recursion.unscale_gram(begin, options)))
+        past = WindowHistory(products, pad_entries_to_lanes(state.products[:, 0]), begin.weight)
     else:
         past = _feed_newest(state, past, newest, options.forgetting)
     products = past.products[:entries].reshape(-1, 1)

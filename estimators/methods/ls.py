@@ -13,7 +13,12 @@ from estimators.numerics.mutual_information import correlated_sums
 from estimators.numerics.normal_equations import gram, solve
 from estimators.numerics.rolling import sum_windows, window_ends
 from estimators.numerics.sandwich import window_std, window_stds
-from estimators.numerics.small_systems import condition_number, condition_numbers, lstsq, substitute
+from estimators.numerics.small_systems import (
+    condition_numbers,
+    lstsq,
+    scaled_condition_from_gram,
+    substitute,
+)
 from estimators.threads import in_chunks
 
 #: Beyond this condition the normal equations keep fewer than about eleven digits.
@@ -49,7 +54,7 @@ def fit(
     gram = A.T @ A
     std = window_std(A, gram, residual, autocorrelation)
     rms = float(np.sqrt((residual**2).mean()))
-    return Estimate(theta, std, rms, float(condition_number(gram)))
+    return Estimate(theta, std, rms, float(scaled_condition_from_gram(gram)))
 
 
 class Windows(NamedTuple):

@@ -21,18 +21,18 @@ from estimators.numerics.recursive import (
     discounted_meats,
     fed_samples,
     feed_products,
+    pad_entries_to_lanes,
     sample_chunks,
-    unpack_lanes,
 )
 from estimators.numerics.rolling import window_ends
 from estimators.numerics.sandwich import meat, recursive_stds
 from estimators.numerics.small_systems import (
-    condition_number,
     condition_numbers,
     factor,
     invert,
     lstsq,
     pack,
+    scaled_condition_from_gram,
 )
 
 
@@ -146,8 +146,8 @@ def _solve_discounted(
     theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
     gram: Floats = np.asarray(A[first].T @ A[first], np.float64)
     theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
-    condition[0] = condition_number(gram)
-    past, weight = unpack_lanes(pack(information(begin))), np.array([begin.weight])
+    condition[0] = scaled_condition_from_gram(gram)
+    past, weight = pad_entries_to_lanes(pack(information(begin))), np.array([begin.weight])
     entries = (p + 1) * (p + 2) // 2
     for of_chunk, of_rows, at_rows in sample_chunks(seen):
         sums = feed_products(A, f, fed[of_chunk], forgetting, past)
@@ -197,12 +197,12 @@ def window_stds(
     meats, white = (
         discounted_meats(
             A, first, fed, seen, start, forgetting, forgetting**2, r,
-            unpack_lanes(pack(meat(first, one, 0, 0, len(first) - 1, r))),
+            pad_entries_to_lanes(pack(meat(first, one, 0, 0, len(first) - 1, r))),
         )
         for r in (correlation, none)
     )  # fmt: skip
     bread = discounted_meats(
-        A, first, fed, seen, start, forgetting, forgetting, none, unpack_lanes(pack(R))
+        A, first, fed, seen, start, forgetting, forgetting, none, pad_entries_to_lanes(pack(R))
     )
     return recursive_stds(bread, meats, white)
 
@@ -235,5 +235,5 @@ def feed_along_samples(
     upper = np.triu_indices(p)
     R = invert(*factor(np.ascontiguousarray(P[:, *upper].T), p, p))[upper]
     condition = condition_numbers(R, p, p)
-    condition[0] = condition_number(gram)
+    condition[0] = scaled_condition_from_gram(gram)
     return Trace(index, theta, std, rms, condition, correlation)

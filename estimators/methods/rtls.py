@@ -20,8 +20,8 @@ from estimators.numerics.recursive import (
     discounted_meats,
     fed_samples,
     feed_products,
+    pad_entries_to_lanes,
     sample_chunks,
-    unpack_lanes,
 )
 from estimators.numerics.rolling import window_ends
 from estimators.numerics.sandwich import meat, recursive_stds
@@ -116,7 +116,10 @@ def trace(
         rms[of_rows] = np.sqrt(residual_squares(products, x) / weight)
         condition[of_rows] = condition_numbers(products, p + 1, p)
 
-    past, weight = unpack_lanes(pack(unscale_gram(begin, options))), np.array([begin.weight])
+    past, weight = (
+        pad_entries_to_lanes(pack(unscale_gram(begin, options))),
+        np.array([begin.weight]),
+    )
     entries = (p + 1) * (p + 2) // 2
     keep(slice(0, 1), past[:entries].reshape(-1, 1), weight)
     fed, seen = fed_samples(index, window)
@@ -131,7 +134,7 @@ def trace(
     meats, white = (
         discounted_meats(
             A, A[first], fed, seen, int(index[0]), decay, decay**2, r,
-            unpack_lanes(pack(meat(A[first], one, 0, 0, window - 1, r))),
+            pad_entries_to_lanes(pack(meat(A[first], one, 0, 0, window - 1, r))),
         )
         for r in (correlation, np.ones(1))
     )  # fmt: skip

@@ -18,11 +18,11 @@ from estimators.numerics.normal_equations import columns_of, gram, residual_squa
 from estimators.numerics.rolling import sum_windows, window_ends
 from estimators.numerics.sandwich import window_std
 from estimators.numerics.small_systems import (
-    condition_number,
     factor,
     pack,
     packed_index,
     packed_index_table,
+    scaled_condition_from_gram,
     solve_spd,
     substitute,
 )
@@ -75,7 +75,7 @@ def fit(
     std = window_std(A, gram, residual, autocorrelation)
     theta = np.where(np.isnan(solve_spd(gram, gram[0])), np.nan, theta)
     rms = float(np.sqrt((residual**2).mean()))
-    return Estimate(theta, std, rms, float(condition_number(A.T @ A)))
+    return Estimate(theta, std, rms, float(scaled_condition_from_gram(A.T @ A)))
 
 
 def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]:

@@ -80,8 +80,8 @@ def discount(
         past[lane], past[lane + 1], past[lane + 2] = s, t, u
 
 
-def unpack_lanes(entries: Floats) -> Floats:
-    """Lanes of a discounted sum, from a packed matrix (entries,)."""
+def pad_entries_to_lanes(entries: Floats) -> Floats:
+    """Pad a packed matrix (entries,) with zeros to the lanes of a discounted sum."""
     past = np.zeros(count_lanes(entries.size))
     past[: entries.size] = entries
     return past

@@ -28,12 +28,12 @@ _MEAT_ROWS = 1024
 
 
 def _sum_meat_by_arrays(
-    A: Floats, group: Ints, of: int, first: int, last: int, correlation: Floats
+    A: Floats, group: Ints, group_number: int, first: int, last: int, correlation: Floats
 ) -> Floats:
     lags = correlation.size
     begin = first - (lags - 1)
     own = np.zeros((A.shape[1], last + 1 - begin))
-    mine = group[max(begin, 0) : last + 1] == of
+    mine = group[max(begin, 0) : last + 1] == group_number
     own[:, max(-begin, 0) :] = np.where(mine, A[max(begin, 0) : last + 1].T, 0.0)
     here, tails = own[:, lags - 1 :], np.empty((len(own), last + 1 - first))
     for column, tail in zip(own, tails, strict=True):
@@ -44,8 +44,10 @@ def _sum_meat_by_arrays(
 
 
 @compiled_beside(_sum_meat_by_arrays)
-def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Floats) -> Floats:
-    """Aᵀ R A, (p, p), over the samples first … last of group `of`.
+def meat(
+    A: Floats, group: Ints, group_number: int, first: int, last: int, correlation: Floats
+) -> Floats:
+    """Aᵀ R A, (p, p), over the samples first … last of group `group_number`.
 
     Each sample is paired with itself and earlier ones of its group, including those before `first`.
     """
@@ -61,7 +63,7 @@ def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Fl
             # zero where the group is not, so that the lags need no question
             for k in range(rows + lags - 1):
                 at = begin - (lags - 1) + k
-                own[k] = A[at, c] if at >= 0 and group[at] == of else 0.0
+                own[k] = A[at, c] if at >= 0 and group[at] == group_number else 0.0
             add_correlated_before(own, correlation, tail[:rows])
             here[:rows, c], tails[:rows, c] = own[lags - 1 : lags - 1 + rows], tail[:rows]
         for k in range(rows):
@@ -105,9 +107,9 @@ def standard_deviations(G: Floats, B: Floats, rss: float, samples: float) -> Flo
     They are never below the textbook's: a tapered correlation need not be positive definite.
     """
     meats = pack(B).reshape(-1, 1)
-    return stds_from_bread(invert_packed(pack(G).reshape(1, -1)), meats, np.array([rss]), samples)[
-        :, 0
-    ]
+    return larger_of_sandwich_and_textbook_stds(
+        invert_packed(pack(G).reshape(1, -1)), meats, np.array([rss]), samples
+    )[:, 0]
 
 
 def window_std(A: Floats, gram: Floats, residual: Floats, autocorrelation: Floats | None) -> Floats:
@@ -147,7 +149,9 @@ def window_stds(
 
     def work(rows: slice) -> None:
         meats = window_meats(A, window, index[rows], correlation)
-        out[rows] = stds_from_bread(invert_packed(grams[rows]), meats, rss[rows], window).T
+        out[rows] = larger_of_sandwich_and_textbook_stds(
+            invert_packed(grams[rows]), meats, rss[rows], window
+        ).T
 
     in_chunks(work, index.size)
     return out * scale_widening(window, correlation)
@@ -159,8 +163,13 @@ def invert_packed(grams: Floats) -> Floats:
     return invert(*factor(np.ascontiguousarray(grams.T), p, p))
 
 
-def stds_from_bread(bread: Floats, meats: Floats, rss: Floats, samples: float) -> Floats:
-    """Standard deviations (p, m) from inverses (p, p, m), packed meats (entries, m), RSS (m,)."""
+def larger_of_sandwich_and_textbook_stds(
+    bread: Floats, meats: Floats, rss: Floats, samples: float
+) -> Floats:
+    """Larger of the sandwich and the textbook standard deviation of each parameter, (p, m).
+
+    From inverses (p, p, m), packed meats (entries, m) and RSS (m,).
+    """
     p = len(bread)
     freedom = samples - trace_of_product(bread, meats)
     freedom = np.where(freedom > 0.5, freedom, np.nan)

@@ -280,6 +280,6 @@ def inverse_spd(G: Floats) -> Floats:
     return invert(*factor(pack(G).reshape(-1, 1), len(G), len(G)))[:, :, 0]
 
 
-def condition_number(G: Floats) -> float:
+def scaled_condition_from_gram(G: Floats) -> float:
     """Condition number of A from its Gram matrix G = AᵀA, columns scaled to unit norm."""
     return float(condition_numbers(pack(G).reshape(-1, 1), len(G), len(G))[0])

@@ -257,7 +257,11 @@ class _System:
     def _solve_regularised(
         self, rms: Floats, lasting: Floats, *, with_prior: bool = True
     ) -> Floats:
-        """Least squares (k, r), one row per axis' force, with columns scaled to unit norm."""
+        """Coefficients (k, r), a row per axis' force, by weighted least squares with the prior.
+
+        Samples of an axis weigh 1/(rms² · lasting). The prior adds rows unless `with_prior` is
+        false.
+        """
         k, s, r = self.A.shape
         q = len(self.prior.names)
         scale = 1.0 / (rms * np.sqrt(lasting))

@@ -47,7 +47,10 @@ class Identifiability:
 
     @property
     def combinations(self) -> Floats:
-        """(rank - identifiable, p) rows of `echelon` with several parameters."""
+        """Sums of parameters that are determined although the single ones are not.
+
+        (rank - identifiable, p): the rows of `echelon` with several parameters.
+        """
         return self.echelon[~self.identifiable[self.base]]
 
     def combination_texts(self) -> list[str]:

@@ -34,7 +34,11 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.bundle_tables import UntrustedTable, read_tables
 from recordings.calibration.chain_check import check_chain, check_counter
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.checked_bundle import CheckedBundle, fault_without_name, held_bytes
+from recordings.calibration.checked_bundle import (
+    CheckedBundle,
+    content_in_memory,
+    fault_without_name,
+)
 from recordings.calibration.evidence_document import (
     EvidenceDocument,
     UnknownFormatError,
@@ -113,7 +117,7 @@ def _check_without_earlier(
         return checked
     digests = {name: each.sha256 for name, each in held.items() if name not in UNLISTED}
     try:
-        document = parse_document(held_bytes(held, EVIDENCE), EVIDENCE)
+        document = parse_document(content_in_memory(held, EVIDENCE), EVIDENCE)
     except EvidenceError as fault:
         strange = isinstance(fault, UnknownFormatError)
         outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
@@ -124,7 +128,7 @@ def _check_without_earlier(
     check_timestamp(checked, held, document, authorities)
     check_signature(checked, held, digests, document, key, keyring)
     _check_recordings(checked, document, digests)
-    stretch = held_bytes(held, NOTARY) if NOTARY in held else None
+    stretch = content_in_memory(held, NOTARY) if NOTARY in held else None
     check_notary(checked, document, stretch, keyring)
     readings, points = read_checked_tables(checked, held, document)
     checked.readings, checked.points = readings, points
@@ -163,7 +167,7 @@ def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, Bundle
         if name not in names:
             checked.add(BundleOutcome.INCOMPLETE, name, "is missing")
     if SUMS in held:
-        checked.sums = held_bytes(held, SUMS)
+        checked.sums = content_in_memory(held, SUMS)
         try:
             _check_file_sums(checked, names, held, parse_sums(checked.sums))
         except EvidenceError as fault:
@@ -174,15 +178,15 @@ def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, Bundle
 def _check_file_sums(
     checked: CheckedBundle,
     names: list[str],
-    held: Mapping[str, BundleFile],
+    files: Mapping[str, BundleFile],
     listed: Mapping[str, str],
 ) -> None:
     for name, digest in listed.items():
-        if name in held and held[name].sha256 != digest:
+        if name in files and files[name].sha256 != digest:
             checked.add(BundleOutcome.TAMPERED, name, f"is not the file whose digest {SUMS} has")
         if name not in names and name not in REQUIRED:
             checked.add(BundleOutcome.INCOMPLETE, name, f"is missing, although {SUMS} lists it")
-    for name in sorted(set(held) - set(listed) - set(UNLISTED)):
+    for name in sorted(set(files) - set(listed) - set(UNLISTED)):
         checked.add(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
 
 
@@ -201,7 +205,7 @@ def _check_recordings(
 
 
 def read_checked_tables(
-    checked: CheckedBundle, held: Mapping[str, BundleFile], document: EvidenceDocument
+    checked: CheckedBundle, files: Mapping[str, BundleFile], document: EvidenceDocument
 ) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
     """Readings and points; None for each that cannot be read."""
     digests = {
@@ -209,13 +213,13 @@ def read_checked_tables(
         POINTS: document.tables.points_sha256,
     }
     schemas = {READINGS: READING_COLUMNS, POINTS: POINT_COLUMNS}
-    there = [name for name in (READINGS, POINTS) if name in held]
+    there = [name for name in (READINGS, POINTS) if name in files]
     for name in there:
-        if held[name].sha256 != digests[name]:
+        if files[name].sha256 != digests[name]:
             checked.add(
                 BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
             )
-    asked = [UntrustedTable(held_bytes(held, name), schemas[name]) for name in there]
+    asked = [UntrustedTable(content_in_memory(files, name), schemas[name]) for name in there]
     found: dict[str, pl.DataFrame] = {}
     for name, table in zip(there, read_tables(asked), strict=True):
         if isinstance(table, str):
@@ -227,7 +231,7 @@ def read_checked_tables(
 
 def check_signature(
     checked: CheckedBundle,
-    held: Mapping[str, BundleFile],
+    files: Mapping[str, BundleFile],
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
     key: PublicKey | None,
@@ -237,19 +241,19 @@ def check_signature(
 
     Args:
         checked: receives the findings and the signer.
-        held: files of the bundle.
+        files: files of the bundle.
         digests: digests of the signed files, by name.
         document: the evidence; None if it cannot be read.
         key: key given by the user, if any.
         keyring: keys kept by the user.
     """
     named = document.signer if document is not None else None
-    if STATEMENT not in held:
+    if STATEMENT not in files:
         _add_unsigned_findings(checked, document, key)
         return
     checked.signed_by = SignedBy("broken")
     try:
-        signed = parse_envelope(held_bytes(held, STATEMENT), STATEMENT)
+        signed = parse_envelope(content_in_memory(files, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.from_text(named.public_key)
     except EvidenceError as fault:
         checked.add(BundleOutcome.TAMPERED, STATEMENT, fault_without_name(STATEMENT, fault))
@@ -263,7 +267,7 @@ def check_signature(
         )
     if key is None and stated is not None and not signed.is_signed_by(stated):
         checked.add(BundleOutcome.TAMPERED, STATEMENT, "its signature is not by the key it names")
-    _check_statement(checked, signed, held, digests, document)
+    _check_statement(checked, signed, files, digests, document)
     if len(checked.findings) == before and stated is not None and document is not None:
         identify_signer(checked, stated, document, key, keyring)
 
@@ -335,7 +339,7 @@ def _check_signer(
 def _check_statement(
     checked: CheckedBundle,
     signed: EnvelopeContent,
-    held: Mapping[str, BundleFile],
+    files: Mapping[str, BundleFile],
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
 ) -> None:
@@ -344,8 +348,8 @@ def _check_statement(
     if said.get("_type") != STATEMENT_TYPE or said.get("predicateType") != PREDICATE_TYPE:
         checked.add(BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind")
     wanted: dict[str, Any] = dict(digests)
-    if SUMS in held:
-        wanted[SUMS] = held[SUMS].sha256
+    if SUMS in files:
+        wanted[SUMS] = files[SUMS].sha256
     subjects = said.get("subject")
     found: dict[str, Any] = {}
     for each in subjects if isinstance(subjects, list) else []:

@@ -24,9 +24,9 @@ from recordings.calibration.calibration_text import (
 )
 from recordings.calibration.campaign_faults import runs_without_date
 from recordings.calibration.certificate_text import (
+    accuracy_class_sentences,
     certificate_rows,
     list_missing_statements,
-    range_sentences,
     traceability_warnings,
     weighings_by_load,
 )
@@ -58,7 +58,7 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
         warnings=traceability_warnings(document),
         not_stated=list_missing_statements(document),
         weighings=weighings_by_load(document, readings),
-        range_sentences=list(range_sentences(document)),
+        accuracy_class_sentences=list(accuracy_class_sentences(document)),
         words=report_paragraphs(document, readings, points),
         unseen=undetectable_faults(document),
         pictures=draw_report_pictures(document, readings),

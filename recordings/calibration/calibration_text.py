@@ -61,7 +61,7 @@ def report_paragraphs(
             *(_advise_next_load(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
-        found += [*describe_earlier_line(document), *_describe_notary_logs(document)]
+        found += [*as_found_sentences(document), *_describe_notary_logs(document)]
     return found
 
 
@@ -276,7 +276,7 @@ def _describe_offset(
     return f"{text}."
 
 
-def describe_earlier_line(document: EvidenceDocument) -> list[str]:
+def as_found_sentences(document: EvidenceDocument) -> list[str]:
     """Sentences on the previous line, and its errors on these runs."""
     found, link, fitted = document.as_found, document.chain.previous, document.calibration
     if found is None or link is None:

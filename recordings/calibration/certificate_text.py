@@ -124,8 +124,8 @@ def weighings_by_load(
     return found
 
 
-def range_sentences(document: EvidenceDocument) -> Iterator[str]:
-    """Sentences on Max and Min of a class, and what its limits apply to."""
+def accuracy_class_sentences(document: EvidenceDocument) -> Iterator[str]:
+    """Sentences on Max and Min of an accuracy class, and on what its limits apply to."""
     limits = document.limits
     if limits is None:
         return

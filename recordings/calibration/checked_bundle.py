@@ -49,9 +49,9 @@ class CheckedBundle:
         self.findings.append(BundleFinding(outcome, item, what))
 
 
-def held_bytes(held: Mapping[str, BundleFile], name: str) -> bytes:
-    """Content of a file held in memory."""
-    data = held[name].data
+def content_in_memory(files: Mapping[str, BundleFile], name: str) -> bytes:
+    """Content of a file of the bundle that was read into memory."""
+    data = files[name].data
     assert data is not None
     return data
 

@@ -61,30 +61,29 @@ def check_notary(
 
 
 def stretch_findings(
-    document: EvidenceDocument, stretch: NotaryStretch, kept: CheckedList
+    document: EvidenceDocument, stretch: NotaryStretch, checked_list: CheckedList
 ) -> Iterator[BundleFinding]:
     """Yield errors in a part of a list, or in the campaign's account of it."""
-    for fault in kept.faults:
+    for fault in checked_list.faults:
         if fault.forged:
             yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, fault.what)
         elif fault.counter not in stretch.reasons:
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, fault.what)
-    if kept.head is None:
+    if checked_list.head is None:
         return
     machine = document.campaign.machine.id
-    if kept.head.machine_id not in ("", machine):
-        what = (
-            f"is the list of machine '{kept.head.machine_id}', but the campaign is for '{machine}'"
-        )
+    if checked_list.head.machine_id not in ("", machine):
+        listed_machine = checked_list.head.machine_id
+        what = f"is the list of machine '{listed_machine}', but the campaign is for '{machine}'"
         yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, what)
-    listed = {entry.counter for entry in kept.entries}
+    listed = {entry.counter for entry in checked_list.entries}
     for number in range(stretch.first, stretch.last + 1):
         if number not in listed:
             what = f"number {number} is missing, although the campaign names it"
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
-    for what in find_unaccounted_logs(stretch, document.logs, kept.entries):
+    for what in find_unaccounted_logs(stretch, document.logs, checked_list.entries):
         yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
-    yield from find_contradictions(document, stretch, kept.entries)
+    yield from find_contradictions(document, stretch, checked_list.entries)
 
 
 def find_unaccounted_logs(
@@ -146,11 +145,11 @@ def begins_within_entry(log: EvidenceLog, entry: NotaryEntry) -> bool:
 
 
 def list_keeper(
-    checked: CheckedBundle, document: EvidenceDocument, kept: CheckedList, keyring: Keyring
+    checked: CheckedBundle, document: EvidenceDocument, checked_list: CheckedList, keyring: Keyring
 ) -> SignedBy:
     """Identity of the notary, by the user's keyring."""
-    key = kept.key
-    if key is None or any(fault.forged for fault in kept.faults):
+    key = checked_list.key
+    if key is None or any(fault.forged for fault in checked_list.faults):
         return SignedBy("broken")
     known = keyring.find(key.key_id)
     by = SignedBy("unknown", "", "" if known is None else known.owner, key.key_id, key.text)
@@ -165,8 +164,10 @@ def list_keeper(
             f"channel, and keep it: {by.add_line}"
         )
         return by
-    last = max((parse_stamp(entry.listed) or creation_time(document)) for entry in kept.entries)
-    fault = known.distrust_reason(last.date(), checked.proven_day) if kept.entries else ""
+    last = max(
+        (parse_stamp(entry.listed) or creation_time(document)) for entry in checked_list.entries
+    )
+    fault = known.distrust_reason(last.date(), checked.proven_day) if checked_list.entries else ""
     if fault:
         outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE
         checked.add(outcome, NOTARY, f"the key of {known.owner}, {key.key_id[:12]}…, {fault}")

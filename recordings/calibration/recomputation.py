@@ -233,12 +233,14 @@ def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
             yield BundleFinding(BundleOutcome.INCOMPLETE, f"{READINGS}: run '{name}'", "is missing")
 
 
-def _run_faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool) -> Iterator[str]:
+def _run_faults(
+    row: dict[str, Any], run: CampaignRun, reading_number: int, weighs: bool
+) -> Iterator[str]:
     about = (row["load_id"], row["day"], row["log"])
     if about != (run.load_id, run.day.isoformat(), run.log):
         yield "belongs to another load, day or log than its run"
-    if row["reading"] != number:
-        yield f"should be number {number}: one is missing, or they are out of order"
+    if row["reading"] != reading_number:
+        yield f"should be number {reading_number}: one is missing, or they are out of order"
     if row["used"] is None or row["reason"] is None:
         yield "does not state whether it is used, or why it is not"
         return

@@ -13,7 +13,7 @@ from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import STATEMENT, TIMESTAMP, BundleFile
 from recordings.calibration.campaign_faults import CLOCK_S, creation_time
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.checked_bundle import CheckedBundle, held_bytes
+from recordings.calibration.checked_bundle import CheckedBundle, content_in_memory
 from recordings.calibration.evidence_document import EvidenceDocument
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def authority_certificates(path: Path) -> "tuple[Certificate, ...]":
 
 def check_timestamp(
     checked: CheckedBundle,
-    held: Mapping[str, BundleFile],
+    files: Mapping[str, BundleFile],
     document: EvidenceDocument,
     authorities: "Sequence[Certificate]",
 ) -> None:
@@ -98,16 +98,16 @@ def check_timestamp(
 
     Args:
         checked: receives the findings and the proven day.
-        held: files of the bundle.
+        files: files of the bundle.
         document: the evidence.
         authorities: trusted root certificates; without any the day stays unproven.
     """
-    if TIMESTAMP not in held:
+    if TIMESTAMP not in files:
         if authorities:
             what = "is missing, although --tsa is given: the time of the signature is not proven"
             checked.add(BundleOutcome.INCOMPLETE, TIMESTAMP, what)
         return
-    if STATEMENT not in held:
+    if STATEMENT not in files:
         checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "belongs to a signature that is missing")
         return
     try:
@@ -116,7 +116,7 @@ def check_timestamp(
         checked.notes.append(f"{TIMESTAMP}: not checked, which needs rfc3161-client ({_INSTALL})")
         return
     try:
-        response = decode_timestamp_response(held_bytes(held, TIMESTAMP))
+        response = decode_timestamp_response(content_in_memory(files, TIMESTAMP))
         stamped = response.tst_info.gen_time.astimezone(dt.UTC)
         imprint = response.tst_info.message_imprint
         hashed = _HASHES.get(imprint.hash_algorithm.dotted_string)
@@ -124,7 +124,7 @@ def check_timestamp(
         what = f"is not a granted time-stamp response ({str(error)[:_LONGEST]})"
         checked.add(BundleOutcome.TAMPERED, TIMESTAMP, what)
         return
-    statement = held_bytes(held, STATEMENT)
+    statement = content_in_memory(files, STATEMENT)
     if hashed is None:
         checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "uses a hash that is not SHA-2")
     elif hashed(statement).digest() != imprint.message:

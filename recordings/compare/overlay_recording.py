@@ -25,7 +25,7 @@ from recordings.rrd.display_frames import (
 )
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import Kind, View
-from recordings.rrd.writer import Scene, write_scene
+from recordings.rrd.writer import Scene, write_recording_with_scene
 
 #: The text beside the first tab.
 COMPARED: Final = "compared"
@@ -87,7 +87,7 @@ def write_overlay(
             texts={COMPARED: text},
         )
 
-    return write_scene(Run({}, about), scene, path, force=force)
+    return write_recording_with_scene(Run({}, about), scene, path, force=force)
 
 
 def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list[Page]:
@@ -198,17 +198,17 @@ def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Pane
     )
 
 
-def count_named_lines(drawn: Sequence[DisplayColumn]) -> int:
+def count_named_lines(display_columns: Sequence[DisplayColumn]) -> int:
     """Number of lines with their own name: neither extremes nor thresholds."""
-    return sum(not each.faint and each.column != "threshold" for each in drawn)
+    return sum(not each.faint and each.column != "threshold" for each in display_columns)
 
 
 def _style_lines_of_run(
-    drawn: Sequence[DisplayColumn], side: str, alike: set[str], *, lone: bool
+    display_columns: Sequence[DisplayColumn], side: str, alike: set[str], *, lone: bool
 ) -> list[DisplayColumn]:
     """Style A with usual colours and wide lines, visible under B; B with other or paler colours."""
     found: list[DisplayColumn] = []
-    for each in drawn:
+    for each in display_columns:
         colour = each.colour
         if side == _B and colour:
             other = lone and each.column != "threshold"

@@ -9,8 +9,8 @@ from analysis.calibration.use.error_limits import OUTSIDE, WITHIN
 from estimators.errors import EvidenceError
 from recordings.calibration.calibration_text import ESTIMATORS
 from recordings.calibration.certificate_text import (
+    accuracy_class_sentences,
     issue_day,
-    range_sentences,
     traceability_warnings,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
@@ -213,7 +213,7 @@ def _add_statements(parent: "_Element", document: EvidenceDocument) -> None:
     said = [("Scope", document.notice), ("Intended use", about.intended_use)]
     said += [("Place of the work", about.place), ("Deviations from the method", about.deviations)]
     said += [("Warning", text) for text in traceability_warnings(document)]
-    said += [("Range and decision rule", text) for text in range_sentences(document)]
+    said += [("Range and decision rule", text) for text in accuracy_class_sentences(document)]
     if about.replaces_reason:
         said.append(("Reason of the replacement", about.replaces_reason))
     for name, text in said:

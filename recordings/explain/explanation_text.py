@@ -11,7 +11,7 @@ from recordings.report.finding_text import (
     consequence_text,
     finding_span_text,
     indistinguishable_causes,
-    mass_change_text,
+    mass_change_if_fixed_text,
     may_change_mass,
     proposal_text,
 )
@@ -50,7 +50,7 @@ def verdict_sentence(explained: Explanation) -> str:
     # the list's own order: a sentence that skips would be another order of likelihood
     first, others = found[0], len(found) - 1
     more = f", and {counted(others, 'finding')} more" if others else ""
-    change = mass_change_text(first) or (
+    change = mass_change_if_fixed_text(first) or (
         "" if may_change_mass(first) else "not known to affect the mass"
     )
     return (
@@ -86,7 +86,7 @@ def describe_findings(explained: Explanation) -> Iterator[str]:
         yield f"{each.rank}. {cause_name(each.cause)}{f' ({where})' if where else ''}: {each.says}"
         for line in (
             each.evidence,
-            mass_change_text(each),
+            mass_change_if_fixed_text(each),
             proposal_text(each),
             indistinguishable_causes(each),
             consequence_text(each),
@@ -129,14 +129,14 @@ def determined_parameter_lines(found: DeterminedParameters | None) -> Iterator[s
         )
 
 
-def manoeuvre_line(seen: ManoeuvreReport) -> str:
+def manoeuvre_line(report: ManoeuvreReport) -> str:
     """Line on a manoeuvre's mass and that of its load, or why it has no mass."""
-    span = f"{seen.start_s:,.1f} to {seen.end_s:,.1f} s"
-    if seen.mass_kg is None:
-        return f"{span}: no mass ({seen.reason.replace('_', ' ')})"
-    mass = f"{span}: {format_plus_minus(seen.mass_kg, seen.mass_std_kg)} kg on its own"
-    if seen.load_kg is None or seen.deviations is None:
+    span = f"{report.start_s:,.1f} to {report.end_s:,.1f} s"
+    if report.mass_kg is None:
+        return f"{span}: no mass ({report.reason.replace('_', ' ')})"
+    mass = f"{span}: {format_plus_minus(report.mass_kg, report.mass_std_kg)} kg on its own"
+    if report.load_kg is None or report.deviations is None:
         return mass
-    apart = f"{seen.deviations:+.1f} standard deviations from load {seen.load_id}"
-    note = ", worth a look" if abs(seen.deviations) > _APART else ""
-    return f"{mass}, {apart} ({format_number(seen.load_kg)} kg){note}"
+    apart = f"{report.deviations:+.1f} standard deviations from load {report.load_id}"
+    note = ", worth a look" if abs(report.deviations) > _APART else ""
+    return f"{mass}, {apart} ({format_number(report.load_kg)} kg){note}"

@@ -315,24 +315,24 @@ def tonnes_picture(weeks: pl.DataFrame) -> Drawing | None:
     return picture
 
 
-def drift_picture(number: int, shown: MachineChart) -> Drawing:
+def drift_picture(picture_number: int, machine_chart: MachineChart) -> Drawing:
     """Picture of a machine's quantity by week, with the limits of its baseline."""
-    flagged, since = shown.chart.flagged, shown.chart.since
+    flagged, since = machine_chart.chart.flagged, machine_chart.chart.since
     assert flagged is not None
     assert since is not None
-    values = np.array(shown.values)
+    values = np.array(machine_chart.values)
     count = min(max(since, _BASELINE), values.size)
     base = values[:count]
     centre, deviation = float(base.mean()), float(base.std(ddof=1))
-    points = _average_by_week(shown.days, values)
+    points = _average_by_week(machine_chart.days, values)
     half = _LIMIT * deviation / np.sqrt(float(np.median([n for _, _, n in points])))
-    signal = shown.signal
+    signal = machine_chart.signal
     unit = {"zero": "kg", "scale": "kg", "friction": "N·s/m"}[signal.name]
     picture = Drawing(
-        f"drift-{number}",
-        f"{shown.machine}: {signal.name}",
+        f"drift-{picture_number}",
+        f"{machine_chart.machine}: {signal.name}",
         f"Weekly means of the {signal.means}, in {unit}, with the limits of a week's mean about "
-        f"its first {count} days; dashed: {shown.days[flagged]}, when the "
+        f"its first {count} days; dashed: {machine_chart.days[flagged]}, when the "
         "chart flagged it.",
         _HEIGHT,
     )
@@ -343,12 +343,14 @@ def drift_picture(number: int, shown: MachineChart) -> Drawing:
     left, top = axes.place_in_drawing(axes.x[0], centre + half)
     right, bottom = axes.place_in_drawing(axes.x[1], centre - half)
     picture.fill_bar(left, top, right - left, bottom - top, "band")
-    axes.draw(picture, f"weeks since {shown.days[0]}", unit)
-    x, _ = axes.place_in_drawing((shown.days[flagged] - shown.days[0]).days / _WEEK, centre)
+    axes.draw(picture, f"weeks since {machine_chart.days[0]}", unit)
+    x, _ = axes.place_in_drawing(
+        (machine_chart.days[flagged] - machine_chart.days[0]).days / _WEEK, centre
+    )
     picture.draw_line(x, _BOX[1], x, _BOX[3], "ideal")
     for at, mean, count in points:
         outside = abs(mean - centre) > half
-        week = shown.days[0] + dt.timedelta(days=_WEEK * at)
+        week = machine_chart.days[0] + dt.timedelta(days=_WEEK * at)
         tip = f"week of {week}: {mean:,.1f} {unit}, {count} days"
         picture.draw_dot(*axes.place_in_drawing(at, mean), "left" if outside else "point", tip)
     return picture

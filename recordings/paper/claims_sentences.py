@@ -24,8 +24,10 @@ _DIRECTIONAL: Final = {
 }
 _SHORT_STARTS: Final = {
     "nothing": "In a campaign of short starts and stops there is little to be saved from.",
-    "refusing braking": "In a campaign refusing what brakes does as much as the whole gate.",
-    "the index": ("In a campaign it is the index that does it, not the refusal of what brakes."),
+    "refusing braking": (
+        "In a campaign, refusing windows with braking alone helps as much as the whole gate."
+    ),
+    "the index": "In a campaign it is the index that helps, not refusing windows with braking.",
 }
 
 

@@ -51,7 +51,7 @@ def draw_over_time(
     part: "SubFigure",
     views: Sequence[View],
     run: Run,
-    shown: Mapping[str, pl.DataFrame],
+    display_frames: Mapping[str, pl.DataFrame],
     at_s: float | None = None,
 ) -> None:
     """Draw views below each other over seconds since the start.
@@ -60,11 +60,15 @@ def draw_over_time(
         part: subfigure to draw on.
         views: views, of which those with data in this run are drawn.
         run: run to draw.
-        shown: `display_frames` of the run, not decimated.
+        display_frames: frames of the run that are displayed, not decimated.
         at_s: moment to mark.
     """
     span = span_ns(run)
-    found = [(view, drawn) for view in views if (drawn := drawn_columns_of_view(view, run, shown))]
+    found = [
+        (view, drawn)
+        for view in views
+        if (drawn := drawn_columns_of_view(view, run, display_frames))
+    ]
     if not found or span is None:
         part.suptitle("nothing in this run can be drawn over time")
         return
@@ -73,9 +77,9 @@ def draw_over_time(
     for axes, (view, drawn) in zip(rows, found, strict=True):
         axes.tick_params(labelsize=_SMALL)
         if view.kind is Kind.STATES:
-            _draw_lanes(axes, drawn, shown, span)
+            _draw_lanes(axes, drawn, display_frames, span)
         else:
-            _draw_series_lines(axes, view, drawn, shown, span)
+            _draw_series_lines(axes, view, drawn, display_frames, span)
             axes.set_ylim(axis_range(view, run))
         if at_s is not None:
             axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
@@ -83,22 +87,22 @@ def draw_over_time(
     rows[-1].set_xlabel(f"s since {local_time(run.provenance)}", fontsize=_SMALL)
 
 
-def panel_height(view: View, drawn: Sequence[DisplayColumn]) -> float:
+def panel_height(view: View, display_columns: Sequence[DisplayColumn]) -> float:
     """Height of a panel relative to a plot."""
-    return 0.35 * len(drawn) + 0.1 if view.kind is Kind.STATES else 1.0
+    return 0.35 * len(display_columns) + 0.1 if view.kind is Kind.STATES else 1.0
 
 
 def _draw_series_lines(
     axes: "Axes",
     view: View,
-    drawn: Sequence[DisplayColumn],
-    shown: Mapping[str, pl.DataFrame],
+    display_columns: Sequence[DisplayColumn],
+    display_frames: Mapping[str, pl.DataFrame],
     span: tuple[int, int],
 ) -> None:
-    for each in drawn:
-        _draw_panel(axes, each, shown[each.frame], span)
+    for each in display_columns:
+        _draw_panel(axes, each, display_frames[each.frame], span)
     lane = "gate" if view.threshold else "phase"
-    _shade_states(axes, shown.get(f"{LANES}/{lane}"), colours.SHADED[lane])
+    _shade_states(axes, display_frames.get(f"{LANES}/{lane}"), colours.SHADED[lane])
     unit = view.title.removeprefix(view.name).strip()
     words = [*wrap(view.name, _LABEL), *([unit] if unit else [])]
     axes.set_ylabel("\n".join(words), fontsize=_SMALL)
@@ -106,30 +110,40 @@ def _draw_series_lines(
 
 
 def _draw_panel(
-    axes: "Axes", drawn: DisplayColumn, frame: pl.DataFrame, span: tuple[int, int]
+    axes: "Axes", display_column: DisplayColumn, frame: pl.DataFrame, span: tuple[int, int]
 ) -> None:
-    value = pl.col(drawn.column)
+    value = pl.col(display_column.column)
     if frame.height > _POINTS:
         # bins over the whole span: one without rows stays empty, so that no line crosses a gap
         width_ns = max((span[1] - span[0]) // _BINS, 1)
-        if drawn.variance:
+        if display_column.variance:
             # of an estimate the median: a few may be wild
             frame = bin_frame_rows(
-                frame, [value.median(), pl.col(drawn.variance).median()], span, width_ns
+                frame, [value.median(), pl.col(display_column.variance).median()], span, width_ns
             )
         else:
             ends = [value.min().alias("low"), value.max().alias("high")]
             frame = bin_frame_rows(frame, [value.mean(), *ends], span, width_ns)
             low, high = (series_numbers(frame[end]) for end in ("low", "high"))
             t_s = frame["t_ns"].to_numpy() / NS_PER_S
-            axes.fill_between(t_s, low, high, color=drawn.colour, alpha=0.3, lw=0)
+            axes.fill_between(t_s, low, high, color=display_column.colour, alpha=0.3, lw=0)
     t_s = frame["t_ns"].to_numpy() / NS_PER_S
-    numbers = series_numbers(frame[drawn.column])
-    dots = "." if draws_as_points(frame[drawn.column]) else ""
-    axes.plot(t_s, numbers, dots + "-", color=drawn.colour, lw=0.8, ms=3, label=drawn.label)
-    if drawn.variance:
-        std = np.sqrt(series_numbers(frame[drawn.variance]))
-        axes.fill_between(t_s, numbers - std, numbers + std, color=drawn.colour, alpha=0.2, lw=0)
+    numbers = series_numbers(frame[display_column.column])
+    dots = "." if draws_as_points(frame[display_column.column]) else ""
+    axes.plot(
+        t_s,
+        numbers,
+        dots + "-",
+        color=display_column.colour,
+        lw=0.8,
+        ms=3,
+        label=display_column.label,
+    )
+    if display_column.variance:
+        std = np.sqrt(series_numbers(frame[display_column.variance]))
+        axes.fill_between(
+            t_s, numbers - std, numbers + std, color=display_column.colour, alpha=0.2, lw=0
+        )
 
 
 def series_numbers(series: pl.Series) -> Floats:
@@ -144,15 +158,15 @@ def state_spans(states: pl.DataFrame) -> pl.DataFrame:
 
 def _draw_lanes(
     axes: "Axes",
-    drawn: Sequence[DisplayColumn],
-    shown: Mapping[str, pl.DataFrame],
+    display_columns: Sequence[DisplayColumn],
+    display_frames: Mapping[str, pl.DataFrame],
     span: tuple[int, int],
 ) -> None:
     """Draw a lane per series from top to bottom; shares of time if states change often."""
     seconds: dict[str, float] = {}
-    for number, each in enumerate(drawn):
-        spans = state_spans(shown[each.frame])
-        bottom = float(len(drawn) - 1 - number)
+    for number, each in enumerate(display_columns):
+        spans = state_spans(display_frames[each.frame])
+        bottom = float(len(display_columns) - 1 - number)
         totals = spans.group_by(STATE).agg((pl.col("until") - pl.col("t_ns")).sum())
         for state, total in totals.rows():
             seconds[state] = seconds.get(state, 0.0) + total
@@ -160,9 +174,13 @@ def _draw_lanes(
             _draw_shares(axes, spans, span, bottom)
         else:
             _draw_spans(axes, spans, bottom)
-    axes.set_ylim(0.0, float(len(drawn)))
-    labels = [each.label.replace("_", " ") for each in drawn]
-    axes.set_yticks([len(drawn) - 0.5 - n for n in range(len(drawn))], labels, fontsize=_SMALL)
+    axes.set_ylim(0.0, float(len(display_columns)))
+    labels = [each.label.replace("_", " ") for each in display_columns]
+    axes.set_yticks(
+        [len(display_columns) - 0.5 - n for n in range(len(display_columns))],
+        labels,
+        fontsize=_SMALL,
+    )
     for state in sorted(seconds, key=lambda state: -seconds[state])[:_NAMED]:
         axes.plot([], [], "s", color=_state_colour(state), ms=5, label=state.replace("_", " "))
     draw_legend_above(axes)

@@ -57,9 +57,9 @@ def state_colours() -> Mapping[str, str]:
     return {**STATES, **{each.key: _BAD if each.withholds else _WARM for each in CAUSES}}
 
 
-def line_colour(number: int) -> str:
+def line_colour(line_index: int) -> str:
     """Colour of the n-th line of a plot."""
-    return _PALETTE[number % len(_PALETTE)]
+    return _PALETTE[line_index % len(_PALETTE)]
 
 
 def method_colour(name: str) -> str:

@@ -43,8 +43,8 @@ def may_change_mass(finding: Finding) -> bool:
     return finding.severity != "tell" or finding.mass_change_kg is not None
 
 
-def mass_change_text(finding: Finding) -> str:
-    """Change of the mass after correction; empty if unknown."""
+def mass_change_if_fixed_text(finding: Finding) -> str:
+    """By how much fixing the cause of a finding changes the mass; empty if unknown."""
     change, u = finding.mass_change_kg, finding.mass_change_u_kg
     if change is None:
         return ""
@@ -68,7 +68,7 @@ def finding_line(finding: Finding, clock: ShiftClock | None = None) -> str:
     """One line with the cause, its time span, the measured evidence and the mass change."""
     where = ", ".join(filter(None, (finding.channel, finding_span_text(finding, clock))))
     parts = [f"{cause_name(finding.cause)}{f' ({where})' if where else ''}: {finding.evidence}"]
-    parts += filter(None, [mass_change_text(finding)])
+    parts += filter(None, [mass_change_if_fixed_text(finding)])
     return "; ".join(parts)
 
 
@@ -104,7 +104,12 @@ def findings_text(run: Run) -> str:
         lines = [
             each.evidence,
             *filter(
-                None, (mass_change_text(each), proposal_text(each), indistinguishable_causes(each))
+                None,
+                (
+                    mass_change_if_fixed_text(each),
+                    proposal_text(each),
+                    indistinguishable_causes(each),
+                ),
             ),
             consequence_text(each),
         ]

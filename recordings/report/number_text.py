@@ -49,14 +49,14 @@ def format_plus_minus(value: float | None, std: float | None) -> str:
 SCALE_NOT_KNOWN: Final = "scale error not included"
 
 
-def scale_unknown_line(names: str, of: str = "") -> str:
+def scale_unknown_line(names: str, quantity: str = "") -> str:
     """Line that names the uncertainties missing from the machine file.
 
     Args:
         names: names of the sources in frames: `force_gain, wheel_radius`.
-        of: the quantity, if not the mass.
+        quantity: the quantity, if not the mass.
     """
-    whose = f" of {of}" if of else ""
+    whose = f" of {quantity}" if quantity else ""
     keys = ", ".join(_UNCERTAINTY_KEYS.get(name, name) for name in names.split(", "))
     return f"±{whose} excludes scale error: set {keys} in the machine file"
 

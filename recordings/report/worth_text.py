@@ -27,16 +27,16 @@ _HEADS: Final = ("load", "from s", "to s", "manoeuvres", "mass kg", "payload kg"
 _CALIBRATED: Final = ("calibrated kg", "from kg", "to kg")
 
 
-def table_heads_of_loads(said: Answer) -> tuple[str, ...]:
+def table_heads_of_loads(answer: Answer) -> tuple[str, ...]:
     """Column heads of `table_rows_of_loads`."""
-    return (*_HEADS, *(_CALIBRATED if _is_calibrated(said) else ()), "")
+    return (*_HEADS, *(_CALIBRATED if _is_calibrated(answer) else ()), "")
 
 
-def _is_calibrated(said: Answer) -> bool:
-    return any("calibrated_kg" in load for load in said.loads)
+def _is_calibrated(answer: Answer) -> bool:
+    return any("calibrated_kg" in load for load in answer.loads)
 
 
-def table_rows_of_loads(said: Answer) -> list[tuple[str, ...]]:
+def table_rows_of_loads(answer: Answer) -> list[tuple[str, ...]]:
     """A row per load: number, begin, end, manoeuvres, mass, payload, remark.
 
     With a calibration, the calibrated mass and its interval precede the remark.
@@ -49,32 +49,32 @@ def table_rows_of_loads(said: Answer) -> list[tuple[str, ...]]:
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else format_plus_minus(load["mass_kg"], load["u_kg"]),
             _format_payload(load),
-            *(calibrated_mass_cells(load) if _is_calibrated(said) else ()),
+            *(calibrated_mass_cells(load) if _is_calibrated(answer) else ()),
             _remark_on_load(load),
         )
-        for load in said.loads
+        for load in answer.loads
     ]
 
 
-def load_sentences(said: Answer, most: int) -> list[str]:
+def load_sentences(answer: Answer, most: int) -> list[str]:
     """A line per load, up to `most`."""
     lines: list[str] = []
-    rows = zip(table_rows_of_loads(said)[:most], said.loads, strict=False)
+    rows = zip(table_rows_of_loads(answer)[:most], answer.loads, strict=False)
     for (load, begin, end, manoeuvres, mass, payload, *_, remark), row in rows:
         carried = payload if payload in ("empty", "–") else f"payload {payload} kg"
         told = ", ".join(filter(None, (f"{mass} kg", carried, calibrated_line(row), remark)))
         lines.append(f"load {load}: {begin} to {end} s, {manoeuvres} manoeuvres, {told}")
-    if len(said.loads) > most:
-        lines.append(f"and {len(said.loads) - most} more")
+    if len(answer.loads) > most:
+        lines.append(f"and {len(answer.loads) - most} more")
     return lines
 
 
-def answer_lines(said: Answer, *, brief: bool = False) -> list[str]:
+def answer_lines(answer: Answer, *, brief: bool = False) -> list[str]:
     """Masses, payloads and their caveats as lines, or the reason why there is no answer."""
-    if len(said.loads) == 1:
-        return load_lines(said.loads[0], brief=brief)
-    lines = [f"{len(said.loads)} load states; masses are listed per load"] if said.loads else []
-    empty = [load for load in said.loads if load.get("empty")]
+    if len(answer.loads) == 1:
+        return load_lines(answer.loads[0], brief=brief)
+    lines = [f"{len(answer.loads)} load states; masses are listed per load"] if answer.loads else []
+    empty = [load for load in answer.loads if load.get("empty")]
     if len(empty) == 1:
         mass = empty[0]["mass_kg"]
         known = "" if mass is None else f" ({format_plus_minus(mass, empty[0]['u_kg'])} kg)"
@@ -87,7 +87,7 @@ def answer_lines(said: Answer, *, brief: bool = False) -> list[str]:
             f"payloads are differences to the mean of {len(empty)} loads taken as empty; set the "
             "time span with --empty FROM:TO"
         )
-    known = [load for load in said.loads if load["mass_kg"] is not None]
+    known = [load for load in answer.loads if load["mass_kg"] is not None]
     return lines + (_note_on_all_loads(known[0]) if known else [])
 
 
@@ -130,10 +130,10 @@ def _note_on_all_loads(load: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def describe_starts_to_goal(said: Answer, goal_kg: float) -> list[str]:
+def describe_starts_to_goal(answer: Answer, goal_kg: float) -> list[str]:
     """Number of further manoeuvres that would reach ± `goal_kg` for each load."""
     lines: list[str] = []
-    for load in said.loads:
+    for load in answer.loads:
         if load["mass_kg"] is None or load.get("empty"):
             continue
         by_difference = load.get("payload_to") is not None
@@ -147,7 +147,7 @@ def describe_starts_to_goal(said: Answer, goal_kg: float) -> list[str]:
         elif common_kg >= goal_kg:
             causes = [
                 source
-                for source in said.budget
+                for source in answer.budget
                 # what makes a mass uncertain cancels in a difference
                 if not by_difference
                 and source.get("load_id", 0) == load["load_id"]
@@ -167,14 +167,14 @@ def describe_starts_to_goal(said: Answer, goal_kg: float) -> list[str]:
     return lines
 
 
-def budget_rows(said: Answer, mark: str = "█") -> list[tuple[str, str, str, str, str]]:
+def budget_rows(answer: Answer, mark: str = "█") -> list[tuple[str, str, str, str, str]]:
     """Rows of the uncertainty budget of the load with the most manoeuvres.
 
     Each has source, kind, u in kg, a bar for its fraction of the variance, and how to reduce it.
     """
-    shown = best_known_load(said)
+    shown = best_known_load(answer)
     rows: list[tuple[str, str, str, str, str]] = []
-    for source in said.budget:
+    for source in answer.budget:
         if source.get("load_id", 0) != shown:
             continue
         share = source["share_1"]
@@ -187,9 +187,9 @@ def budget_rows(said: Answer, mark: str = "█") -> list[tuple[str, str, str, st
     return rows
 
 
-def best_known_load(said: Answer) -> int:
+def best_known_load(answer: Answer) -> int:
     """Number of the load with the most manoeuvres, the first of several."""
-    known = [load for load in said.loads if load["mass_kg"] is not None]
+    known = [load for load in answer.loads if load["mass_kg"] is not None]
     return max(known, key=lambda load: load["manoeuvres"])["load_id"] if known else 0
 
 
@@ -197,16 +197,16 @@ def best_known_load(said: Answer) -> int:
 _SCATTER_UNKNOWN: Final = "an assumed disagreement of manoeuvres of one load"
 
 
-def uncertainty_advice(said: Answer) -> str | None:
+def uncertainty_advice(answer: Answer) -> str | None:
     """Measure that would reduce the uncertainty most; None without an answer."""
-    shown = best_known_load(said)
-    known = [s for s in said.budget if s["u_kg"] and s.get("load_id", 0) == shown]
-    if not known or not any(load["mass_kg"] is not None for load in said.loads):
+    shown = best_known_load(answer)
+    known = [s for s in answer.budget if s["u_kg"] and s.get("load_id", 0) == shown]
+    if not known or not any(load["mass_kg"] is not None for load in answer.loads):
         return None
     most = known[0]
     share = most["share_1"]
     part = "" if share is None else f", {share:.0%} of the variance"
-    load = next(load for load in said.loads if load["load_id"] == shown)
+    load = next(load for load in answer.loads if load["load_id"] == shown)
     assumed = most["cause"] == "scatter" and load.get("scatter_known") is False
     meaning = _SCATTER_UNKNOWN if assumed else most["meaning"]
     return f"largest contribution: {meaning} ({most['cause']}{part}); to reduce: {most['shrinks']}"

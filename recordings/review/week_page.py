@@ -141,13 +141,13 @@ def _friction_pictures(
 
 
 def _friction_picture(
-    number: int, machine: str, days: Sequence[FrictionDay], trend: FrictionTrend | None
+    picture_number: int, machine: str, days: Sequence[FrictionDay], trend: FrictionTrend | None
 ) -> Drawing:
     limit = None if trend is None else trend.limit_N_s_m
     ends = [(d.friction_N_s_m - K * d.std_N_s_m, d.friction_N_s_m + K * d.std_N_s_m) for d in days]
     heights = [*(low for low, _ in ends), *(high for _, high in ends)]
     picture = Drawing(
-        f"friction-{number}",
+        f"friction-{picture_number}",
         f"Friction of {machine}",
         f"Viscous friction in N·s/m of {len(days)} shifts from {day_text(days[0].at_d)} to "
         f"{day_text(days[-1].at_d)}; bars reach two standard deviations either way"

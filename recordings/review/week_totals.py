@@ -179,7 +179,7 @@ def _sum_energy(
     }
 
 
-def sum_by_group(parts: Sequence[WeekPart], by: str) -> list[WeekTotal]:
+def sum_by_group(parts: Sequence[WeekPart], group: str) -> list[WeekTotal]:
     """Totals by one of `GROUPS`, in its order.
 
     Errors common to the loads of a machine are common to all its shifts and add linearly; machines
@@ -187,11 +187,11 @@ def sum_by_group(parts: Sequence[WeekPart], by: str) -> list[WeekTotal]:
 
     Args:
         parts: parts of the week.
-        by: group, or `BY_REVIEW`.
+        group: group, or `BY_REVIEW`.
     """
     members: dict[str, list[WeekPart]] = defaultdict(list)
     for part in parts:
-        members[getattr(part, by)].append(part)
+        members[getattr(part, group)].append(part)
     return [_total_of_parts(name, members[name]) for name in sorted(members)]
 
 

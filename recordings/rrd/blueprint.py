@@ -103,7 +103,7 @@ class Page:
 
 def lay_out_run(
     run: Run,
-    shown: Mapping[str, pl.DataFrame],
+    display_frames: Mapping[str, pl.DataFrame],
     texts: Collection[str],
     pictures: Mapping[str, PlanePicture],
     under: str = "",
@@ -112,7 +112,7 @@ def lay_out_run(
 
     Args:
         run: the run.
-        shown: frames from `display_frames`.
+        display_frames: frames from `display_frames`.
         texts: names of its texts.
         pictures: pictures from `make_plane_pictures`.
         under: parent entity; empty for none.
@@ -120,7 +120,7 @@ def lay_out_run(
     pages = [
         Page(
             tab.name,
-            tab_panels(tab, run, shown),
+            tab_panels(tab, run, display_frames),
             tuple(name for name in tab.texts if name in texts),
             events=tab.events and bool(findings_of_run(run)),
             pictures=tuple(
@@ -134,13 +134,17 @@ def lay_out_run(
     return lay_out_tabs(pages, unix_span_ns(run), under)
 
 
-def tab_panels(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[Panel | Row, ...]:
-    """Views of a tab for which this run has data; `shown` are its `display_frames`.
+def tab_panels(
+    tab: Tab, run: Run, display_frames: Mapping[str, pl.DataFrame]
+) -> tuple[Panel | Row, ...]:
+    """Views of a tab for which this run has data, by its `display_frames`.
 
     Returns:
         Panels, or rows of panels; none if only the tab's context has data.
     """
-    found = [(view, panel) for view in tab.views if (panel := _make_panel(view, run, shown))]
+    found = [
+        (view, panel) for view in tab.views if (panel := _make_panel(view, run, display_frames))
+    ]
     if all(view in tab.context for view, _ in found):
         return ()
     by_method = [_split_by_method(panel) for _, panel in found]
@@ -152,8 +156,8 @@ def tab_panels(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[P
     return tuple(panels.get(_LEADING_METHOD, next(iter(panels.values()))) for panels in by_method)
 
 
-def _make_panel(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> Panel | None:
-    drawn = drawn_columns_of_view(view, run, shown)
+def _make_panel(view: View, run: Run, display_frames: Mapping[str, pl.DataFrame]) -> Panel | None:
+    drawn = drawn_columns_of_view(view, run, display_frames)
     return Panel(view.title, view.kind, drawn, axis_range(view, run)) if drawn else None
 
 
@@ -324,7 +328,7 @@ def _make_view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
     )
 
 
-def _view_visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
+def _view_visualizers(kind: Kind, display_column: DisplayColumn) -> "Iterator[Visualizer]":
     import rerun as rr
 
     if kind is Kind.STATES:
@@ -333,26 +337,28 @@ def _view_visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]
             labels=[state.replace("_", " ") for state in colours.state_colours()],
             colors=[colours.pack_rgba(colour) for colour in colours.state_colours().values()],
         )
-        yield looks.visualizer(mappings=[_column_mapping("StateChange:state", drawn.column)])
+        yield looks.visualizer(
+            mappings=[_column_mapping("StateChange:state", display_column.column)]
+        )
         return
-    colour = colours.pack_rgba(drawn.colour, "60" if drawn.faint else "ff")
-    scalars = _column_mapping("Scalars:scalars", drawn.column)
-    if drawn.variance is not None:
-        band = rr.Measurements.from_fields(names=drawn.label, colors=colour)
-        values = _column_mapping("Measurements:values", drawn.column)
-        variances = _column_mapping("Measurements:variances", drawn.variance)
+    colour = colours.pack_rgba(display_column.colour, "60" if display_column.faint else "ff")
+    scalars = _column_mapping("Scalars:scalars", display_column.column)
+    if display_column.variance is not None:
+        band = rr.Measurements.from_fields(names=display_column.label, colors=colour)
+        values = _column_mapping("Measurements:values", display_column.column)
+        variances = _column_mapping("Measurements:variances", display_column.variance)
         yield band.visualizer(mappings=[values, variances])
     else:
-        width = 0.7 if drawn.faint else 3.5 if drawn.wide else 1.5
+        width = 0.7 if display_column.faint else 3.5 if display_column.wide else 1.5
         line = rr.SeriesLines(
-            names=drawn.label,
+            names=display_column.label,
             colors=colour,
             widths=width,
             aggregation_policy="MinMax",  # zoomed out, a mean would hide what it averages
         )
         yield line.visualizer(mappings=[scalars])
-    if drawn.dotted:
-        dots = rr.SeriesPoints(names=drawn.label, colors=colour, marker_sizes=3.0)
+    if display_column.dotted:
+        dots = rr.SeriesPoints(names=display_column.label, colors=colour, marker_sizes=3.0)
         yield dots.visualizer(mappings=[scalars])
 
 

@@ -86,14 +86,14 @@ def _has_numbers_to_draw(series: Series, frame: pl.DataFrame) -> bool:
 
 
 def drawn_columns_of_view(
-    view: View, run: Run, shown: Mapping[str, pl.DataFrame]
+    view: View, run: Run, display_frames: Mapping[str, pl.DataFrame]
 ) -> tuple[DisplayColumn, ...]:
     """Columns of this run that a view draws.
 
     Args:
         view: the view.
         run: the run.
-        shown: its `display_frames`.
+        display_frames: frames of the run that are displayed.
     """
     drawn: list[DisplayColumn] = []
     for number, (series, name) in enumerate(series_of_view(view, run)):
@@ -105,10 +105,10 @@ def drawn_columns_of_view(
         colour = colours.method_colour(method) if method else colours.line_colour(number)
         frame = _name_display_column(name)
         variance = _name_variance_column(series.std) if series.std else None
-        dotted = series.frame in _SHORT or draws_as_points(shown[frame][series.column])
+        dotted = series.frame in _SHORT or draws_as_points(display_frames[frame][series.column])
         extremes = (
             view.kind is Kind.LINES
-            and _name_extreme_column(series.column, "min") in shown[frame].columns
+            and _name_extreme_column(series.column, "min") in display_frames[frame].columns
         )
         # lines of one name have one entry in a legend, in the colour of the first
         label += ", binned" if extremes else ""

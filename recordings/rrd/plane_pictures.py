@@ -82,7 +82,7 @@ def make_plane_pictures(run: Run) -> dict[str, PlanePicture]:
     """Pictures for which this run has data, by name."""
     drawn = {
         "scatter": _draw_scatter(run),
-        "line": _draw_line(run),
+        "line": _draw_calibration_line_picture(run),
         "errors": _draw_errors(run),
     }
     return {name: picture for name, picture in drawn.items() if picture is not None}
@@ -169,7 +169,7 @@ def _draw_scatter(run: Run) -> PlanePicture | None:
     )
 
 
-def _draw_line(run: Run) -> PlanePicture | None:
+def _draw_calibration_line_picture(run: Run) -> PlanePicture | None:
     """Picture of a calibration's points and line, by method; None without data."""
     series: list[PlaneSeries] = []
     for name, colour, points in _calibrated_methods(run):

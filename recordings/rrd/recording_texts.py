@@ -93,39 +93,43 @@ _FOUND: Final = 3
 _MOST_LINES: Final = 12
 
 
-def answer_headline(said: Answer) -> str:
+def answer_headline(answer: Answer) -> str:
     """The answer in one sentence, without Markdown."""
-    failed = said.verdict.failed("mass")
+    failed = answer.verdict.failed("mass")
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
-    if len(said.loads) > 1:
-        return shift_payload_sentence(said.shift) if is_shift(said) else _several_loads_text(said)
-    for load in said.loads:
+    if len(answer.loads) > 1:
+        return (
+            shift_payload_sentence(answer.shift)
+            if is_shift(answer)
+            else _several_loads_text(answer)
+        )
+    for load in answer.loads:
         if load["mass_kg"] is not None:
             scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""
             mass = format_plus_minus(load["mass_kg"], load["u_kg"])
             return f"{mass} kg (standard uncertainty{scale})"
     # a recording of an earlier version has no loads
-    for row in said.rows if not said.loads else ():
+    for row in answer.rows if not answer.loads else ():
         known = [method for method in row.methods if row.value("mass_kg", method) is not None]
         if known:
             best = "pooled" if "pooled" in known else known[0]
             mass = _format_value_of_method(row, best, *_MASS)
             return f"{mass} kg ({best}, statistical standard deviation)"
-    if not said.verdict.checks:
+    if not answer.verdict.checks:
         return "This recording contains no answer."
     return "No window of this log was accepted: there is no mass."
 
 
-def is_shift(said: Answer) -> bool:
+def is_shift(answer: Answer) -> bool:
     """Whether the log's cycles add up to a payload total."""
-    return bool(said.shift.get("cycles_counted"))
+    return bool(answer.shift.get("cycles_counted"))
 
 
-def _several_loads_text(said: Answer) -> str:
+def _several_loads_text(answer: Answer) -> str:
     """Sentence on the loads of a log."""
-    known = [load for load in said.loads if load["payload_kg"] is not None]
-    count = f"{len(said.loads)} loads"
+    known = [load for load in answer.loads if load["payload_kg"] is not None]
+    count = f"{len(answer.loads)} loads"
     if not known:
         return f"{count}: the log has no single mass"
     most = max(known, key=lambda load: load["payload_kg"])
@@ -301,30 +305,30 @@ def _make_mass_cells(row: AnswerRow) -> list[str]:
     ]
 
 
-def _describe_worth(said: Answer, cycles: list[str]) -> list[str]:
+def _describe_worth(answer: Answer, cycles: list[str]) -> list[str]:
     """Lines about the answer: prior sensitivity, budget, priors and posteriors.
 
     Sentences are lists, since the viewer wraps them but not tables.
 
     Args:
-        said: the answer.
+        answer: the answer.
         cycles: lines of the cycles, for a shift.
     """
-    if not any(load["mass_kg"] is not None for load in said.loads):
+    if not any(load["mass_kg"] is not None for load in answer.loads):
         return []
-    parts = ["\n".join(f"- {line}" for line in answer_lines(said))]
+    parts = ["\n".join(f"- {line}" for line in answer_lines(answer))]
     which = ""
-    if len(said.loads) > 1:
+    if len(answer.loads) > 1:
         parts += cycles or [
             "## Loads",
-            markdown_table(table_heads_of_loads(said), table_rows_of_loads(said)),
+            markdown_table(table_heads_of_loads(answer), table_rows_of_loads(answer)),
         ]
-        which = f" (mass of load {best_known_load(said)})"
+        which = f" (mass of load {best_known_load(answer)})"
     parts += [
         f"## Where the uncertainty comes from{which}",
         "\n".join(
             f"- **{cause}** ({kind}): {u} kg {share}; shrinks with {shrinks}"
-            for cause, kind, u, share, shrinks in budget_rows(said, _MARK)
+            for cause, kind, u, share, shrinks in budget_rows(answer, _MARK)
         ),
         "## Terms of the fit besides mass and friction",
         "\n".join(
@@ -332,7 +336,7 @@ def _describe_worth(said: Answer, cycles: list[str]) -> list[str]:
             f"{format_plus_minus(row['posterior'], row['posterior_std'])} {row['unit']}, prior ± "
             f"{format_number(row['prior_std'])} {row['unit']}; u of the mass "
             f"{format_number(row['u_kg'])} kg"
-            for row in said.nuisances
+            for row in answer.nuisances
         ),
     ]
     return parts

@@ -79,7 +79,7 @@ def write_recording(
         OutputError: the name does not end in .rrd, the file exists, its folder is missing or not
             writable, the disk is full, a column cannot be stored, or what was read back differs.
     """
-    return write_scene(run, make_scene, path, force=force, viewer=viewer)
+    return write_recording_with_scene(run, make_scene, path, force=force, viewer=viewer)
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def make_scene(run: Run, under: str = "") -> Scene:
     return Scene(name, shown, layout, written, tuple(events), pictures)
 
 
-def write_scene(
+def write_recording_with_scene(
     run: Run,
     scene_of: Callable[[Run], Scene],
     path: str | Path,
@@ -128,7 +128,7 @@ def write_scene(
     force: bool = False,
     viewer: str | LiveView | None = None,
 ) -> Path:
-    """Write a run like `write_recording`, with a scene of its own.
+    """Write the whole recording of a run like `write_recording`, with a scene of its own.
 
     Args:
         run: run to store.
@@ -279,10 +279,10 @@ def wait_until_written(recording: "RecordingStream", piped: PipedFile, path: Pat
 
 
 def frame_batches(
-    run: Run, shown: Mapping[str, pl.DataFrame]
+    run: Run, display_frames: Mapping[str, pl.DataFrame]
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
     """Record batches with their index: drawn frames first, in order of time, then all others."""
-    for name, frame in shown.items():
+    for name, frame in display_frames.items():
         for batch in iter_drawn_batches(name, frame, run.provenance.t0_unix_ns):
             yield [TIME, SINCE_START], batch
     for batch in make_timed_rows(run.frames, run.provenance.t0_unix_ns):

@@ -173,18 +173,18 @@ def save_keyring(path: Path, keys: Sequence[KnownKey]) -> Keyring:
     return Keyring(path, tuple(keys))
 
 
-def add_key(keyring: Keyring, known: KnownKey) -> Keyring:
+def add_key(keyring: Keyring, key: KnownKey) -> Keyring:
     """Add a key, and write the keyring.
 
     Raises:
         EvidenceError: the key is there already, or the file cannot be written.
     """
-    same = keyring.find(known.public.key_id)
+    same = keyring.find(key.public.key_id)
     if same is not None:
         raise EvidenceError(
-            f"{keyring.path}: holds key {known.public.key_id[:12]}… already, of {same.owner}"
+            f"{keyring.path}: holds key {key.public.key_id[:12]}… already, of {same.owner}"
         )
-    return save_keyring(keyring.path, (*keyring.keys, known))
+    return save_keyring(keyring.path, (*keyring.keys, key))
 
 
 def revoke_key(keyring: Keyring, key_id: str, day: dt.date, because: str) -> Keyring:
@@ -203,10 +203,10 @@ def revoke_key(keyring: Keyring, key_id: str, day: dt.date, because: str) -> Key
     )
 
 
-def _parse_key(path: Path, number: int, row: object) -> KnownKey:
+def _parse_key(path: Path, key_number: int, row: object) -> KnownKey:
     try:
         return KnownKey.model_validate(row)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(map(str, first["loc"]))
-        raise EvidenceError(f"{path}: key {number}: {place or 'it'}: {first['msg']}") from None
+        raise EvidenceError(f"{path}: key {key_number}: {place or 'it'}: {first['msg']}") from None

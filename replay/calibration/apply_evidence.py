@@ -209,15 +209,15 @@ class MachineCalibration:
         return replace(run, frames=frames, provenance=about).with_fingerprint()
 
 
-def load_calibration(asked: CalibrationRequest) -> MachineCalibration:
+def load_calibration(request: CalibrationRequest) -> MachineCalibration:
     """Read evidence and verify it like `payscope verify`.
 
     Raises:
         EvidenceError: the folder has no evidence or no calibration, verification fails, a required
             signature is missing or by an unknown key, or the calibrated mass is not in `loads`.
     """
-    folder = asked.folder
-    key = None if asked.key_file is None else public_key(asked.key_file)
+    folder = request.folder
+    key = None if request.key_file is None else public_key(request.key_file)
     keyring = load_keyring()
     found = check_bundle(folder, key, None, keyring)
     document = found.document
@@ -229,8 +229,8 @@ def load_calibration(asked: CalibrationRequest) -> MachineCalibration:
             f"{folder}: calibrates nothing: {first}{more}; `payscope verify` lists all"
         )
     by = (
-        require_known_signature(asked, found.signed_by, keyring)
-        if asked.signed
+        require_known_signature(request, found.signed_by, keyring)
+        if request.signed
         else found.signed_by
     )
     if document.kind != "calibration":
@@ -247,32 +247,34 @@ def load_calibration(asked: CalibrationRequest) -> MachineCalibration:
     return MachineCalibration(folder, document, document.calibration, by)
 
 
-def require_known_signature(asked: CalibrationRequest, by: SignedBy, keyring: Keyring) -> SignedBy:
+def require_known_signature(
+    request: CalibrationRequest, signature: SignedBy, keyring: Keyring
+) -> SignedBy:
     """Return the signature if its key is known; a key trusted on first use is kept.
 
     Raises:
         EvidenceError: unsigned, or signed by an unknown key that the user rejects.
     """
-    if by.is_trusted:
-        return by
-    if by.how == "unsigned":
+    if signature.is_trusted:
+        return signature
+    if signature.how == "unsigned":
         raise EvidenceError(
-            f"{asked.folder}: is unsigned; calibrate with --key, or leave out --require-signed"
+            f"{request.folder}: is unsigned; calibrate with --key, or leave out --require-signed"
         )
-    owner = "" if asked.ask is None else asked.ask(by).strip()
+    owner = "" if request.ask is None else request.ask(signature).strip()
     if not owner:
         raise EvidenceError(
-            f"{asked.folder}: is {by}; get the key from the signer, and give it with --key KEY or "
-            f"keep it: {by.add_line}"
+            f"{request.folder}: is {signature}; get the key from the signer, and give it with "
+            f"--key KEY or keep it: {signature.add_line}"
         )
-    add_key(keyring, KnownKey(key=by.public_key, owner=owner))
-    return replace(by, how="known", owner=owner)
+    add_key(keyring, KnownKey(key=signature.public_key, owner=owner))
+    return replace(signature, how="known", owner=owner)
 
 
 def calibrated_frame(
     frames: Mapping[str, pl.DataFrame],
     about: Provenance,
-    asked: CalibrationRequest,
+    request: CalibrationRequest,
     recording: Path,
 ) -> pl.DataFrame:
     """The frame `loads` of a recording with calibrated masses.
@@ -280,14 +282,14 @@ def calibrated_frame(
     Args:
         frames: `FRAMES`, as far as the recording has them.
         about: provenance of the recording.
-        asked: the evidence to apply.
+        request: the evidence to apply.
         recording: path of the recording.
 
     Raises:
         EvidenceError: as `load_calibration`, or if the recording has other settings or priors than
             the calibration, or is later than its expiry.
     """
-    by = load_calibration(asked)
+    by = load_calibration(request)
     other = by.differences_of_machine(recorded_machine(about))
     if other:
         raise EvidenceError(

@@ -47,7 +47,7 @@ class KnownMassOnBoard:
 
 def check_mass(
     log: Path,
-    known: KnownMassOnBoard,
+    mass_on_board: KnownMassOnBoard,
     folder: Path,
     *,
     previous: Path,
@@ -61,7 +61,7 @@ def check_mass(
 
     Args:
         log: log with the known mass on board throughout.
-        known: the mass.
+        mass_on_board: the mass.
         folder: bundle to write.
         previous: evidence of the calibration, or of an earlier check.
         key_file: private key; without it PAYSCOPE_SIGNING_KEY may hold one.
@@ -76,14 +76,14 @@ def check_mass(
     last = before.document
     if last is None or last.calibration is None:
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")
-    campaign = _make_single_run_campaign(last, log, known)
+    campaign = _make_single_run_campaign(last, log, mass_on_board)
     require_writable_folder(folder, force=force)
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
         replayed = replay_runs(campaign, last.weighing, lambda _: log, None, on_log)
         refuse_machine(previous, campaign, replayed, last.machine)
-        refuse_days(Path(f"--day {known.day}"), campaign, replayed, last.machine)
+        refuse_days(Path(f"--day {mass_on_board.day}"), campaign, replayed, last.machine)
         on_log("evidence")
         fitted, drift = check_known_mass(
             campaign, last.machine.machine, replayed.readings, last.calibration
@@ -95,30 +95,30 @@ def check_mass(
 
 
 def _make_single_run_campaign(
-    last: EvidenceDocument, log: Path, known: KnownMassOnBoard
+    last: EvidenceDocument, log: Path, mass_on_board: KnownMassOnBoard
 ) -> CalibrationCampaign:
     """Make a campaign with a single run."""
-    if known.value_kg < 0.0:
-        raise CampaignError(f"--check {known.value_kg:g}: give a mass of at least 0 kg")
+    if mass_on_board.value_kg < 0.0:
+        raise CampaignError(f"--check {mass_on_board.value_kg:g}: give a mass of at least 0 kg")
     mass = ReferenceMass.model_validate(
         {
             "id": _MASS,
-            "value_kg": known.value_kg or 1.0,
-            "u_kg": known.u_kg,
-            "certificate": known.certificate,
+            "value_kg": mass_on_board.value_kg or 1.0,
+            "u_kg": mass_on_board.u_kg,
+            "certificate": mass_on_board.certificate,
         }
     )
     run = CampaignRun.model_validate(
         {
             "id": "check",
             "log": log.name,
-            "loads": (_MASS,) if known.value_kg else (),
-            "day": _check_day(last, log, known.day),
+            "loads": (_MASS,) if mass_on_board.value_kg else (),
+            "day": _check_day(last, log, mass_on_board.day),
         }
     )
     return last.campaign.model_copy(
         update={
-            "masses": (mass,) if known.value_kg else (),
+            "masses": (mass,) if mass_on_board.value_kg else (),
             "runs": (run,),
             "conditions": Conditions.model_validate({}),
             "notary": None,

@@ -74,28 +74,28 @@ def replay_and_compare_logs(
 
 
 def _compare_log(
-    checked: CheckedBundle, document: EvidenceDocument, kept: EvidenceLog, anew: EvidenceLog
+    checked: CheckedBundle, document: EvidenceDocument, evidence_log: EvidenceLog, anew: EvidenceLog
 ) -> None:
     """Compare everything that evidence records about a log."""
-    item = f"{EVIDENCE}: logs: {kept.log}"
-    if (kept.can_weigh, kept.failed_checks) != (anew.can_weigh, anew.failed_checks):
+    item = f"{EVIDENCE}: logs: {evidence_log.log}"
+    if (evidence_log.can_weigh, evidence_log.failed_checks) != (anew.can_weigh, anew.failed_checks):
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives a different verdict")
     if any(name.startswith("machine.") for name in document.settings_at_default):
         checked.notes.append(
-            f"{kept.log}: settings and frames are compared value by value alone, not by their "
-            "digests: this version has settings that the evidence lacks"
+            f"{evidence_log.log}: settings and frames are compared value by value alone, not by "
+            "their digests: this version has settings that the evidence lacks"
         )
-    elif kept.settings_fingerprint != anew.settings_fingerprint:
+    elif evidence_log.settings_fingerprint != anew.settings_fingerprint:
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "was replayed with different settings")
-    elif kept.results_fingerprint != anew.results_fingerprint:
+    elif evidence_log.results_fingerprint != anew.results_fingerprint:
         checked.notes.append(
-            f"{kept.log}: the frames of its replay differ in their last bits, as happens with "
-            "other processors and libraries"
+            f"{evidence_log.log}: the frames of its replay differ in their last bits, as happens "
+            "with other processors and libraries"
         )
     for name, what in _OF_THE_LOG.items():
-        if name == "machine_id" and name not in kept.model_fields_set:
+        if name == "machine_id" and name not in evidence_log.model_fields_set:
             continue  # earlier formats do not have it
-        there, here = getattr(kept, name), getattr(anew, name)
+        there, here = getattr(evidence_log, name), getattr(anew, name)
         if are_equal_values(there, here):
             continue
         words = name in _IN_WORDS and document.other_version
@@ -134,12 +134,14 @@ def _compare_learnt_terms(
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its logs yield more terms than it has")
 
 
-def _do_terms_agree(kept: TermOfLog, now: TermOfLog | None) -> bool:
+def _do_terms_agree(evidence_term: TermOfLog, now: TermOfLog | None) -> bool:
     if now is None:
         return False
-    tolerance = _TERMS * kept.prior_std
+    tolerance = _TERMS * evidence_term.prior_std
     names = ("prior_mean", "prior_std", "posterior", "posterior_std")
-    return all(abs(getattr(kept, name) - getattr(now, name)) <= tolerance for name in names)
+    return all(
+        abs(getattr(evidence_term, name) - getattr(now, name)) <= tolerance for name in names
+    )
 
 
 def compare_readings(

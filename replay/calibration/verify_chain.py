@@ -110,12 +110,14 @@ def _chain_counter(checked: CheckedBundle) -> int:
     return 0 if checked.document is None else checked.document.chain.counter
 
 
-def _is_last(made: Verification, last: Mapping[str, int]) -> bool:
+def _is_last(verification: Verification, last: Mapping[str, int]) -> bool:
     """Whether a bundle is its machine's latest, or names no machine."""
-    document = made.checked.document
+    document = verification.checked.document
     return document is None or document.chain.counter == last[document.campaign.machine.id]
 
 
-def _drop_expiry_finding(made: Verification) -> Verification:
-    kept = tuple(each for each in made.findings if each.outcome is not BundleOutcome.EXPIRED)
-    return replace(made, findings=kept)
+def _drop_expiry_finding(verification: Verification) -> Verification:
+    kept = tuple(
+        each for each in verification.findings if each.outcome is not BundleOutcome.EXPIRED
+    )
+    return replace(verification, findings=kept)

@@ -105,7 +105,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _print_evidence(screen: "Console", made: "CalibrationOutcome") -> None:
+def _print_evidence(screen: "Console", outcome: "CalibrationOutcome") -> None:
     from recordings.calibration.calibration_report import kilograms_text, report_facts
     from recordings.calibration.calibration_text import report_paragraphs
     from recordings.calibration.certificate_text import traceability_warnings
@@ -115,7 +115,7 @@ def _print_evidence(screen: "Console", made: "CalibrationOutcome") -> None:
         *("run", "load", "reference kg", "readings", "estimate kg", "calibrated kg", "error kg"),
         "left out kg",
     )
-    for row in made.points.iter_rows(named=True):
+    for row in outcome.points.iter_rows(named=True):
         numbers = ("mean_kg", "calibrated_kg", "error_kg", "error_left_out_kg")
         table.add_row(
             row["run_id"],
@@ -125,20 +125,20 @@ def _print_evidence(screen: "Console", made: "CalibrationOutcome") -> None:
             *(kilograms_text(row[name]) for name in numbers),
         )
     print_table(screen, table)
-    for row in made.rejected.iter_rows(named=True):
+    for row in outcome.rejected.iter_rows(named=True):
         print_line(screen, f"left out: {row['run_id']}, reading {row['reading']}: {row['reason']}")
     screen.print()
-    for name, value in report_facts(made.document):
+    for name, value in report_facts(outcome.document):
         if name != "made":
             print_line(screen, f"{name}: {value}")
     screen.print()
-    for sentence in traceability_warnings(made.document):
+    for sentence in traceability_warnings(outcome.document):
         print_line(screen, sentence, "[bold red]!![/] ")
-    for sentence in report_paragraphs(made.document, made.readings, made.points):
+    for sentence in report_paragraphs(outcome.document, outcome.readings, outcome.points):
         print_line(screen, sentence)
-    for remark in made.remarks:
+    for remark in outcome.remarks:
         print_line(screen, f"note: {remark}")
-    signer = made.document.signer
+    signer = outcome.document.signer
     if signer is None:
         print_line(
             screen,
@@ -147,6 +147,6 @@ def _print_evidence(screen: "Console", made: "CalibrationOutcome") -> None:
         )
     else:
         print_line(screen, f"signed as {signer.name or 'no name'}, key {signer.key_id[:12]}…")
-    if made.document.chain.previous is None:
+    if outcome.document.chain.previous is None:
         print_line(screen, "number 1 of this machine's evidence; --previous chains it to another")
-    print_line(screen, f"evidence: {made.folder}")
+    print_line(screen, f"evidence: {outcome.folder}")

@@ -153,11 +153,11 @@ def _raise_on_signals() -> list[int]:
     """
     received: list[int] = []
 
-    def leave(number: int, _frame: FrameType | None) -> None:
-        received.append(number)
-        if number == signal.SIGINT:
+    def leave(signal_number: int, _frame: FrameType | None) -> None:
+        received.append(signal_number)
+        if signal_number == signal.SIGINT:
             raise KeyboardInterrupt
-        raise SystemExit(128 + number)
+        raise SystemExit(128 + signal_number)
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, leave)

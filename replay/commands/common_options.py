@@ -124,12 +124,12 @@ def owner_question() -> "Callable[[SignedBy], str] | None":
     return ask_for_owner if at_terminal else None
 
 
-def ask_for_owner(by: "SignedBy") -> str:
+def ask_for_owner(signature: "SignedBy") -> str:
     """Ask for the owner of a key; "" if the key is not trusted."""
     from estimators.errors import one_line
 
-    typer.echo(f"This evidence is {one_line(str(by))}.", err=True)
-    typer.echo(f"SHA-256 of the key: {by.key_id}", err=True)
+    typer.echo(f"This evidence is {one_line(str(signature))}.", err=True)
+    typer.echo(f"SHA-256 of the key: {signature.key_id}", err=True)
     typer.echo(
         "Compare it with the one that the signer gave you through another channel.", err=True
     )

@@ -49,19 +49,27 @@ def command(
         _print_conversion(made, stdout_console())
 
 
-def _print_conversion(made: "Conversion", screen: "Console") -> None:
+def _print_conversion(conversion: "Conversion", screen: "Console") -> None:
     from rich.markup import escape
 
     from estimators.errors import one_line
     from replay.commands.print_tables import make_plain_table, print_line, print_table
 
     table = make_plain_table("topic", "rows", "MB", "files")
-    for topic in made.to_dict()["topics"]:
+    for topic in conversion.to_dict()["topics"]:
         files = f"{topic['folder']}/*.parquet" if topic["folder"] else one_line(topic["fault"])
         size = f"{topic['size_bytes'] / 1e6:,.3f}"
         table.add_row(escape(one_line(topic["topic"])), f"{topic['rows']:,}", size, escape(files))
     print_table(screen, table)
-    taken = f", {made.taken_up} of {made.spans} spans done before" if made.taken_up else ""
-    print_line(screen, f"{made.folder}: {made.rows:,} rows, {made.size_bytes / 1e6:,.3f} MB{taken}")
-    for loss in made.losses:
+    taken = (
+        f", {conversion.taken_up} of {conversion.spans} spans done before"
+        if conversion.taken_up
+        else ""
+    )
+    print_line(
+        screen,
+        f"{conversion.folder}: {conversion.rows:,} rows, "
+        f"{conversion.size_bytes / 1e6:,.3f} MB{taken}",
+    )
+    for loss in conversion.losses:
         print_line(screen, f"lost: {loss}")

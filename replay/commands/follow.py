@@ -143,8 +143,8 @@ def command(
         typer.echo(f"recorded: {output}", err=True)
 
 
-def _format_count(number: int, what: str) -> str:
-    return f"{number:,} {what}" + "s" * (number != 1)
+def _format_count(count: int, what: str) -> str:
+    return f"{count:,} {what}" + "s" * (count != 1)
 
 
 def _describe_agreement(each: "Agreement") -> str:

@@ -38,15 +38,15 @@ def main() -> None:
         sys.stderr.write(f"payscope: shown without a replay: {fault}\n")
 
 
-def parse_request(asked: argparse.Namespace) -> "ViewerRequest":
+def parse_request(arguments: argparse.Namespace) -> "ViewerRequest":
     """Parse the viewer's request; an invalid time is ignored, as in Rerun's own importers."""
     from recordings.rrd.viewer_stream import TimelineKind, ViewerRequest
 
     times: list[tuple[str, TimelineKind, int]] = []
     for kind, option in (
-        (TimelineKind.SEQUENCE, asked.time_sequence),
-        (TimelineKind.DURATION, asked.time_duration_nanos),
-        (TimelineKind.TIMESTAMP, asked.time_timestamp_nanos),
+        (TimelineKind.SEQUENCE, arguments.time_sequence),
+        (TimelineKind.DURATION, arguments.time_duration_nanos),
+        (TimelineKind.TIMESTAMP, arguments.time_timestamp_nanos),
     ):
         for text in option:
             name, _, number = text.rpartition("=")
@@ -56,8 +56,10 @@ def parse_request(asked: argparse.Namespace) -> "ViewerRequest":
                 continue
             if name and -_LARGEST <= time < _LARGEST:
                 times.append((name, kind, time))
-    application = asked.application_id or asked.path.stem or "payscope"
-    return ViewerRequest(application, asked.recording_id, asked.entity_path_prefix, tuple(times))
+    application = arguments.application_id or arguments.path.stem or "payscope"
+    return ViewerRequest(
+        application, arguments.recording_id, arguments.entity_path_prefix, tuple(times)
+    )
 
 
 def _make_parser() -> argparse.ArgumentParser:

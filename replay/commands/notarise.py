@@ -66,15 +66,19 @@ def command(
         time.sleep(every)
 
 
-def _print_pass(made: "NotarisedFolder") -> None:
+def _print_pass(notarised_folder: "NotarisedFolder") -> None:
     from replay.commands.print_tables import print_line, stdout_console
 
     screen = stdout_console()
-    for entry in made.added:
+    for entry in notarised_folder.added:
         span = f", {entry.begins} to {entry.ends}" if entry.begins else ", no absolute time"
         print_line(screen, f"{entry.counter}: {entry.log}{span}")
-    for name in made.waiting:
+    for name in notarised_folder.waiting:
         print_line(screen, f"still written to: {name}")
-    for note in made.notes:
+    for note in notarised_folder.notes:
         print_line(screen, note, "[bold red]!![/] ")
-    print_line(screen, f"{made.path}: {made.last} logs, {len(made.added)} of them new")
+    print_line(
+        screen,
+        f"{notarised_folder.path}: {notarised_folder.last} logs, "
+        f"{len(notarised_folder.added)} of them new",
+    )

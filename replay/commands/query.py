@@ -34,7 +34,7 @@ def command(
     tables: Annotated[
         bool, typer.Option("--tables", help="List the tables and their columns; needs no SELECT.")
     ] = False,
-    apart_s: Annotated[
+    join_within_s: Annotated[
         float | None,
         typer.Option(
             "--moments",
@@ -72,30 +72,30 @@ def command(
     chosen = choose_format(output_format and output_format.value, output)
     asked = query_tables(sources[:-1], sources[-1], axis)
     try:
-        if output is not None and apart_s is None and chosen in _STREAMED:
+        if output is not None and join_within_s is None and chosen in _STREAMED:
             asked.write(output, chosen, force=force)
         else:
-            _print_rows(asked, apart_s, chosen, output, force=force)
+            _print_rows(asked, join_within_s, chosen, output, force=force)
     finally:
         for loss in dict.fromkeys(map(str, asked.named.losses)):
             typer.echo(f"lost: {loss}", err=True)
 
 
 def _print_rows(
-    asked: "Query", apart_s: float | None, chosen: str, output: Path | None, *, force: bool
+    query: "Query", join_within_s: float | None, chosen: str, output: Path | None, *, force: bool
 ) -> None:
     from recordings.report.atomic_output import require_writable_output
     from replay.commands.frame_output import frame_text, print_frame
 
     if output is not None:
         require_writable_output(output, force=force)
-    rows = asked.collect(apart_s)
+    rows = query.collect(join_within_s)
     if chosen == "table" and output is None:
         typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
         if rows.height > _ROWS_SHOWN:
             typer.echo(f"{rows.height} rows, {_ROWS_SHOWN} shown; --format csv gives all", err=True)
-        opens = asked.opening_command(rows)
-        if opens and apart_s is None:
+        opens = query.opening_command(rows)
+        if opens and join_within_s is None:
             typer.echo(f"the first row in the viewer: {opens}", err=True)
         return
     print_frame(rows, chosen, output, force=force, table=lambda: frame_text(rows, rows.height))

@@ -261,7 +261,7 @@ def report_week(
         print_line(screen, f"page: {page}")
 
 
-def print_review(screen: "Console", made: "ShiftReview") -> None:
+def print_review(screen: "Console", review: "ShiftReview") -> None:
     """Print a review's sums, its problems and the path of its page.
 
     If there are no tonnes, the command prints the reason on stderr.
@@ -278,29 +278,29 @@ def print_review(screen: "Console", made: "ShiftReview") -> None:
     )
     from replay.commands.print_tables import print_line
 
-    state = made.state
-    if not made.no_tonnes:
-        print_line(screen, summarise_shift(made.shift, "", state))
+    state = review.state
+    if not review.no_tonnes:
+        print_line(screen, summarise_shift(review.shift, "", state))
     if state.mixed_machines:
         print_line(screen, f"warning: {warn_of_two_machines(state)}")
-    holes = long_hole_sentence(made.shift, state)
+    holes = long_hole_sentence(review.shift, state)
     for sentence in (
         *filter(None, [holes]),
-        *missing_load_sentences(made.shift),
+        *missing_load_sentences(review.shift),
         *torn_sentences(state),
     ):
         print_line(screen, sentence)
-    for name, value in list_shift_facts(made.shift, made.ledger, state, made.target):
+    for name, value in list_shift_facts(review.shift, review.ledger, state, review.target):
         print_line(screen, f"{name}: {value}")
-    if made.calibration.against:
-        print_line(screen, f"{NOT_CALIBRATED}: {made.calibration.against}")
-    elif made.calibration.says:
-        print_line(screen, made.calibration.says)
+    if review.calibration.against:
+        print_line(screen, f"{NOT_CALIBRATED}: {review.calibration.against}")
+    elif review.calibration.says:
+        print_line(screen, review.calibration.says)
     failed = [check.check for check in state.failed]
     if failed:
         print_line(screen, f"checks that failed: {', '.join(failed)}")
     for loss in losses_besides_torn_ends(state):
         print_line(screen, f"lost: {loss}")
-    if not made.replayed:
+    if not review.replayed:
         print_line(screen, "not replayed: logs, machine and settings are those of the last review")
-    print_line(screen, f"page: {made.folder / PAGE}")
+    print_line(screen, f"page: {review.folder / PAGE}")

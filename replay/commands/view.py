@@ -29,7 +29,7 @@ def command(
         typer.Option(help="Write a picture of each tab into this folder, without a screen."),
     ] = None,
     tab: Annotated[
-        str | None, typer.Option(help="Picture this tab alone, with --screenshot.")
+        str | None, typer.Option(help="With --screenshot: capture this tab only.")
     ] = None,
 ) -> None:
     """Open a recording in the Rerun viewer (listens on 127.0.0.1 only), or photograph it."""

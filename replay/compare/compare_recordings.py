@@ -23,27 +23,29 @@ if TYPE_CHECKING:
 class RecordedRun:
     """A recording that is compared; columns are read on demand."""
 
-    def __init__(self, held: OpenRecording, asked: "CalibrationRequest | None" = None) -> None:
+    def __init__(
+        self, recording: OpenRecording, request: "CalibrationRequest | None" = None
+    ) -> None:
         """Read the recording's description.
 
         Args:
-            held: the open recording.
-            asked: evidence that calibrates its loads, if any.
+            recording: the open recording.
+            request: evidence that calibrates its loads, if any.
 
         Raises:
             EvidenceError: the evidence does not apply.
         """
-        self._held = held
-        self.path = held.path
-        self.provenance: Provenance = held.provenance
-        self.stages: Mapping[str, Sequence[str]] = held.stages
+        self._held = recording
+        self.path = recording.path
+        self.provenance: Provenance = recording.provenance
+        self.stages: Mapping[str, Sequence[str]] = recording.stages
         self._loads: pl.DataFrame | None = None
-        if asked is not None and "loads" in self.stages:
+        if request is not None and "loads" in self.stages:
             from analysis.calibration.use.later_log import FRAMES
             from replay.calibration.apply_evidence import calibrated_frame
 
-            raw = {stage: held.read(stage) for stage in FRAMES if stage in self.stages}
-            self._loads = calibrated_frame(raw, self.provenance, asked, held.path)
+            raw = {stage: recording.read(stage) for stage in FRAMES if stage in self.stages}
+            self._loads = calibrated_frame(raw, self.provenance, request, recording.path)
             self.stages = {**self.stages, "loads": self._loads.columns}
 
     def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
@@ -143,9 +145,9 @@ def are_of_one_log(mine: RecordedRun, theirs: RecordedRun) -> bool:
     )
 
 
-def is_replay_of_recording(recording: Path, by: Provenance) -> bool:
+def is_replay_of_recording(recording: Path, provenance: Provenance) -> bool:
     """Whether a run's input is this recording."""
     # a shift takes a second to read: most others are told by their size
-    if [each.size_bytes for each in by.inputs] != [recording.stat().st_size]:
+    if [each.size_bytes for each in provenance.inputs] != [recording.stat().st_size]:
         return False
-    return file_sha256(recording) == by.inputs[0].sha256
+    return file_sha256(recording) == provenance.inputs[0].sha256

@@ -220,7 +220,7 @@ class RunningConversion:
         return tuple(sorted(found - {start}))
 
     def _convert_span(
-        self, folder: Path, number: int, first_ns: int | None, last_ns: int | None
+        self, folder: Path, span_number: int, first_ns: int | None, last_ns: int | None
     ) -> dict[str, ConvertedPart]:
         """Write the rows of a span: a part for each topic with rows."""
         with ExitStack() as open_files:
@@ -229,14 +229,14 @@ class RunningConversion:
             scanned = self._log.scan_many(names, self._faults, first_ns, last_ns)
             for topic, rows in scanned:
                 if topic not in writers:
-                    file = self._name_part(topic, number)
+                    file = self._name_part(topic, span_number)
                     writer = PartWriter(folder, file, self._schemas[topic])
                     writers[topic] = open_files.enter_context(writer)
                 writers[topic].write(rows)
             return {topic: writer.close() for topic, writer in sorted(writers.items())}
 
-    def _name_part(self, topic: str, number: int) -> str:
-        return f"{self._folders[topic]}/part-{number:05}.parquet"
+    def _name_part(self, topic: str, span_number: int) -> str:
+        return f"{self._folders[topic]}/part-{span_number:05}.parquet"
 
     def _is_complete(self, done: Sequence[_Parts]) -> bool:
         """Whether the rows written match the messages that the index lists."""

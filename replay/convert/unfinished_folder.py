@@ -152,10 +152,10 @@ class UnfinishedFolder:
             done.append(span)
         return done
 
-    def add_finished_part(self, number: int, parts: dict[str, ConvertedPart]) -> DoneSpan:
+    def add_finished_part(self, span_number: int, parts: dict[str, ConvertedPart]) -> DoneSpan:
         """Record that a span is complete."""
         span = DoneSpan(parts=parts)
-        write_file_whole(self.path / _name_record(number), span.model_dump_json(indent=1))
+        write_file_whole(self.path / _name_record(span_number), span.model_dump_json(indent=1))
         return span
 
     def clear(self) -> None:
@@ -207,8 +207,8 @@ def write_file_whole(path: Path, text: str) -> None:
     partial.replace(path)
 
 
-def _name_record(number: int) -> str:
-    return f"span-{number:05}.json"
+def _name_record(span_number: int) -> str:
+    return f"span-{span_number:05}.json"
 
 
 def load_json(path: Path, model: type[_Model]) -> _Model | None:

@@ -17,7 +17,7 @@ from analysis.calibration.campaign.by_method import (
     calibration_frame,
     method_rows,
 )
-from analysis.calibration.campaign.campaign_readings import average_readings_by_run
+from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
 from analysis.calibration.campaign.method_errors import rms_errors
 from analysis.model.answer import JOINT, Answer, answer
 from analysis.simulation import Scenario
@@ -226,7 +226,7 @@ def replay_campaign(
     with ExitStack() as stack:
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         replayed = run(opened, machine, on_stage)
-    calibration = calibrate_methods(average_readings_by_run(replayed, true_trials(logs)))
+    calibration = calibrate_methods(masses_by_method_and_run(replayed, true_trials(logs)))
     frames = {**replayed.frames, "calibration": calibration}
     return replace(replayed, frames=frames).with_fingerprint()
 

@@ -51,12 +51,12 @@ class ExplainRequest:
 
 
 def explain_run(
-    asked: ExplainRequest, on_stage: Callable[[str], None] = lambda _: None
+    request: ExplainRequest, on_stage: Callable[[str], None] = lambda _: None
 ) -> "tuple[Explanation, MendedMachine | None]":
     """Explain a recording or a log; optionally draw it and write a corrected machine file.
 
     Args:
-        asked: the request.
+        request: the request.
         on_stage: called with each stage of the replays when it begins.
 
     Returns:
@@ -66,86 +66,86 @@ def explain_run(
     Raises:
         PayscopeError: the input is wrong; nothing has been written then.
     """
-    _check_request(asked)
-    whole = frames_to_explain(asked, on_stage)
-    _check_moment(asked, whole)
-    explained = explain(whole, asked.at_s)
-    if asked.picture is not None:
+    _check_request(request)
+    whole = frames_to_explain(request, on_stage)
+    _check_moment(request, whole)
+    explained = explain(whole, request.at_s)
+    if request.picture is not None:
         from recordings.explain.explanation_picture import plot_explanation
 
-        plot_explanation(whole, explained, asked.picture, force=asked.force)
-    if asked.mended_file is None or asked.machine_file is None:
+        plot_explanation(whole, explained, request.picture, force=request.force)
+    if request.mended_file is None or request.machine_file is None:
         return explained, None
     from replay.explain.try_proposals import MachineText, mend_machine_file
 
-    source = MachineText(asked.machine_file, asked.overrides)
-    output = (asked.mended_file, asked.force)
-    return explained, mend_machine_file(asked.path, source, whole, output, on_stage)
+    source = MachineText(request.machine_file, request.overrides)
+    output = (request.mended_file, request.force)
+    return explained, mend_machine_file(request.path, source, whole, output, on_stage)
 
 
-def _check_request(asked: ExplainRequest) -> None:
-    if asked.at_s is not None and not math.isfinite(asked.at_s):
-        raise RecordingError(f"--at {asked.at_s}: is not a time; name seconds since the start")
-    if asked.machine_file is None and asked.path.suffix != SUFFIX:
+def _check_request(request: ExplainRequest) -> None:
+    if request.at_s is not None and not math.isfinite(request.at_s):
+        raise RecordingError(f"--at {request.at_s}: is not a time; name seconds since the start")
+    if request.machine_file is None and request.path.suffix != SUFFIX:
         raise MachineError(
-            f"{asked.path}: is not a recording ({SUFFIX}); to replay a log, name its machine file "
-            "with -m"
+            f"{request.path}: is not a recording ({SUFFIX}); to replay a log, name its machine "
+            "file with -m"
         )
-    inputs = [asked.path, *([asked.machine_file] if asked.machine_file else [])]
-    if asked.picture is not None:
-        refuse_input_as_output(asked.picture, inputs)
-        check_picture(asked.picture, force=asked.force)
-    if asked.mended_file is not None:
-        if asked.machine_file is None:
+    inputs = [request.path, *([request.machine_file] if request.machine_file else [])]
+    if request.picture is not None:
+        refuse_input_as_output(request.picture, inputs)
+        check_picture(request.picture, force=request.force)
+    if request.mended_file is not None:
+        if request.machine_file is None:
             raise MachineError(
-                f"{asked.mended_file}: --apply corrects a machine file; name that file with -m"
+                f"{request.mended_file}: --apply corrects a machine file; name that file with -m"
             )
-        refuse_input_as_output(asked.mended_file, inputs)
-        require_writable_output(asked.mended_file, force=asked.force)
+        refuse_input_as_output(request.mended_file, inputs)
+        require_writable_output(request.mended_file, force=request.force)
 
 
-def _check_moment(asked: ExplainRequest, run: Run) -> None:
+def _check_moment(request: ExplainRequest, run: Run) -> None:
     gate = run.frames.get("gate")
-    if asked.at_s is None or gate is None or gate.is_empty():
+    if request.at_s is None or gate is None or gate.is_empty():
         return
     first_s, last_s = (round(int(gate["t_ns"][place]) / 1e9, 1) for place in (0, -1))
-    if not first_s <= round(asked.at_s, 1) <= last_s:
+    if not first_s <= round(request.at_s, 1) <= last_s:
         raise RecordingError(
-            f"{asked.path}: has no data at {asked.at_s:g} s; it has {first_s:g} to {last_s:g} s"
+            f"{request.path}: has no data at {request.at_s:g} s; it has {first_s:g} to {last_s:g} s"
         )
 
 
-def frames_to_explain(asked: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
+def frames_to_explain(request: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
     """The frames to explain, from the recording or from a replay."""
-    if asked.machine_file is None:
-        with open_recording(asked.path) as held:
-            return read_explained_frames(held, pictured=asked.picture is not None)
-    machine = load_machine(asked.machine_file, asked.overrides)
-    if asked.path.suffix == SUFFIX and asked.path.is_file():
-        with open_recording(asked.path) as held:
+    if request.machine_file is None:
+        with open_recording(request.path) as held:
+            return read_explained_frames(held, pictured=request.picture is not None)
+    machine = load_machine(request.machine_file, request.overrides)
+    if request.path.suffix == SUFFIX and request.path.is_file():
+        with open_recording(request.path) as held:
             if "findings" in held.stages and not _is_other_machine(held, machine):
-                return read_explained_frames(held, pictured=asked.picture is not None)
+                return read_explained_frames(held, pictured=request.picture is not None)
     # a recording is explained without what replays a log
     from replay.pipeline import run
 
-    with open_log(asked.path, time=time_axis(machine)) as log:
+    with open_log(request.path, time=time_axis(machine)) as log:
         try:
             return run(log, machine, on_stage)
         except DataError as error:
-            raise DataError(f"{asked.path} with {asked.machine_file}: {error}") from None
+            raise DataError(f"{request.path} with {request.machine_file}: {error}") from None
 
 
-def _is_other_machine(held: OpenRecording, machine: Machine) -> bool:
-    about = held.provenance
+def _is_other_machine(recording: OpenRecording, machine: Machine) -> bool:
+    about = recording.provenance
     recorded = Machine.model_validate({**about.machine, "settings": about.settings})
     return bool(changed_settings(recorded, machine))
 
 
-def read_explained_frames(held: OpenRecording, *, pictured: bool) -> Run:
+def read_explained_frames(recording: OpenRecording, *, pictured: bool) -> Run:
     """Read the frames needed for an explanation or a picture."""
-    held.refuse_without_stages()
+    recording.refuse_without_stages()
     wanted: dict[str, Sequence[str]] = {}
-    for name, columns in held.stages.items():
+    for name, columns in recording.stages.items():
         if name in SMALL:
             wanted[name] = columns
         elif name in COLUMNS:
@@ -153,14 +153,14 @@ def read_explained_frames(held: OpenRecording, *, pictured: bool) -> Run:
             wanted[name] = [column for column in columns if column in kept]
         elif pictured and name in _RECURSIVE:
             wanted[name] = [column for column in columns if column in _SETTLING]
-    frames = {name: held.read(name, columns) for name, columns in wanted.items()}
+    frames = {name: recording.read(name, columns) for name, columns in wanted.items()}
     # what a recovered recording has lost must not pass for what its log does not show
-    lost = [each for each in held.manifest.frames if each.name in frames]
+    lost = [each for each in recording.manifest.frames if each.name in frames]
     lost = [each for each in lost if frames[each.name].height != each.rows]
     if lost:
         more = f" (and {len(lost) - 1} more stages miss rows)" if len(lost) > 1 else ""
         raise RecordingError(
-            f"{held.path}: is incomplete: '{lost[0].name}' has {frames[lost[0].name].height} of "
-            f"{lost[0].rows} rows{more}; replay the log"
+            f"{recording.path}: is incomplete: '{lost[0].name}' has "
+            f"{frames[lost[0].name].height} of {lost[0].rows} rows{more}; replay the log"
         )
-    return Run(frames, held.provenance)
+    return Run(frames, recording.provenance)

@@ -156,18 +156,18 @@ def _find_middle_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
     return begin_ns + round(middle * (end_ns - begin_ns))
 
 
-def failed_checks(said: Answer) -> set[str]:
+def failed_checks(answer: Answer) -> set[str]:
     """Failed checks of the mass that have a consequence."""
     costs = ("withhold", "widen")
     return {
         each.check
-        for each in said.verdict.checks
+        for each in answer.verdict.checks
         if each.about == "mass" and each.passed is False and each.consequence in costs
     }
 
 
-def _find_lightest_load(said: Answer) -> tuple[float, float] | None:
-    known = [(row["mass_kg"], row["u_kg"]) for row in said.loads if row["mass_kg"] is not None]
+def _find_lightest_load(answer: Answer) -> tuple[float, float] | None:
+    known = [(row["mass_kg"], row["u_kg"]) for row in answer.loads if row["mass_kg"] is not None]
     return min(known, default=None)
 
 
@@ -200,6 +200,8 @@ def is_change_as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:
     return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= _COVERAGE * u_kg
 
 
-def _best_load_u_kg(said: Answer) -> float:
+def _best_load_u_kg(answer: Answer) -> float:
     """Standard uncertainty of the best-known load."""
-    return min((load["u_kg"] for load in said.loads if load["u_kg"] is not None), default=math.inf)
+    return min(
+        (load["u_kg"] for load in answer.loads if load["u_kg"] is not None), default=math.inf
+    )

@@ -8,7 +8,7 @@ from typing import Any
 
 from analysis.explain import Finding
 from estimators.errors import MachineError, one_line
-from recordings.report.finding_text import cause_name, mass_change_text
+from recordings.report.finding_text import cause_name, mass_change_if_fixed_text
 from replay.machines.old_names import BothNamesError, migrate_text
 
 
@@ -42,7 +42,9 @@ def proposals_of_finding(finding: Finding) -> tuple[Proposal, ...]:
     if len(keys) != len(values):
         return ()
     said = "; ".join(
-        filter(None, (cause_name(finding.cause), finding.evidence, mass_change_text(finding)))
+        filter(
+            None, (cause_name(finding.cause), finding.evidence, mass_change_if_fixed_text(finding))
+        )
     )
     return tuple(
         Proposal(

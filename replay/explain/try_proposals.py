@@ -224,21 +224,21 @@ def _first_proposal_of_each_cause(changes: Sequence[Proposal]) -> list[Proposal]
     return list({each.cause: each for each in reversed(changes)}.values())[::-1]
 
 
-def take_back_needless(tried: Progress, replays: Replays) -> None:
+def take_back_needless(progress: Progress, replays: Replays) -> None:
     """Reject proposals accepted while the mass was withheld that turn out unnecessary."""
-    for finding in tried.while_withheld[:-1]:
-        others = [each for each in tried.changes if each.cause != finding.cause]
+    for finding in progress.while_withheld[:-1]:
+        others = [each for each in progress.changes if each.cause != finding.cause]
         try:
             without = replays.run(others)
         except (DataError, MachineError):
             continue
         shown = {each.cause for each in findings_of_run(without)}
         if answer(without).verdict.can_weigh and finding.cause not in shown:
-            own = next(each for each in tried.changes if each.cause == finding.cause)
-            tried.taken_back.append(
+            own = next(each for each in progress.changes if each.cause == finding.cause)
+            progress.taken_back.append(
                 RejectedProposal(own, "the correction does not improve the mass")
             )
-            tried.changes, tried.run = others, without
+            progress.changes, progress.run = others, without
 
 
 def _read_machine_text(file: Path) -> str:
@@ -248,24 +248,24 @@ def _read_machine_text(file: Path) -> str:
         raise MachineError(f"{file}: cannot be read ({error})") from None
 
 
-def _find_next_proposal(tried: Progress) -> Finding | None:
+def _find_next_proposal(progress: Progress) -> Finding | None:
     """Most likely untried cause with a proposal that no remaining cause explains."""
     return next(
-        (each for each in list_untried(tried) if each.cause not in list_masked(tried)), None
+        (each for each in list_untried(progress) if each.cause not in list_masked(progress)), None
     )
 
 
-def list_untried(tried: Progress) -> list[Finding]:
+def list_untried(progress: Progress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
-    shown = findings_of_run(tried.run)
+    shown = findings_of_run(progress.run)
     return [
         each
         for each in shown
-        if _finding_key(each) not in tried.seen and proposals_of_finding(each)
+        if _finding_key(each) not in progress.seen and proposals_of_finding(each)
     ]
 
 
-def list_masked(tried: Progress) -> dict[str, str]:
+def list_masked(progress: Progress) -> dict[str, str]:
     """Causes that a remaining cause may explain, with that cause.
 
     Causes that invalidate the mass are left out, since trying them loses nothing.
@@ -273,8 +273,8 @@ def list_masked(tried: Progress) -> dict[str, str]:
     # the table brings all that looks for causes
     from analysis.findings import CAUSES
 
-    shown = findings_of_run(tried.run)
-    untried = {_finding_key(each) for each in list_untried(tried)}
+    shown = findings_of_run(progress.run)
+    untried = {_finding_key(each) for each in list_untried(progress)}
     stays = {each.cause for each in shown if _finding_key(each) not in untried}
     ranks = {each.cause: each.rank for each in reversed(shown)}
     grave = {each.cause for each in shown if each.severity == "withhold"}
@@ -294,36 +294,36 @@ def _finding_key(finding: Finding) -> tuple[str, str | None]:
     return finding.cause, finding.channel
 
 
-def try_proposal(tried: Progress, finding: Finding, replays: Replays) -> None:
+def try_proposal(progress: Progress, finding: Finding, replays: Replays) -> None:
     """Replay with a proposal, and accept or reject it."""
-    tried.seen.add(_finding_key(finding))
+    progress.seen.add(_finding_key(finding))
     changes = list(proposals_of_finding(finding))
     try:
-        replayed = replays.run([*tried.changes, *changes])
-        why = ProposalTrial(finding, tried.run, replayed).find_objection() or held_out_objection(
+        replayed = replays.run([*progress.changes, *changes])
+        why = ProposalTrial(finding, progress.run, replayed).find_objection() or held_out_objection(
             finding,
-            tried.run,
+            progress.run,
             replays.span_ns,
-            lambda more, stretch: replays.run([*tried.changes, *more], stretch),
+            lambda more, stretch: replays.run([*progress.changes, *more], stretch),
         )
     except (DataError, MachineError) as error:
         why = str(error)
     else:
         if not why:
             if not answer(replayed).verdict.can_weigh:
-                tried.while_withheld.append(finding)
-            tried.run = replayed
-            tried.changes += changes
+                progress.while_withheld.append(finding)
+            progress.run = replayed
+            progress.changes += changes
             return
-    tried.taken_back.append(RejectedProposal(changes[0], why))
+    progress.taken_back.append(RejectedProposal(changes[0], why))
 
 
-def _mended_machine(path: Path | None, tried: Progress, before: Run) -> MendedMachine:
+def _mended_machine(path: Path | None, progress: Progress, before: Run) -> MendedMachine:
     return MendedMachine(
         path,
-        tuple(tried.changes),
-        tuple(tried.taken_back),
+        tuple(progress.changes),
+        tuple(progress.taken_back),
         answer(before),
-        answer(tried.run),
-        findings_of_run(tried.run),
+        answer(progress.run),
+        findings_of_run(progress.run),
     )

@@ -88,11 +88,14 @@ class OtherSettings:
             raise FleetError(f"{log}: the last run has no machine '{machine}'; run the fleet again")
         files = self.last.machines[machine].files
         overrides = (*files.overrides, *self.overrides)
-        return _setups_of_machine(machine, NamedFiles(files.file, overrides, files.calibrations))
+        return _lenient_machine_setups(
+            machine, NamedFiles(files.file, overrides, files.calibrations)
+        )
 
 
 @cache
-def _setups_of_machine(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+def _lenient_machine_setups(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+    """Setups of a machine without evidence of other settings, read once."""
     return machine_setups(machine, files, lenient=True)
 
 
@@ -115,7 +118,7 @@ def replay_with_settings(
     overrides: Sequence[str],
     days: DayRange,
     engine: Callable[[], AbstractContextManager[Engine]],
-    told: RunCallbacks,
+    callbacks: RunCallbacks,
 ) -> tuple[FleetResults, FleetRun, int]:
     """Replay logs under other settings, each once, and keep the results separately.
 
@@ -124,7 +127,7 @@ def replay_with_settings(
         overrides: `key=value` for every machine file.
         days: range of days of the logs.
         engine: opens an engine.
-        told: callbacks of the run.
+        callbacks: callbacks of the run.
 
     Returns:
         New results, summary of the run, and number of logs that no longer exist.
@@ -149,6 +152,6 @@ def replay_with_settings(
     plan = OtherSettings(results.last_run, tuple(overrides), machines)
     digest = hashlib.sha256("\n".join(overrides).encode()).hexdigest()[:_DIGITS]
     place = results.store.full_name(f"{WHAT_IF}/{digest}")
-    told.logs(logs)
-    did = fleet_run(logs, plan, place, engine, told.done, told.engine)
+    callbacks.logs(logs)
+    did = fleet_run(logs, plan, place, engine, callbacks.done, callbacks.engine)
     return fleet_results(place), did, gone

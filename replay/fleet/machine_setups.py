@@ -111,7 +111,7 @@ def setup_of_day(setups: Sequence[MachineSetup], day: dt.date | None) -> Machine
 
 
 def _make_setup(
-    name: str, files: NamedFiles, machine: Machine, by: MachineCalibration | None
+    name: str, files: NamedFiles, machine: Machine, calibration: MachineCalibration | None
 ) -> MachineSetup:
     whole = {
         "format": FORMAT,
@@ -119,17 +119,17 @@ def _make_setup(
         "name": name,
         "machine": resolve_machine(machine),
         "settings": machine.settings.model_dump(mode="json"),
-        "calibration": "" if by is None else by.document.id,
+        "calibration": "" if calibration is None else calibration.document.id,
         "versions": package_versions(),
     }
     basis = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
-    first = dt.date.min if by is None else last_day_of_campaign(by)
-    return MachineSetup(name, files, machine, by, first, basis)
+    first = dt.date.min if calibration is None else last_day_of_campaign(calibration)
+    return MachineSetup(name, files, machine, calibration, first, basis)
 
 
-def last_day_of_campaign(by: MachineCalibration) -> dt.date:
+def last_day_of_campaign(calibration: MachineCalibration) -> dt.date:
     """Last day of the campaign, from which its line applies."""
-    return max(run.day for run in by.document.campaign.runs)
+    return max(run.day for run in calibration.document.campaign.runs)
 
 
 def _is_mass_check(folder: Path) -> bool:

@@ -207,8 +207,8 @@ class _ResultInTransit:
         recorded = not self._task.recording or store.has_object(self._name.recording)
         return recorded and store.has_object(self._name.table_object_name(MARK))
 
-    def write(self, store: Store, made: Run | None, row: dict[str, object]) -> None:
-        """Write the result; `made` is None for a refused log."""
+    def write(self, store: Store, run: Run | None, row: dict[str, object]) -> None:
+        """Write the result; `run` is None for a refused log."""
         log, setup = self._task.log, self._setup
         whole: dict[str, object] = {
             "source": log.source,
@@ -221,16 +221,16 @@ class _ResultInTransit:
             "made_unix_ns": time.time_ns(),
             **row,
         }
-        if made is None:
+        if run is None:
             write_result(store, self._name, None, {}, whole)
             return
         if self._task.recording:
             with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
                 recording = Path(folder) / "recording.rrd"
-                write_recording(made, recording)
+                write_recording(run, recording)
                 store.write_file(self._name.recording, recording)
-        frames, said = tables_of_replay(made, setup)
-        t0_unix_ns = made.provenance.t0_unix_ns
+        frames, said = tables_of_replay(run, setup)
+        t0_unix_ns = run.provenance.t0_unix_ns
         write_result(store, self._name, t0_unix_ns, frames, {**whole, **said})
 
 
@@ -256,10 +256,10 @@ def replay_log(log: Log, setup: MachineSetup, source: str) -> Run:
 
 
 def tables_of_replay(
-    made: Run, setup: MachineSetup
+    run: Run, setup: MachineSetup
 ) -> tuple[dict[str, pl.DataFrame], dict[str, object]]:
     """Tables of a run, and its row of `results`."""
-    state = take_review_state(made, "", "", {})
+    state = take_review_state(run, "", "", {})
     shares = pl.DataFrame(
         {"reason": list(state.gate_shares), "share_1": list(state.gate_shares.values())},
         schema={column.name: column.dtype for column in GATE_SHARES.columns},
@@ -269,13 +269,13 @@ def tables_of_replay(
         schema={column.name: column.dtype for column in QUALITY.columns},
     )
     gaps = sorted(state.gaps_s, key=lambda gap: gap[0] - gap[1])
-    against = "" if setup.by is None else contradicted_priors(made.frames["nuisances"])
+    against = "" if setup.by is None else contradicted_priors(run.frames["nuisances"])
     said = {
-        **result_row(made),
+        **result_row(run),
         "longest_gap_at_s": gaps[0][0] if gaps else None,
         "not_calibrated_for": against,
     }
-    return tables_of_run(made, {"gate_shares": shares, "quality": quality}), said
+    return tables_of_run(run, {"gate_shares": shares, "quality": quality}), said
 
 
 @contextmanager

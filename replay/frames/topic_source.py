@@ -141,12 +141,12 @@ class TopicSource:
         return True
 
     def _frames_of_log(
-        self, path: Path, needed: list[str], within: TimeRange
+        self, path: Path, needed: list[str], time_range: TimeRange
     ) -> Iterator[pl.DataFrame]:
         log = opened_log(path, self._time)
         told = len(self.losses)
         try:
-            yield from self._iter_rows_of_log(log, needed, within)
+            yield from self._iter_rows_of_log(log, needed, time_range)
         finally:
             self.losses += [loss for loss in log.losses() if loss not in self.losses]
             # that another topic cannot be decoded is no news to who reads this one
@@ -154,7 +154,7 @@ class TopicSource:
             _warn_of_losses(path, mine)
 
     def _iter_rows_of_log(
-        self, log: Log, needed: list[str], within: TimeRange
+        self, log: Log, needed: list[str], time_range: TimeRange
     ) -> Iterator[pl.DataFrame]:
         shape, own = self._shape, [name for name in needed if name != self._source]
         if not self._has_topic(log):
@@ -173,8 +173,8 @@ class TopicSource:
                     "separately, or select other fields"
                 )
         bounds = (
-            None if within.first_ns == FIRST_NS else within.first_ns,
-            None if within.last_ns == LAST_NS else within.last_ns,
+            None if time_range.first_ns == FIRST_NS else time_range.first_ns,
+            None if time_range.last_ns == LAST_NS else time_range.last_ns,
         )
         there = [name for name in fields if name in known]
         for read in log.scan(self.topic, there, *bounds):

@@ -45,7 +45,7 @@ def lines_from_replay(log: Log, text: str) -> list[str]:
         it; priors are comments, empty if the log adds nothing to the defaults.
     """
     replayed = _replay_draft(log, text)
-    braking = [] if replayed is None else _propose_braking_stage(replayed)
+    braking = [] if replayed is None else _propose_keeping_braking(replayed)
     if braking:
         tried = _replay_draft(log, "\n".join([text, *braking]))
         if tried is not None and _can_weigh(tried):
@@ -64,8 +64,8 @@ def _can_weigh(replayed: Run) -> bool:
     return Verdict.of(replayed.frames["verdict"]).can_weigh
 
 
-def _propose_braking_stage(replayed: Run) -> list[str]:
-    """Lines that enable braking, if a finding shows that the force includes it."""
+def _propose_keeping_braking(replayed: Run) -> list[str]:
+    """Lines that keep samples with braking, if a finding shows that the force includes it."""
     found = replayed.frames["findings"].filter(pl.col("setting") == _EXCLUDE)
     if found.is_empty() or found["value"][0] != "false":
         return []

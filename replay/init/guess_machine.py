@@ -181,10 +181,10 @@ def _make_log_lines(time: TimeAxis) -> list[str]:
     return [f"{key} = {toml_value(value)}" for key, value in keys.items() if value is not None]
 
 
-def _guess_from_recognised(told: Recognition) -> list[Guess]:
+def _guess_from_recognised(recognition: Recognition) -> list[Guess]:
     return [
         Guess(each.column, each.topic, each.field, each.unit, each.reason)
-        for each in told.channels
+        for each in recognition.channels
         if each.field and not each.is_comment
     ]
 

@@ -128,16 +128,18 @@ class ConvertedTopics:
             values = _widen(values, self.schema[whole])
         return values.alias(name)
 
-    def _make_element_index(self, name: str, elements: Sequence[str], number: int) -> pl.Expr:
+    def _make_element_index(
+        self, name: str, elements: Sequence[str], element_position: int
+    ) -> pl.Expr:
         """Index of a list element, given directly or by its name in the list `name`."""
-        element = elements[number]
+        element = elements[element_position]
         if element.isascii() and element.isdigit():
             index = int(element) if len(element) <= _MOST_DIGITS else 10**_MOST_DIGITS
-            length = self._fixed_length(name, number)
+            length = self._fixed_length(name, element_position)
             if length is not None and index >= length:
                 raise ConvertedFieldError(f"'{name}' is out of range; it has {length} elements")
             return pl.lit(index)
-        before = name[: [m.start() for m in _ELEMENT.finditer(name)][number]]
+        before = name[: [m.start() for m in _ELEMENT.finditer(name)][element_position]]
         parent = before.rpartition(".")[0]
         names = f"{parent}.name[]".lstrip(".")
         whole = _ELEMENT.sub("[]", names)
@@ -146,14 +148,14 @@ class ConvertedTopics:
                 f"'{name}' picks by name, but there is no list '{names}'; use an index"
             )
         there = pl.col(whole)
-        for outer in elements[:number]:
+        for outer in elements[:element_position]:
             there = there.list.get(int(outer), null_on_oob=True)
         first = there.list.eval(pl.element() == element).list
         return pl.when(first.any()).then(first.arg_max())
 
-    def _fixed_length(self, name: str, number: int) -> int | None:
+    def _fixed_length(self, name: str, element_position: int) -> int | None:
         lengths = self.leaf_fields_by_name[_ELEMENT.sub("[]", name)].lengths
-        return lengths[number] if number < len(lengths) else None
+        return lengths[element_position] if element_position < len(lengths) else None
 
 
 class ConvertedLog(Log):

@@ -121,20 +121,24 @@ class TableLog(Log):
         copies.callback(columns.close)
         return columns
 
-    def _find_times(self, given: TimeAxis | None) -> list[tuple[TableTimes, list[str]]]:
+    def _find_times(self, time_axis: TimeAxis | None) -> list[tuple[TableTimes, list[str]]]:
         columns = self._columns.names
-        if given is not None and given.unit not in (None, *NS_PER_UNIT):
+        if time_axis is not None and time_axis.unit not in (None, *NS_PER_UNIT):
             raise LogError(
-                f"{self.path}: no unit of time '{given.unit}'; use {', '.join(NS_PER_UNIT)}"
+                f"{self.path}: no unit of time '{time_axis.unit}'; use {', '.join(NS_PER_UNIT)}"
             )
-        if given is not None and given.column is not None and given.column not in columns:
-            meant = nearest(given.column, columns)
+        if (
+            time_axis is not None
+            and time_axis.column is not None
+            and time_axis.column not in columns
+        ):
+            meant = nearest(time_axis.column, columns)
             raise LogError(
-                f"{self.path}: no column '{given.column}' for the time; "
+                f"{self.path}: no column '{time_axis.column}' for the time; "
                 f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
             )
         try:
-            found = find_times(self._columns.columns, self._columns.first_text_cells, given)
+            found = find_times(self._columns.columns, self._columns.first_text_cells, time_axis)
         except DialectError as error:
             raise LogError(f"{self.path}: {error} {_WHERE}") from error
         if found is None:

@@ -141,9 +141,9 @@ def open_list(path: Path) -> Generator[OpenList]:
         os.close(number)
 
 
-def _read_all(number: int, size: int) -> bytes:
+def _read_all(descriptor: int, size: int) -> bytes:
     parts: list[bytes] = []
-    while size > 0 and (part := os.read(number, size)):
+    while size > 0 and (part := os.read(descriptor, size)):
         parts.append(part)
         size -= len(part)
     return b"".join(parts)

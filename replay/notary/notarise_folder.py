@@ -146,9 +146,9 @@ def notarise_folder(
         )
 
 
-def begin_list(held: OpenList, key: SigningKey, machine_id: str) -> list[str]:
+def begin_list(open_list: OpenList, key: SigningKey, machine_id: str) -> list[str]:
     """Begin a new list, or check that an existing one has this key and machine; return notes."""
-    if not held.lines:
+    if not open_list.lines:
         head = NotaryHead(
             format=FORMAT,
             counter=0,
@@ -157,19 +157,19 @@ def begin_list(held: OpenList, key: SigningKey, machine_id: str) -> list[str]:
             nonce=secrets.token_hex(32),
             begun=_format_now(),
         )
-        held.append(signed_line(head, key))
+        open_list.append(signed_line(head, key))
         return [] if machine_id else ["the list names no machine; name it with --machine-id"]
-    head = held.lines[0].content
+    head = open_list.lines[0].content
     assert isinstance(head, NotaryHead)
-    if head.public_key != key.public.text or not held.lines[-1].is_signed_by(key.public):
+    if head.public_key != key.public.text or not open_list.lines[-1].is_signed_by(key.public):
         raise EvidenceError(
-            f"{held.path}: is signed with another key than {key.public.key_id[:12]}…; "
+            f"{open_list.path}: is signed with another key than {key.public.key_id[:12]}…; "
             "a list has one key: start another list with --list"
         )
     if machine_id and head.machine_id != machine_id:
         raise EvidenceError(
-            f"{held.path}: is of machine '{head.machine_id}', not of '{machine_id}'; name the list "
-            "of that machine with --list"
+            f"{open_list.path}: is of machine '{head.machine_id}', not of '{machine_id}'; name the "
+            "list of that machine with --list"
         )
     return []
 
@@ -215,7 +215,9 @@ def _is_same(entry: NotaryEntry, log: FoundLog) -> bool:
     return {f.name: (f.size_bytes, f.modified_us) for f in entry.files} == dict(log.files)
 
 
-def make_entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> NotaryEntry | None:
+def make_entry(
+    open_list: OpenList, log: FoundLog, before: NotaryEntry | None
+) -> NotaryEntry | None:
     """Line of the list for a log; None if the log changes meanwhile."""
     inside = log.path if log.path.is_dir() else log.path.parent
     try:
@@ -225,10 +227,10 @@ def make_entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> Not
     begins, ends, machine = _describe_log(log.path)
     if any(size_and_time(inside / name) != about for name, about in log.files.items()):
         return None
-    last = held.lines[-1]
+    last = open_list.lines[-1]
     return NotaryEntry(
         counter=last.content.counter + 1,
-        head=held.lines[0].digest,
+        head=open_list.lines[0].digest,
         previous=last.digest,
         log=log.name,
         files=tuple(
@@ -268,9 +270,9 @@ def _format_now() -> str:
     return _format_stamp(time.time_ns())
 
 
-def _clock_notes(held: OpenList, entry: NotaryEntry) -> Iterator[str]:
+def _clock_notes(open_list: OpenList, entry: NotaryEntry) -> Iterator[str]:
     """Notes on a wrong clock; the log is listed anyway, and `verify` reports it."""
-    last = held.lines[-1].content
+    last = open_list.lines[-1].content
     if isinstance(last, NotaryEntry) and entry.listed < last.listed:
         yield (
             f"number {entry.counter}: the clock was set back: number {last.counter} was listed "

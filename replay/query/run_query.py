@@ -37,17 +37,17 @@ class Query:
     named: NamedTables
     rows: pl.LazyFrame
 
-    def collect(self, apart_s: float | None = None) -> pl.DataFrame:
-        """Compute the rows; with `apart_s`, group rows at most that far apart into moments.
+    def collect(self, join_within_s: float | None = None) -> pl.DataFrame:
+        """Compute the rows; with `join_within_s`, group rows at most that far apart into moments.
 
         Raises:
             PayscopeError: a log cannot be read, or rows cannot be computed.
         """
         with self._raise_query_errors():
             rows = self.rows.collect(engine="streaming")
-        if apart_s is None:
+        if join_within_s is None:
             return rows
-        return join_moments(rows, apart_s, self.named.recordings, self.named.fleet)
+        return join_moments(rows, join_within_s, self.named.recordings, self.named.fleet)
 
     def write(self, path: Path, file_format: str, *, force: bool) -> None:
         """Write the rows to a file as they are computed, in bounded memory.
@@ -113,13 +113,13 @@ def query_tables(sources: Sequence[str], sql: str, time: TimeAxis | None = None)
 
 
 def join_moments(
-    rows: pl.DataFrame, apart_s: float, recordings: Sequence[Path], fleet: str | None
+    rows: pl.DataFrame, join_within_s: float, recordings: Sequence[Path], fleet: str | None
 ) -> pl.DataFrame:
     """Group rows that are close in time into moments.
 
     Args:
         rows: rows with `at_s` or `log_time`; rows of several recordings with `source` or `key`.
-        apart_s: largest distance in seconds between rows of one moment.
+        join_within_s: largest distance in seconds between rows of one moment.
         recordings: queried recordings.
         fleet: queried results of a fleet, if any.
 
@@ -138,7 +138,9 @@ def join_moments(
         )
     by = [name for name in (SOURCE, _KEY) if name in rows.columns]
     begin, end = ("from_s", "to_s") if time == AT_S else ("from", "to")
-    apart: Any = apart_s if time == AT_S else pl.duration(microseconds=round(apart_s * 1e6))
+    apart: Any = (
+        join_within_s if time == AT_S else pl.duration(microseconds=round(join_within_s * 1e6))
+    )
     is_new = (pl.col(time).diff() > apart).fill_null(value=False).cum_sum()
     number = is_new.over(by) if by else is_new
     found = (

@@ -56,7 +56,7 @@ def topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
     for row in log.topics().sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
             continue
-        fields = list(_iter_field_paths(log, row))
+        fields = list(_iter_imported_field_paths(log, row))
         if not fields:
             continue
         try:
@@ -67,9 +67,9 @@ def topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
         yield row["topic"], placed[row["topic"]]
 
 
-def _iter_field_paths(log: Log, row: dict[str, object]) -> Iterator[str]:
-    """Yield the paths of leaf fields and list elements, by name if the message has names."""
-    fields, topic = row["fields"], str(row["topic"])
+def _iter_imported_field_paths(log: Log, topic_row: dict[str, object]) -> Iterator[str]:
+    """Yield the paths of the fields that are imported; list elements by name, if they have one."""
+    fields, topic = topic_row["fields"], str(topic_row["topic"])
     assert isinstance(fields, list)
     for field in map(str, fields):
         if any(part in field for part in _LEFT_OUT):
@@ -77,7 +77,9 @@ def _iter_field_paths(log: Log, row: dict[str, object]) -> Iterator[str]:
         if "[]" not in field:
             yield field
         elif field.endswith("[]") and field.count("[]") == 1 and not field.endswith("name[]"):
-            yield from _element_paths(log, topic, field.removesuffix("[]"), fields, row["start_ns"])
+            yield from _element_paths(
+                log, topic, field.removesuffix("[]"), fields, topic_row["start_ns"]
+            )
 
 
 def _element_paths(

@@ -57,7 +57,7 @@ class RecordedStage:
         declared: Frame = FRAMES[self.name.partition("/")[0]]
         return declared.time_column
 
-    def calibrate_loads(self, asked: "CalibrationRequest") -> Self:
+    def calibrate_loads(self, request: "CalibrationRequest") -> Self:
         """Loads with calibrated masses.
 
         Raises:
@@ -73,7 +73,7 @@ class RecordedStage:
 
         about, there = read_provenance(self.recording), stage_columns(self.recording)
         frames = {name: read_frame(self.recording, name) for name in NEEDED if name in there}
-        return replace(self, rows=calibrated_frame(frames, about, asked, self.recording))
+        return replace(self, rows=calibrated_frame(frames, about, request, self.recording))
 
     def select_rows_between(self, start_s: float | None, end_s: float | None) -> Self:
         """Rows between two seconds of the run, both included.

@@ -178,13 +178,13 @@ def is_review(folder: Path) -> bool:
     return read_state(folder) is not None and (folder / PARQUET).is_file()
 
 
-def recount_review(folder: Path, given: GivenVerdicts) -> ShiftReview:
+def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
     """Add verdicts to a review's file, and rewrite its ledger and page.
 
     Raises:
         ReviewError: no review is there, it is of another version, or a cycle is not there.
     """
-    given.check()
+    verdicts.check()
     state = read_state(folder)
     if state is None:
         raise ReviewError(
@@ -205,7 +205,7 @@ def recount_review(folder: Path, given: GivenVerdicts) -> ShiftReview:
                 f"{folder}: its loads cannot be recounted ({error}); review its logs again"
             ) from None
         before = read_verdict_text(folder)
-        added = given.list_changes_to(parse_verdicts(before, folder), rows, state, folder)
+        added = verdicts.list_changes_to(parse_verdicts(before, folder), rows, state, folder)
         # what a person wrote stays as it is
         text = "\n".join(filter(None, (before and f"{before.rstrip()}\n", verdict_toml(added))))
         shift = ShiftCount.from_cycles(cycles, summary, state.t0_unix_ns, text, folder)

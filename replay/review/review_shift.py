@@ -204,16 +204,16 @@ def _replay_opened_shift(
     )
 
 
-def warn_of_mixed_machines(made: Run, opened: list[Log], machine: Machine) -> str:
+def warn_of_mixed_machines(run: Run, opened: list[Log], machine: Machine) -> str:
     """Warning that the logs may be of two machines; empty if nothing indicates it."""
-    begins = begin_of_each_log_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
-    found = find_empty_mass_jump(made.frames["manoeuvres"], list(begins.values()))
+    begins = begin_of_each_log_ns(opened, channel_fields(machine), run.provenance.t0_unix_ns)
+    found = find_empty_mass_jump(run.frames["manoeuvres"], list(begins.values()))
     return "" if found is None else found.warning_text(list(begins)[found.log].path.name)
 
 
-def _shift_energy(made: Run, machine: Machine) -> ShiftEnergy:
+def _shift_energy(run: Run, machine: Machine) -> ShiftEnergy:
     """Energy of the shift, by the settings of its replay."""
-    frames, settings = made.frames, made.provenance.settings
+    frames, settings = run.frames, run.provenance.settings
     gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
     return compute_shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
 
@@ -233,12 +233,12 @@ def read_earlier_replay(folder: Path, before: ReviewState | None, key: str) -> R
     return ReplayedShift(cycles, shift, before.t0_unix_ns, track)
 
 
-def frames_to_keep(made: Run, *, full: bool) -> Run:
+def frames_to_keep(run: Run, *, full: bool) -> Run:
     """Frames for the recording of a shift."""
     if full:
-        return made
+        return run
     frames: dict[str, pl.DataFrame] = {}
-    for name, frame in made.frames.items():
+    for name, frame in run.frames.items():
         if name in _OF_THE_GRID:
             frames[name] = frame.gather_every(_THINNED)
         elif name == "aligned":
@@ -248,7 +248,7 @@ def frames_to_keep(made: Run, *, full: bool) -> Run:
             )
         elif name in _WHOLE:
             frames[name] = frame
-    return Run(frames, made.provenance)
+    return Run(frames, run.provenance)
 
 
 def sort_by_first_message(logs: list[Log]) -> list[Log]:
@@ -261,10 +261,10 @@ def sort_by_first_message(logs: list[Log]) -> list[Log]:
     return sorted(logs, key=begins)
 
 
-def frames_for_calibration(made: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
+def frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
     """Frames needed for calibration, from the replay or its recording."""
-    if made.run is not None:
-        return made.run.frames
+    if shift.run is not None:
+        return shift.run.frames
     there = stage_columns(folder / RECORDING)
     return {name: read_frame(folder / RECORDING, name) for name in NEEDED if name in there}
 
@@ -283,7 +283,7 @@ def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> st
 
 
 def _resolved_inputs(
-    machine: Machine, options: ReviewOptions, by: MachineCalibration | None
+    machine: Machine, options: ReviewOptions, calibration: MachineCalibration | None
 ) -> dict[str, Any]:
     return {
         **resolve_machine(machine),
@@ -291,7 +291,7 @@ def _resolved_inputs(
         "versions": package_versions(),
         "target_kg": options.target_kg,
         "decimal_comma": options.decimal_comma,
-        "calibration": "none" if by is None else f"evidence {by.document.id}",
+        "calibration": "none" if calibration is None else f"evidence {calibration.document.id}",
     }
 
 

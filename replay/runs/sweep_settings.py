@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.campaign_readings import average_readings_by_run
+from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
 from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
 from analysis.model.answer import Answer, answer
 from analysis.model.machine import LogSection, Machine
@@ -134,7 +134,7 @@ def _rms_errors_by_truth(
     replayed: Run, truth: pl.DataFrame, *, weighs: bool
 ) -> dict[str, dict[str, float | None]]:
     """Root mean square errors of the runs' masses, by name and method."""
-    estimates = average_readings_by_run(replayed, truth)
+    estimates = masses_by_method_and_run(replayed, truth)
     errors = calibrated_errors_of_runs(estimates).with_columns(
         raw_kg=pl.col("mass_kg") - pl.col("reference_kg"),
     )

@@ -10,7 +10,7 @@ from analysis.model.methods import METHODS, AxisNoise, FeedKind, MethodOptions
 from estimators.estimate import Trace
 from estimators.methods import fgls, ls, rls, rtls, tls
 from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
-from estimators.numerics.small_systems import condition_number
+from estimators.numerics.small_systems import scaled_condition_from_gram
 
 WINDOW = 40
 #: Accepted window ends: two stretches that share samples, one alone, one far away.
@@ -92,7 +92,7 @@ def repeated_steps(log, _traced, options):
         cover = weights @ correlation_matrix(fed, correlation) @ weights.T
         return np.sqrt(variance * np.maximum(cover, weights @ weights.T).diagonal())
 
-    rows = [(ends[0], state.theta, std(), rms_of(state), condition_number(gram))]
+    rows = [(ends[0], state.theta, std(), rms_of(state), scaled_condition_from_gram(gram))]
     inside = log.union
     for k in range(ends[0] + 1, log.f.size):
         if inside[k]:
@@ -100,7 +100,7 @@ def repeated_steps(log, _traced, options):
             fed.append(k)
             state = rls.step(state, log.A[k], log.f[k], options)
         if log.accepted[k]:
-            condition = condition_number(np.linalg.inv(state.P))
+            condition = scaled_condition_from_gram(np.linalg.inv(state.P))
             rows.append((k, state.theta, std(), rms_of(state), condition))
     return rows
 
@@ -140,7 +140,7 @@ def repeated_total_steps(log, _traced, options):
         if log.accepted[k]:
             x = np.append(-state.theta * scale, 1.0)
             rms = np.sqrt(x @ state.C @ x / state.weight)
-            condition = condition_number(state.C[:-1, :-1].copy())
+            condition = scaled_condition_from_gram(state.C[:-1, :-1].copy())
             rows.append((k, state.theta, rms, condition))
             new = [sample for sample in fed if owner[sample] < 0]
             residual[new], owner[new] = log.f[new] - log.A[new] @ state.theta, 0

@@ -117,13 +117,13 @@ def make_decision_rule(campaign: CalibrationCampaign, known: pl.DataFrame) -> De
 
 
 def make_calibration_options(
-    campaign: CalibrationCampaign, stated: Iterable[StatedPart]
+    campaign: CalibrationCampaign, stated_parts: Iterable[StatedPart]
 ) -> CalibrationOptions:
     """Options of the fit from a campaign file.
 
     Args:
         campaign: campaign with its method.
-        stated: components known from the replays; components in the file override them.
+        stated_parts: components known from the replays; components in the file override them.
     """
     method = campaign.method
     own = tuple(
@@ -135,7 +135,7 @@ def make_calibration_options(
         confidence_1=method.confidence_1,
         day_known_kg=method.day_known_kg,
         margin_1=method.margin_1,
-        stated=(*own, *(each for each in stated if each.component not in named)),
+        stated=(*own, *(each for each in stated_parts if each.component not in named)),
     )
 
 

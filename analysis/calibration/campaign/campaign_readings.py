@@ -159,7 +159,9 @@ def method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
         load_kg=0.0,
         mass_kg=0.0,
     )
-    masses = average_readings_by_run(replayed, trials).filter(pl.col("method") == method)["mass_kg"]
+    masses = masses_by_method_and_run(replayed, trials).filter(pl.col("method") == method)[
+        "mass_kg"
+    ]
     verdict = [row for row in replayed.frames["loads"].to_dicts() if row["withheld"]]
     withheld = f"this log cannot weigh: {verdict[0]['withheld_for']}" if verdict else ""
     stated = replayed.frames[f"estimates/{method}"].drop_nulls("mass_std_kg")
@@ -221,7 +223,7 @@ def differences_from_empty(found: pl.DataFrame) -> pl.DataFrame:
     return pl.concat(parts)
 
 
-def average_readings_by_run(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
+def masses_by_method_and_run(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
     """One mass per method and run; null if nothing in the run was accepted.
 
     Windowed methods give the mean of the windows that end in the run, weighted by 1/std²; the

@@ -337,9 +337,9 @@ class Calibration:
             raise DataError(f"calibration: {where}: {what}") from error
 
 
-def extra_variance_kg2(stated: tuple[StatedPart, ...], common_kg: float) -> float:
+def extra_variance_kg2(stated_parts: tuple[StatedPart, ...], common_kg: float) -> float:
     """Variance of every later m̂ that the points do not show."""
-    anew = (one.u_kg for one in stated if not one.absorbed and one.u_kg is not None)
+    anew = (one.u_kg for one in stated_parts if not one.absorbed and one.u_kg is not None)
     return common_kg**2 + sum(u_kg**2 for u_kg in anew)
 
 

@@ -26,7 +26,7 @@ _MEANINGS: Final = {
 def calibration_budget_rows(
     inversion: Inversion,
     components: Sequence[Component],
-    stated: Sequence[StatedPart],
+    stated_parts: Sequence[StatedPart],
     at: tuple[float, int],
     common_kg: float | None,
 ) -> tuple[BudgetRow, ...]:
@@ -35,7 +35,7 @@ def calibration_budget_rows(
     Args:
         inversion: inversion of the line.
         components: components of the line, in its order.
-        stated: components that the points do not show.
+        stated_parts: components that the points do not show.
         at: the mass, and its number of readings.
         common_kg: common error that counts, in kg of m̂; None if the line absorbs it.
     """
@@ -76,8 +76,8 @@ def calibration_budget_rows(
     else:
         known = "priors and scale: no second day shows whether they stay, so they count once"
         rows.append(BudgetRow("common error", "stated", common_kg / size, None, known))
-    rows += [_make_stated_row(one, size) for one in stated]
-    given = {one.component for one in stated}
+    rows += [_make_stated_row(one, size) for one in stated_parts]
+    given = {one.component for one in stated_parts}
     for name in EXPECTED:
         if name == "tare" and name not in given:
             rows.append(BudgetRow(name, "stated", None, None, _TARE_UNSTATED))

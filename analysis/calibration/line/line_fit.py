@@ -259,7 +259,7 @@ def _alpha_interval(inversion: Inversion, confidence_1: float) -> tuple[float | 
 
 def _beta_interval(inversion: Inversion, confidence_1: float) -> tuple[float | None, float | None]:
     """Interval of the mass at which the line is 0."""
-    found = inversion.invert_exact(0.0, confidence_1)
+    found = inversion.invert_without_scatter(0.0, confidence_1)
     low, high = float(found.low_kg[0]), float(found.high_kg[0])
     return (low, high) if np.isfinite(low) and np.isfinite(high) else (None, None)
 

@@ -102,8 +102,8 @@ class Inversion:
         beyond = self._excess_random_kg2(new, u_random_kg)
         return self._solve_estimates(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
-    def invert_exact(self, y_kg: float, confidence_1: float) -> InverseReading:
-        """Mass at which the line itself has the value `y_kg`, without scatter."""
+    def invert_without_scatter(self, y_kg: float, confidence_1: float) -> InverseReading:
+        """Mass at which the line itself has the value `y_kg`: of a reading without scatter."""
         none = np.zeros((1, self.variance_kg2.size))
         return self._solve_estimates(np.array([y_kg]), none, np.zeros(1), confidence_1)
 

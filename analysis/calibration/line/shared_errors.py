@@ -32,18 +32,18 @@ class RunResponse(BaseModel):
 
 
 def line_responses(
-    said: Sequence[RunResponse], reference_kg: Mapping[str, float], centre_kg: float
+    run_responses: Sequence[RunResponse], reference_kg: Mapping[str, float], centre_kg: float
 ) -> tuple[LineResponse, ...]:
     """Responses of a line's level and slope to errors of learnt means.
 
     Args:
-        said: responses by run and term; runs without a point are ignored.
+        run_responses: responses by run and term; runs without a point are ignored.
         reference_kg: reference of each run with a point.
         centre_kg: mass at which the line has its level.
     """
     found: list[LineResponse] = []
     by_term: dict[LearnableTerm, list[RunResponse]] = {}
-    for each in said:
+    for each in run_responses:
         if each.run_id in reference_kg:
             by_term.setdefault(each.term, []).append(each)
     for term, own in sorted(by_term.items()):

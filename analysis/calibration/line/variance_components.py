@@ -42,9 +42,9 @@ class Variances:
     value: Floats
     covariance: Floats
 
-    def combine_linearly(self, by: Floats) -> "Variances":
-        """Variances of the linear combinations `by` @ value."""
-        return Variances(by @ self.value, by @ self.covariance @ by.T)
+    def combine_linearly(self, coefficients: Floats) -> "Variances":
+        """Variances of the linear combinations `coefficients` @ value."""
+        return Variances(coefficients @ self.value, coefficients @ self.covariance @ coefficients.T)
 
     def dof(self, weight: Floats, total: float) -> float:
         """Degrees of freedom of a variance `total` whose estimated part is `weight` @ value.
@@ -61,7 +61,7 @@ def restricted_likelihood(
     design: Floats,
     effects: Floats,
     known: Floats,
-    within: WithinRunVariance,
+    within_run: WithinRunVariance,
     start: Floats | None = None,
 ) -> Variances:
     """Estimate variances of random effects by Fisher scoring.
@@ -75,19 +75,19 @@ def restricted_likelihood(
         effects: (effects, points, points) structure of each; the first is that of readings if
             `within.freedom` is not 0.
         known: (points, points) known covariance.
-        within: scatter of the readings, for the first effect.
+        within_run: scatter of the readings, for the first effect.
         start: (effects,) initial variances; None uses those of least squares.
 
     Source:
         Patterson and Thompson (1971); expected information as in Searle, Casella and McCulloch,
         Variance Components, 6.6.
     """
-    value = _starting_variances(residual, design, effects, within) if start is None else start
+    value = _starting_variances(residual, design, effects, within_run) if start is None else start
     floor = _FLOOR * max(float(value.max()), float(known.diagonal().min()))
     value = np.maximum(value, floor)
     information = np.eye(value.size)
     for _ in range(_ITERATIONS):
-        score, information = reml_score(residual, design, effects, known, within, value)
+        score, information = reml_score(residual, design, effects, known, within_run, value)
         stepped = scoring_step(value, score, information, floor)
         settled = np.abs(stepped - value).max() <= _SMALL * max(stepped.sum(), 1e-300)
         value = stepped
@@ -97,20 +97,20 @@ def restricted_likelihood(
 
 
 def _starting_variances(
-    residual: Floats, design: Floats, effects: Floats, within: WithinRunVariance
+    residual: Floats, design: Floats, effects: Floats, within_run: WithinRunVariance
 ) -> Floats:
     """Initial variances: equal shares of the least-squares residual, and the readings' own."""
     left = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
     freedom = max(residual.size - design.shape[1], 1)
     spread = max(float(left @ left) / freedom, 1e-300)
     value = np.full(len(effects), spread / len(effects))
-    if within.freedom:
-        value[0] = max(within.squares / within.freedom, 1e-300)
+    if within_run.freedom:
+        value[0] = max(within_run.squares / within_run.freedom, 1e-300)
     return value
 
 
 def expected_information(
-    design: Floats, effects: Floats, known: Floats, within: WithinRunVariance, value: Floats
+    design: Floats, effects: Floats, known: Floats, within_run: WithinRunVariance, value: Floats
 ) -> Floats:
     """(effects, effects) expected information on the variances.
 
@@ -118,11 +118,11 @@ def expected_information(
         design: as `restricted_likelihood` takes it.
         effects: likewise.
         known: likewise.
-        within: as in `restricted_likelihood`; its sum of squares is not used.
+        within_run: as in `restricted_likelihood`; its sum of squares is not used.
         value: (effects,) the variances.
     """
     return _fisher_information(
-        _reml_projection(design, effects, known, value) @ effects, within, value
+        _reml_projection(design, effects, known, value) @ effects, within_run, value
     )
 
 
@@ -132,10 +132,10 @@ def _reml_projection(design: Floats, effects: Floats, known: Floats, value: Floa
     return weight - weighted @ np.linalg.solve(design.T @ weighted, weighted.T)
 
 
-def _fisher_information(through: Floats, within: WithinRunVariance, value: Floats) -> Floats:
+def _fisher_information(through: Floats, within_run: WithinRunVariance, value: Floats) -> Floats:
     information = 0.5 * np.einsum("kij,lji->kl", through, through)
-    if within.freedom:
-        information[0, 0] += 0.5 * within.freedom / value[0] ** 2
+    if within_run.freedom:
+        information[0, 0] += 0.5 * within_run.freedom / value[0] ** 2
     return information
 
 
@@ -144,7 +144,7 @@ def reml_score(
     design: Floats,
     effects: Floats,
     known: Floats,
-    within: WithinRunVariance,
+    within_run: WithinRunVariance,
     value: Floats,
 ) -> tuple[Floats, Floats]:
     """Derivative of the restricted log likelihood, and expected information."""
@@ -154,9 +154,9 @@ def reml_score(
     score = 0.5 * (
         np.einsum("i,kij,j->k", projected, effects, projected) - np.trace(through, 0, 1, 2)
     )
-    if within.freedom:
-        score[0] += 0.5 * (within.squares / value[0] - within.freedom) / value[0]
-    return score, _fisher_information(through, within, value)
+    if within_run.freedom:
+        score[0] += 0.5 * (within_run.squares / value[0] - within_run.freedom) / value[0]
+    return score, _fisher_information(through, within_run, value)
 
 
 def scoring_step(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:

@@ -78,7 +78,9 @@ def calibrate_loads(
     told = check is not None and check.drifted is not None
     empties = sum(row["manoeuvres"] for row in rows if row["empty"])
     found = [
-        _calibrate_load_columns(row, calibration, log, refused, told=told, empties=empties)
+        _calibrate_load_columns(
+            row, calibration, log, refused, drift_was_checked=told, empty_weighings=empties
+        )
         for row in rows
     ]
     types = dict.fromkeys(CALIBRATED, pl.Float64)
@@ -91,14 +93,14 @@ def _calibrate_load_columns(
     row: Mapping[str, Any],
     calibration: Calibration,
     log: LaterLog,
-    refused: str,
+    refusal: str,
     *,
-    told: bool,
-    empties: int,
+    drift_was_checked: bool,
+    empty_weighings: int,
 ) -> dict[str, Any]:
     """Calibrated columns of a load."""
     off_kg, unlike_u_kg = _unlike_driving_shift(row, calibration, log.shared_errors)
-    one = _calibrate_load(row, calibration, refused, off_kg, unlike_u_kg)
+    one = _calibrate_load(row, calibration, refusal, off_kg, unlike_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
         "calibrated_u_kg": one.u_kg,
@@ -110,9 +112,9 @@ def _calibrate_load_columns(
     if one.mass_kg is None:
         return said
     said["calibrated_unlike_u_kg"] = unlike_u_kg / abs(calibration.c1_1)
-    if calibration.is_of_one_day and not told:
+    if calibration.is_of_one_day and not drift_was_checked:
         said["calibrated_said"] = log.unseen.get(row["load_id"], "")
-    payload = payload_interval(row, calibration, log, one, empties)
+    payload = payload_interval(row, calibration, log, one, empty_weighings)
     if payload is not None:
         mass_kg, u_kg, half_kg = payload
         said |= {
@@ -139,13 +141,13 @@ def _unlike_driving_shift(
 def _calibrate_load(
     row: Mapping[str, Any],
     calibration: Calibration,
-    refused: str,
+    refusal: str,
     off_kg: float,
     unlike_u_kg: float,
 ) -> CalibratedMass:
     estimate_kg, withheld_for = row["estimate_kg"], row["withheld_for"]
-    if refused:
-        return CalibratedMass(None, None, None, None, refused)
+    if refusal:
+        return CalibratedMass(None, None, None, None, refusal)
     if estimate_kg is None:
         if withheld_for:
             return CalibratedMass(None, None, None, None, f"withheld for {withheld_for}")

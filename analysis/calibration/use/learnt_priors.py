@@ -83,7 +83,7 @@ def learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
     )
 
 
-def learn_terms_of_logs(said: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
+def learn_terms_of_logs(log_terms: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
     """Pool the logs' estimates of each term: weighted mean, uncertainty, variation between logs.
 
     The variation is estimated by moments (DerSimonian and Laird 1986) if chi-square shows it at 5
@@ -91,13 +91,13 @@ def learn_terms_of_logs(said: Iterable[TermOfLog]) -> dict[LearnableTerm, Learnt
     calibration, whose intervals include it.
 
     Args:
-        said: prior and posterior of each term by each log.
+        log_terms: prior and posterior of each term by each log.
 
     Returns:
         Learnt priors by term, for terms with estimates from at least three logs.
     """
     by_term: dict[LearnableTerm, list[TermOfLog]] = {}
-    for each in said:
+    for each in log_terms:
         by_term.setdefault(each.term, []).append(each)
     found: dict[LearnableTerm, LearntTerm] = {}
     for term in sorted(by_term):
@@ -106,10 +106,10 @@ def learn_terms_of_logs(said: Iterable[TermOfLog]) -> dict[LearnableTerm, Learnt
     return found
 
 
-def _pool_term(said: Sequence[TermOfLog]) -> LearntTerm:
+def _pool_term(log_terms: Sequence[TermOfLog]) -> LearntTerm:
     # all floats are Python's own: evidence is written and read back to the last bit
-    prior = float(max(each.prior_std for each in said))
-    told = [own for each in said if (own := estimate_without_prior(each)) is not None]
+    prior = float(max(each.prior_std for each in log_terms))
+    told = [own for each in log_terms if (own := estimate_without_prior(each)) is not None]
     value, variance = np.array([v for v, _ in told]), np.array([s**2 for _, s in told])
     between = between_log_variance(value, variance) if len(told) >= LOGS_MIN else 0.0
     weight = 1.0 / (variance + between)
@@ -122,10 +122,10 @@ def _pool_term(said: Sequence[TermOfLog]) -> LearntTerm:
     )
 
 
-def estimate_without_prior(said: TermOfLog) -> tuple[float, float] | None:
+def estimate_without_prior(log_term: TermOfLog) -> tuple[float, float] | None:
     """Estimate of a term by the log alone, without the prior, and its standard deviation."""
-    prior = (said.prior_mean, said.prior_std)
-    return machine_without_prior((said.posterior, said.posterior_std), prior)
+    prior = (log_term.prior_mean, log_term.prior_std)
+    return machine_without_prior((log_term.posterior, log_term.posterior_std), prior)
 
 
 def machine_without_prior(

@@ -76,7 +76,9 @@ class TrialDriver(MachineDriver):
         self._stands_loaded = bool(scenario.chassis.pitch_deg_kg or scenario.loading.spill_1_s)
         self._added_kg, self._lost_kg = 0.0, 0.0
 
-    def drive(self, trial: int, number: int, manoeuvre: Manoeuvre, trial_begin_s: float) -> None:
+    def drive(
+        self, trial: int, manoeuvre_number: int, manoeuvre: Manoeuvre, trial_begin_s: float
+    ) -> None:
         """Drive one manoeuvre, from standing to standing."""
         loading = self.scenario.loading
         added_kg = loading.added_kg(self.starts)
@@ -119,12 +121,15 @@ class TrialDriver(MachineDriver):
                 times = self._follow_pedal(manoeuvre, body)
             case _:
                 raise ScenarioError(
-                    f"campaign.manoeuvres.{number}: a {manoeuvre.kind} cannot be integrated"
+                    f"campaign.manoeuvres.{manoeuvre_number}: a {manoeuvre.kind} cannot be "
+                    "integrated"
                 )
         since = times.subtract_begin(trial_begin_s)
         body = self.body_with_friction_at(body, times.start_s)
         self.driven.append(
-            DrivenManoeuvre(trial, number, since, body, load_kg, load_end_kg, direction, throttle)
+            DrivenManoeuvre(
+                trial, manoeuvre_number, since, body, load_kg, load_end_kg, direction, throttle
+            )
         )
 
     def _drive_waveform(self, excite: Excite, body: RigidBody) -> ManoeuvreTimes:

@@ -181,7 +181,8 @@ def interpolate_rows(
         rows: (n, 16) at least two rows from `plant`, times ascending.
         time_s: (m,) times, fastest if ascending.
         now: (16, m) output: values at each time.
-        slopes: (4, m) output: rates at each time.
+        slopes: (4, m) output: at each time, rates of yaw rate, acceleration, ground force without
+            brakes, and mass, as numbered for `_value_or_rate`.
         last: (m,) output: row before each time.
     """
     known = 0

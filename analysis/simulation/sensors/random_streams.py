@@ -77,16 +77,18 @@ _STREAMS: Final = (
 )
 
 
-def make_generator(seed: int, load_index: int, number: int, stream: str) -> np.random.Generator:
+def make_generator(
+    seed: int, load_index: int, trial_or_start: int, stream: str
+) -> np.random.Generator:
     """Random generator of a stream in one trial, or at one start, of a log.
 
     Args:
         seed: seed of the scenario.
         load_index: index of the log in the campaign.
-        number: number of the trial or start.
+        trial_or_start: number of the trial or start.
         stream: name from the list above.
     """
-    key = (load_index, number, _STREAMS.index(stream))
+    key = (load_index, trial_or_start, _STREAMS.index(stream))
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 

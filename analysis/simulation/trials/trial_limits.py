@@ -191,8 +191,9 @@ class _Limits:
         campaign = self.scenario.campaign
         if travel.in_motion and (len(campaign.trial) > 1 or campaign.runs > 1 or campaign.rest_s):
             raise ScenarioError(
-                f"{key}.in_motion: a log in motion has a single manoeuvre; leave out the others, "
-                "and give campaign.runs = 1 and campaign.rest_s = 0"
+                f"{key}.in_motion: a log that begins and ends in motion holds one manoeuvre: "
+                "remove the other [[campaign.trial]] entries and set campaign.runs = 1 and "
+                "campaign.rest_s = 0"
             )
         self._check_brakes(-abs(self.lightest.uphill_m_s2))
 

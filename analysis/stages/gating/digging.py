@@ -153,15 +153,15 @@ def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileCont
     return found
 
 
-def find_pile_contacts(met: list[_PileContact]) -> list[_PileContact]:
+def find_pile_contacts(contacts: list[_PileContact]) -> list[_PileContact]:
     """Starts driven into a pile; none if resistance also varies without piles in this log."""
-    grows = [each for each in met if each.row[2] > 0.0]
+    grows = [each for each in contacts if each.row[2] > 0.0]
     # the bucket is where most of them go: a log may have its signs turned round
     bucket = 1 if 2 * sum(each.way > 0 for each in grows) >= len(grows) else -1
     piles = [each for each in grows if each.way == bucket and each.stops]
     # backwards out of a pile, what holds the bucket lets go
-    let_go = sum(each.way != bucket and each.row[2] < 0.0 for each in met)
-    against = len(met) - len(piles) - let_go
+    let_go = sum(each.way != bucket and each.row[2] < 0.0 for each in contacts)
+    against = len(contacts) - len(piles) - let_go
     return piles if against < _CONTRADICTS * len(piles) else []
 
 

@@ -68,7 +68,7 @@ def _judge_axis(
     slips = find_slipping_samples(
         values(excitation, "speed_rate_x_m_s2"), _machine_acceleration(excitation), settings
     )
-    brakes = _brakes_on_axis(axis, excitation, settings)
+    brakes = _decelerates_on_axis(axis, excitation, settings)
     flags = {"gap": missing, **flag_rows(axis, phase, f, brakes, slips, settings.gate)}
 
     def nearest(left: Ints) -> Floats:
@@ -162,10 +162,11 @@ def excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -
     """Braking samples if braking is excluded, (rows,)."""
     if not settings.gate.exclude_braking:
         return np.zeros(excitation.height, np.bool_)
-    return _brakes_on_axis(axis, excitation, settings)
+    return _decelerates_on_axis(axis, excitation, settings)
 
 
-def _brakes_on_axis(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
+def _decelerates_on_axis(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
+    """Whether speed, or yaw rate, decreases at each sample; no brake need be applied."""
     if axis is X:
         return is_braking(phase_codes(excitation))
     return yaw_speeding_sign(values(excitation, "yaw_rate_rad_s"), settings) < 0

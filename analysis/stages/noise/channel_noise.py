@@ -22,8 +22,8 @@ from analysis.stages.motion.forces import longitudinal_force, regressor_accelera
 from analysis.stages.noise.grid_noise import (
     ColumnResponse,
     is_hidden_by_grid,
-    propagate_channel_noise,
     response_of_each_column,
+    simulate_grid_noise_covariances,
 )
 from analysis.stages.noise.noise_limits import RESIDUALS, SPREAD, clip_to_limits
 from analysis.stages.noise.noise_spectra import (
@@ -182,7 +182,7 @@ def add_noise_of_samples(
         x = np.column_stack([columns[name] for name in names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
-    told = propagate_channel_noise(read, machine, of_grid)
+    told = simulate_grid_noise_covariances(read, machine, of_grid)
     if told is None:
         return
     for column in np.flatnonzero(unseen):
@@ -240,7 +240,7 @@ def _standing_and_moving_samples(
 
 
 def estimate_covariances(
-    samples: NoiseSamples, made: list[ColumnResponse]
+    samples: NoiseSamples, column_responses: list[ColumnResponse]
 ) -> tuple[Floats, list[str]]:
     """Covariances (columns, columns, LAGS), and the source of each column's noise."""
     p = samples.x.shape[1]
@@ -264,11 +264,11 @@ def estimate_covariances(
                 )
             if power is not None:
                 # one that mostly keeps its reading has the noise of rounding at least
-                level = spectrum_of_fast_changes(power[0], made[column], samples)
+                level = spectrum_of_fast_changes(power[0], column_responses[column], samples)
                 spectra[column, column] = np.maximum(level, rounding_variance(samples, column))
     # what is differentiated, and its derivative, have one noise
     at = spectrum_frequencies()
-    for column, how in enumerate(made):
+    for column, how in enumerate(column_responses):
         of = how.derivative_of
         if of >= 0 and not (live[column] and live[of]):
             shared = np.sqrt(np.maximum(spectra[column, column] * spectra[of, of], 0.0))
@@ -315,18 +315,20 @@ def shows_noise_at_standstill(samples: NoiseSamples, cut: list[Floats], column: 
     return float(np.mean(noisy)) > 0.5 and float(np.mean(many)) > 0.5
 
 
-def spectrum_of_fast_changes(power: Floats, made: ColumnResponse, samples: NoiseSamples) -> Floats:
+def spectrum_of_fast_changes(
+    power: Floats, column_response: ColumnResponse, samples: NoiseSamples
+) -> Floats:
     """Spectrum of a column from its fast changes, (frequencies,).
 
     The frequencies are `spectrum_frequencies`.
     """
     at, wanted = block_frequencies(), spectrum_frequencies()
-    response = made.response(at)
+    response = column_response.response(at)
     fast = samples.lowest_noise_frequency
     band = (at >= fast) & (at <= samples.noise_band_top) & (response > 0.0)
     level = float(np.mean(power[band] / response[band]))
     seen = np.interp(wanted, at[1:], average_over_neighbours(power, 1)[1:])
-    return np.where(wanted < fast, level * made.response(wanted), seen)
+    return np.where(wanted < fast, level * column_response.response(wanted), seen)
 
 
 def noise_growth(samples: NoiseSamples, column: int, moving: tuple[Floats, int] | None) -> Floats:

@@ -125,12 +125,12 @@ def is_hidden_by_grid(
     return found
 
 
-def propagate_channel_noise(
+def simulate_grid_noise_covariances(
     read: Mapping[str, mounting.Series],
     machine: Machine,
     columns: Callable[[pl.DataFrame], Floats],
 ) -> Floats | None:
-    """Covariances (columns, columns, LAGS) of the channels' noise on the grid.
+    """Simulate the channels' noise on the grid; return its covariances (columns, columns, LAGS).
 
     Args:
         read: raw readings by channel.
@@ -236,9 +236,9 @@ def response_of_each_column(axis: tuple[str, ...], machine: Machine) -> list[Col
     found: list[ColumnResponse] = []
     for name in names:
         depth, at = 0, name
-        while at in channels and channels[at].sources:
+        while at in channels and channels[at].direct_source_channels:
             depth += channels[at].derivative_of is not None
-            at = channels[at].sources[0]
+            at = channels[at].direct_source_channels[0]
         parent = channels[name].derivative_of if name in channels else None
         found.append(
             ColumnResponse(

@@ -60,9 +60,9 @@ def fast_band(rate_hz: float) -> tuple[float, float]:
     return fast, min(_BAND * fast, 0.5)
 
 
-def find_true_runs(of: Bools) -> list[tuple[int, int]]:
+def find_true_runs(flags: Bools) -> list[tuple[int, int]]:
     """First and end row of every run of True."""
-    first, last = runs_of_flagged_samples(of)
+    first, last = runs_of_flagged_samples(flags)
     return list(zip(first.tolist(), (last + 1).tolist(), strict=True))
 
 
@@ -151,14 +151,14 @@ def _power_at_zero(found: Floats) -> Floats:
     return np.clip(total, -limit, limit)
 
 
-def block_ends(of: Bools) -> Ints:
+def block_ends(flags: Bools) -> Ints:
     """Last rows of half-overlapping blocks inside runs of True; many are sampled."""
-    rows = np.arange(of.size)
+    rows = np.arange(flags.size)
     # the last row before the run
-    begun = np.maximum.accumulate(np.where(of, -1, rows))
+    begun = np.maximum.accumulate(np.where(flags, -1, rows))
     run = rows - begun
     length = _BLOCK + 2
-    ends = rows[of & (run >= length) & ((run - length) % (_BLOCK // 2) == 0)]
+    ends = rows[flags & (run >= length) & ((run - length) % (_BLOCK // 2) == 0)]
     return ends[:: max(ends.size // _MOST_BLOCKS, 1)]
 
 
@@ -226,25 +226,25 @@ def spectrum_frequencies() -> Floats:
     return np.arange(LAGS + 1) / (2 * LAGS)
 
 
-def reading_step(x: Floats, of: Bools) -> float | None:
+def reading_step(x: Floats, chosen_rows: Bools) -> float | None:
     """Step that a column's readings are multiples of; None if it is not visible.
 
     Interpolated readings are not multiples, and of all values only multiples of the step recur
     often. If two rates are in step some others recur as well, but not twice in a row.
     """
-    held = of.copy()
+    held = chosen_rows.copy()
     held[1:] &= x[1:] == x[:-1]
-    step = quantisation_step(x[held], int(of.sum()))
-    return quantisation_step(x[of], int(of.sum())) if step is None else step
+    step = quantisation_step(x[held], int(chosen_rows.sum()))
+    return quantisation_step(x[chosen_rows], int(chosen_rows.sum())) if step is None else step
 
 
-def quantisation_step(taken: Floats, of: int) -> float | None:
+def quantisation_step(taken: Floats, total_readings: int) -> float | None:
     """Step that frequently repeated readings are multiples of."""
     every = max(taken.size // _LOOKED_AT, 1)
-    taken, of = taken[::every], of // every
+    taken, total_readings = taken[::every], total_readings // every
     reading, times = np.unique(taken, return_counts=True)
     often = times >= _OFTEN
-    if often.sum() < 2 or times[often].sum() < _MANY * of:
+    if often.sum() < 2 or times[often].sum() < _MANY * total_readings:
         return None
     gaps = np.diff(reading[often])
     step = float(gaps.min())
@@ -252,14 +252,14 @@ def quantisation_step(taken: Floats, of: int) -> float | None:
     return step if (np.abs(whole - np.round(whole)) < _WHOLE).all() else None
 
 
-def quantisation_covariances(x: Floats, of: Bools, step: float) -> Floats:
+def quantisation_covariances(x: Floats, flags: Bools, step: float) -> Floats:
     """Covariances (LAGS,) of the rounding error for a step while x changes.
 
     On a ramp the error is a sawtooth of variance step²/12, and at a lag in which x changes by φ
     steps its covariance is 1 - 6φ(1 - φ) of that.
     """
     span = _SPAN
-    rows = np.flatnonzero(of[span:] & of[:-span])
+    rows = np.flatnonzero(flags[span:] & flags[:-span])
     rows = rows[:: max(rows.size // _LOOKED_AT, 1)]
     slopes = np.abs(x[rows + span] - x[rows]) / span
     if slopes.size == 0:

@@ -180,7 +180,7 @@ def read_measured_channels(
     read: dict[str, mounting.Series] = {}
     for name, channel in machine.channels.items():
         topic = channel.topic or "table"
-        if channel.sources or (name in HINTS and topic not in placed):
+        if channel.direct_source_channels or (name in HINTS and topic not in placed):
             continue
         if channel.angle_of:
             read[name] = _angle_from_orientation(name, channel, placed[topic], machine, losses)
@@ -357,7 +357,7 @@ def sample_known_times(
         ]
         known[name] = np.max(each, axis=0) if each else own
     for name in machine.derivation_order():
-        channel, sources = machine.channels[name], machine.channels[name].sources
+        channel, sources = machine.channels[name], machine.channels[name].direct_source_channels
         if sources:
             # a central difference waits for the next sample
             wait_ns = 1 if channel.derivative_of else 0

@@ -118,9 +118,11 @@ def channels_of_each_equation(machine: Machine) -> list[frozenset[str]]:
 def source_channels(name: str, machine: Machine) -> frozenset[str]:
     """Measured channels that a channel is derived from, or the channel itself."""
     channel = machine.channels.get(name)
-    if channel is None or not channel.sources:
+    if channel is None or not channel.direct_source_channels:
         return frozenset({name})
-    return frozenset[str]().union(*(source_channels(each, machine) for each in channel.sources))
+    return frozenset[str]().union(
+        *(source_channels(each, machine) for each in channel.direct_source_channels)
+    )
 
 
 @dataclass(frozen=True, slots=True)

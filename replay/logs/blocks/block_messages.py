@@ -254,13 +254,14 @@ class BlockStore:
                     topic,
                 )
 
-    def _note_times_outside_index(self, block: Block, held: "ChunkStats") -> None:
+    def _note_times_outside_index(self, block: Block, chunk_stats: "ChunkStats") -> None:
         """Note a block with messages outside its indexed times, which time ranges would miss."""
         # some may be known to be beyond the year 2262
-        unknown = held.late > 0 and not any(self._late.values())
-        in_time = held.first_ns <= held.last_ns
+        unknown = chunk_stats.late > 0 and not any(self._late.values())
+        in_time = chunk_stats.first_ns <= chunk_stats.last_ns
         if unknown or (
-            in_time and (held.first_ns < block.first_ns or held.last_ns > block.last_ns)
+            in_time
+            and (chunk_stats.first_ns < block.first_ns or chunk_stats.last_ns > block.last_ns)
         ):
             self.damage.note(
                 f"the chunk at byte {block.record_offset} holds messages outside the times "

@@ -155,34 +155,36 @@ class Columns:
         mark = place.located.mark + isinstance(place.located, StridedList)
         return self._select_marks(mark, place.chosen)
 
-    def _place_of_one_element(self, place: _Place, number: int | Ints) -> _Place:
+    def _place_of_one_element(self, place: _Place, element_index: int | Ints) -> _Place:
         """Place of one element of each list, at a common or individual index."""
-        if isinstance(place, _Positions) and isinstance(number, int):
+        if isinstance(place, _Positions) and isinstance(element_index, int):
             assert isinstance(place.value, InlineArray)
             array = place.value
             return _Positions(
-                array.element, place.at, place.offset + array.offset + number * array.stride
+                array.element, place.at, place.offset + array.offset + element_index * array.stride
             )
-        there = (number >= np.int64(0)) & (number < self._count_elements(place))
-        return self._place_of_existing_element(place, np.where(there, number, -1))
+        there = (element_index >= np.int64(0)) & (element_index < self._count_elements(place))
+        return self._place_of_existing_element(place, np.where(there, element_index, -1))
 
-    def _place_of_existing_element(self, place: _Place, number: Ints) -> _Place:
+    def _place_of_existing_element(self, place: _Place, element_index: Ints) -> _Place:
         """Place of one existing element of each list; -1 for none."""
         if isinstance(place, _Positions):
             assert isinstance(place.value, InlineArray)
             array = place.value
-            at = place.at + array.offset + number * array.stride
-            return _Positions(array.element, np.where(number < 0, -1, at), place.offset)
+            at = place.at + array.offset + element_index * array.stride
+            return _Positions(array.element, np.where(element_index < 0, -1, at), place.offset)
         if isinstance(place.located, StridedList):
             starts = self._select_marks(place.located.mark, place.chosen)
-            at = np.where(number < 0, -1, starts + number * place.located.stride)
+            at = np.where(element_index < 0, -1, starts + element_index * place.located.stride)
             return _Positions(place.located.element, at)
         assert isinstance(place.located, WalkedList)
         counts = self.noted[place.located.mark]
         begins = np.cumsum(counts) - counts
         if place.chosen is not None:
             begins = np.append(begins, -1)[place.chosen]
-        return _Elements(place.located.element, np.where(number < 0, -1, begins + number))
+        return _Elements(
+            place.located.element, np.where(element_index < 0, -1, begins + element_index)
+        )
 
     def _place_of_all_elements(self, place: _Place, counts: Ints) -> _Place:
         """Place of every element of each list."""

@@ -28,12 +28,12 @@ def _emit_address(context: Any, builder: Any, kind: Any, array: Any, at: Any) ->
     return builder.gep(context.make_array(kind)(context, builder, array).data, [at])
 
 
-def _emit_load(number: Any) -> Any:
+def _emit_load(number_type: Any) -> Any:
     def typed(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             address = _emit_address(context, builder, signature.args[0], *arguments)
-            pointer = builder.bitcast(address, context.get_data_type(number).as_pointer())
-            return context.cast(builder, builder.load(pointer, align=1), number, types.int64)
+            pointer = builder.bitcast(address, context.get_data_type(number_type).as_pointer())
+            return context.cast(builder, builder.load(pointer, align=1), number_type, types.int64)
 
         return (types.int64(data, at), generate) if _are_arrays_of_bytes(data) else None
 

@@ -182,7 +182,7 @@ def walk_messages(
                     notes, check_count, note_count, mark, element - int(kept[node]), place, count
                 )
                 _write_marks(table, marks, mark, element, place, count, begin)
-            step, depth = _follow_step(steps, step, filled, left, depth, count)
+            step, depth = _next_step(steps, step, filled, left, depth, count)
         if fault == 0 and size - at > (3 if encoding.cdr else 0):
             fault = _GOES_ON
         faults[message] = fault
@@ -288,10 +288,10 @@ def _count_elements(filled: Ints, kept: Ints, elements: Ints) -> None:
 
 
 @inlined
-def _follow_step(
+def _next_step(
     steps: Ints, step: int, filled: Ints, left: Ints, depth: int, count: int
 ) -> tuple[int, int]:
-    """Next step, and its depth of nested lists."""
+    """The step after this one, and its depth of nested lists; counts the elements of lists."""
     op = steps[step, _OP]
     if op == _NEXT:
         node = steps[step, _NODE]

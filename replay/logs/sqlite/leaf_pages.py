@@ -178,7 +178,7 @@ def scan_leaves(
     data: NDArray[np.uint8],
     leaves: NDArray[np.int64],
     layout: PageLayout,
-    wanted: RowFilter,
+    row_filter: RowFilter,
     tail: int,
     room: int,
     state: NDArray[np.int64],
@@ -190,7 +190,7 @@ def scan_leaves(
         data: bytes of the pages.
         leaves: (pages,) begin of each page in `data`.
         layout: layout of the pages.
-        wanted: requested rows.
+        row_filter: requested rows.
         tail: begin in `data` of messages from overflow pages.
         room: maximum bytes of these, unless it is a single one.
         state: (7,) in: where to begin; out: where it stopped.
@@ -201,7 +201,7 @@ def scan_leaves(
         an unusual row.
     """
     rows, spills, gaps = tables
-    keys = wanted.keys
+    keys = row_filter.keys
     found = spilled = used = 0
     while state[AT_LEAF] < leaves.size:
         base = int(leaves[state[AT_LEAF]])
@@ -214,17 +214,21 @@ def scan_leaves(
         while state[AT_CELL] < cells:
             at = base + big_endian(data, base + _LEAF_HEAD + 2 * int(state[AT_CELL]), 2)
             what, row_id, topic, time, begin, length, local, stop = parse_cell(
-                data, at, contents, end, layout, wanted.with_data
+                data, at, contents, end, layout, row_filter.with_data
             )
             if what == UNUSUAL:
                 _close_gap(gaps, state, row_id)
                 return found, spilled, used, False
-            in_time = wanted.first_ns <= time <= wanted.last_ns
-            if what == MESSAGE and in_time and (wanted.every_topic or _contains_key(keys, topic)):
+            in_time = row_filter.first_ns <= time <= row_filter.last_ns
+            if (
+                what == MESSAGE
+                and in_time
+                and (row_filter.every_topic or _contains_key(keys, topic))
+            ):
                 if found == rows.shape[1]:
                     return found, spilled, used, True
                 offset = begin
-                if local < length and wanted.with_data:
+                if local < length and row_filter.with_data:
                     if spilled == spills.shape[1] or (used and used + length > room):
                         return found, spilled, used, True
                     offset = tail + used

@@ -66,27 +66,27 @@ class MessageTable:
         first, last = (max(_LEAST_NS, min(each, _MOST_NS)) for each in (first_ns, last_ns))
         return self._iter_rows(RowFilter(keys, False, first, last, True))
 
-    def _iter_rows(self, wanted: RowFilter) -> Iterator[TableRows]:
+    def _iter_rows(self, row_filter: RowFilter) -> Iterator[TableRows]:
         after: int | None = LEAST_ID
         if self._layout is not None:
-            after = yield from self._iter_rows_from_pages(self._layout, wanted)
+            after = yield from self._iter_rows_from_pages(self._layout, row_filter)
         if after is not None:
-            yield from self._iter_rows_from_sqlite(after, wanted, self._note)
+            yield from self._iter_rows_from_sqlite(after, row_filter, self._note)
 
     def _iter_rows_from_pages(
-        self, layout: PageLayout, wanted: RowFilter
+        self, layout: PageLayout, row_filter: RowFilter
     ) -> Generator[TableRows, None, int | None]:
         from replay.logs.sqlite.page_walk import PageWalk  # compiled code
 
-        walk = PageWalk(self._file, layout, wanted, self._note)
+        walk = PageWalk(self._file, layout, row_filter, self._note)
         yield from prefetch(iter(walk))
         return walk.left_after
 
     def _iter_rows_from_sqlite(
-        self, after: int, wanted: RowFilter, note: Callable[[str], None]
+        self, after: int, row_filter: RowFilter, note: Callable[[str], None]
     ) -> Iterator[TableRows]:
-        query = _MESSAGES if wanted.with_data else _TIMES
-        has_blob = wanted.with_data
+        query = _MESSAGES if row_filter.with_data else _TIMES
+        has_blob = row_filter.with_data
         for rows in read_rows(self._database, query, after, note, has_blob=has_blob):
             try:
                 found = _make_row_columns(rows, has_blob=has_blob)
@@ -96,9 +96,9 @@ class MessageTable:
                 note(f"{lost:,} rows from row {rows[0][0]} on hold no message")
                 found = _make_row_columns(whole, has_blob=has_blob)
             time = found.rows[TIME]
-            use = (time >= wanted.first_ns) & (time <= wanted.last_ns)
-            if not wanted.every_topic:
-                use &= np.isin(found.rows[KEY], wanted.keys)
+            use = (time >= row_filter.first_ns) & (time <= row_filter.last_ns)
+            if not row_filter.every_topic:
+                use &= np.isin(found.rows[KEY], row_filter.keys)
             yield found if use.all() else TableRows(found.data, found.rows[:, use])
 
 

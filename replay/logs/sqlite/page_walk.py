@@ -63,19 +63,23 @@ class PageWalk:
     """Rows of a table in the order of their ids, past damaged pages, up to an unusual one."""
 
     def __init__(
-        self, file: FileBytes, layout: PageLayout, wanted: RowFilter, note: Callable[[str], None]
+        self,
+        file: FileBytes,
+        layout: PageLayout,
+        row_filter: RowFilter,
+        note: Callable[[str], None],
     ) -> None:
         """Start at the first row.
 
         Args:
             file: the database.
             layout: layout of its pages.
-            wanted: requested rows.
+            row_filter: requested rows.
             note: called with a sentence for each damaged place.
         """
         self._file = file
         self._layout = layout
-        self._wanted = wanted
+        self._wanted = row_filter
         self._note = note
         self._chains = Chains(file, layout)
         self._spills = np.empty((5, _MOST_SPILLED), np.int64)

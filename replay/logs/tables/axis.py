@@ -179,26 +179,26 @@ class TableTimes:
 
 
 def find_times(
-    columns: Sequence[ColumnName], cells: Callable[[int], list[str]], given: TimeAxis | None
+    columns: Sequence[ColumnName], cells: Callable[[int], list[str]], time_axis: TimeAxis | None
 ) -> list[tuple[TableTimes, list[str]]] | None:
     """Find the time columns, and the columns that each belongs to.
 
     Args:
         columns: columns of the table.
         cells: returns some cells of a column, by index.
-        given: time column and format given by the user.
+        time_axis: time column and format given by the user.
 
     Returns:
         Times with the names of their columns, one or several; None without a time column.
     """
-    table = given.table if given else None
+    table = time_axis.table if time_axis else None
     day_first = table.day_first if table else None
     names = [column.name for column in columns]
-    unit = given.unit if given else None
-    if table is not None and table.rate_hz is not None and (given and given.column is None):
+    unit = time_axis.unit if time_axis else None
+    if table is not None and table.rate_hz is not None and (time_axis and time_axis.column is None):
         return [(TableTimes(None, rate_hz=table.rate_hz), names)]
-    if given is not None and given.column is not None:
-        place = names.index(given.column)
+    if time_axis is not None and time_axis.column is not None:
+        place = names.index(time_axis.column)
         if unit is None:
             unit = unit_of_name(columns[place])
         return [(_make_axis(columns, cells, place, unit, table), names)]

@@ -62,8 +62,8 @@ def _convert_floats_to_ns(values: pl.Series, unit: str) -> pl.Series:
     return values.to_frame().select(stamps.alias(values.name)).to_series()
 
 
-def _round_to_integers(number: pl.Expr) -> pl.Expr:
-    return number.round(mode="half_to_even").cast(pl.Int64, strict=False)
+def _round_to_integers(values: pl.Expr) -> pl.Expr:
+    return values.round(mode="half_to_even").cast(pl.Int64, strict=False)
 
 
 def _parse_times_from_text(values: pl.Series) -> pl.Series:

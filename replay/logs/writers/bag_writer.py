@@ -85,7 +85,7 @@ def _bag_header(index_at: int, connections: int, written: int) -> bytes:
     return header + _prefix_size(b" " * (_HEADER_BYTES - 4 - len(header)))
 
 
-def _make_connection_record(number: int, name: str, definition: str, digest: str) -> bytes:
+def _make_connection_record(connection_id: int, name: str, definition: str, digest: str) -> bytes:
     topic = TOPICS[name]
     package, _, kind = topic.msgtype.partition("/msg/")
     about = record_header(
@@ -95,7 +95,9 @@ def _make_connection_record(number: int, name: str, definition: str, digest: str
         md5sum=digest.encode(),
         message_definition=definition.encode(),
     )
-    head = record_header(_CONNECTION, conn=struct.pack("<L", number), topic=topic.name.encode())
+    head = record_header(
+        _CONNECTION, conn=struct.pack("<L", connection_id), topic=topic.name.encode()
+    )
     return head + about
 
 

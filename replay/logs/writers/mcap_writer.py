@@ -81,7 +81,7 @@ class ChannelRecord(NamedTuple):
 
 
 def make_channel_record(
-    number: int,
+    channel_id: int,
     topic: str,
     msgtype: str,
     definition: str,
@@ -89,13 +89,13 @@ def make_channel_record(
 ) -> ChannelRecord:
     """A channel of CDR messages, with a schema of the same number."""
     return ChannelRecord(
-        Schema(id=number, data=definition.encode(), encoding="ros2msg", name=msgtype),
+        Schema(id=channel_id, data=definition.encode(), encoding="ros2msg", name=msgtype),
         Channel(
-            id=number,
+            id=channel_id,
             topic=topic,
             message_encoding="cdr",
             metadata=dict(metadata),
-            schema_id=number,
+            schema_id=channel_id,
         ),
     )
 

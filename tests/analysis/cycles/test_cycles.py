@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.cycles_without_mass import find_channel_gaps_ns, lost_cycles
+from analysis.cycles.cycles_without_mass import estimate_cycles_in_gaps, find_channel_gaps_ns
 from analysis.cycles.payload_target import check_target
 from analysis.cycles.shift_totals import recount_shift, sum_shift
 from analysis.model.schema import FRAMES
@@ -148,7 +148,7 @@ def test_a_hole_of_some_cycles_is_priced_and_a_short_one_costs_nothing() -> None
     for length, expected in ((10.0, 0.0), (427.0, 4.0)):
         gap = pl.Series("gap", (t_s > 500.0) & (t_s < 500.0 + length))
         gaps = find_channel_gaps_ns(frames["excitation"], aligned.with_columns(gap))
-        lost = lost_cycles(table, gaps)
+        lost = estimate_cycles_in_gaps(table, gaps)
         assert lost.cycles == pytest.approx(expected, abs=0.02)
         assert lost.payload_kg == pytest.approx(700.0 * expected, abs=10.0)
 
@@ -156,7 +156,7 @@ def test_a_hole_of_some_cycles_is_priced_and_a_short_one_costs_nothing() -> None
 def test_where_no_haul_was_seen_whole_a_hole_has_no_price_and_no_number_is_missing() -> None:
     frames = drawn_shift([700.0] * 6)
     unseen = found(frames).with_columns(haul_s=pl.lit(None, pl.Float64))
-    assert lost_cycles(unseen, [(0, int(427 * NS))]) == (0.0, 0.0, 0.0, 0.0)
+    assert estimate_cycles_in_gaps(unseen, [(0, int(427 * NS))]) == (0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(

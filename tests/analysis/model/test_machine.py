@@ -152,10 +152,10 @@ def test_a_channel_that_cannot_be_is_refused(channel, fault):
 def test_derivations_are_read_with_any_spacing():
     rate = Channel(derive="  d/dt   speed_x_m_s ")
     assert (rate.derivative_of, rate.mean_of) == ("speed_x_m_s", None)
-    assert rate.sources == ("speed_x_m_s",)
+    assert rate.direct_source_channels == ("speed_x_m_s",)
     mean = Channel(derive="mean( speed_left_m_s ,speed_right_m_s)")
     assert (mean.derivative_of, mean.mean_of) == (None, ("speed_left_m_s", "speed_right_m_s"))
-    assert Channel(field="x").sources == ()
+    assert Channel(field="x").direct_source_channels == ()
 
 
 @pytest.mark.parametrize(
@@ -245,7 +245,7 @@ def test_channels_are_derived_after_their_sources():
     order = load(chain, settings={"forces": {"acceleration": "kinematic"}}).derivation_order()
     assert sorted(order) == sorted(chain)
     for name in order:
-        for source in Channel.model_validate(chain[name]).sources:
+        for source in Channel.model_validate(chain[name]).direct_source_channels:
             assert order.index(source) < order.index(name)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.weighing.load_states import find_states
+from analysis.weighing.load_states import find_load_states
 from estimators.joint.group_effects import GroupEffects, group_effects
 
 
@@ -17,7 +17,7 @@ def units(*levels_kg: float, std_kg: float = 1.0) -> GroupEffects:
 
 @pytest.mark.parametrize("repeatability_kg", [None, 2.0])
 def test_manoeuvres_of_0_0_and_99_kg_have_states(repeatability_kg: float | None) -> None:
-    found = find_states(units(0.0, 0.0, 99.0), np.arange(3), repeatability_kg)
+    found = find_load_states(units(0.0, 0.0, 99.0), np.arange(3), repeatability_kg)
     assert found.membership.size == 3
     assert np.isfinite(found.level_kg).all()
     assert found.membership[0] == found.membership[1]
@@ -25,12 +25,12 @@ def test_manoeuvres_of_0_0_and_99_kg_have_states(repeatability_kg: float | None)
 
 @pytest.mark.parametrize("levels_kg", [(0.0,), (0.0, 0.0, 0.0), (-1e-12, 0.0, 1e-12)])
 def test_manoeuvres_of_no_mass_are_one_state(levels_kg: tuple[float, ...]) -> None:
-    found = find_states(units(*levels_kg), np.arange(len(levels_kg)), None)
+    found = find_load_states(units(*levels_kg), np.arange(len(levels_kg)), None)
     assert found.count == 1
 
 
 def test_a_mass_far_above_its_noise_is_split_as_before() -> None:
-    found = find_states(units(100.0, 100.5, 130.0, 129.5), np.arange(4), None)
+    found = find_load_states(units(100.0, 100.5, 130.0, 129.5), np.arange(4), None)
     assert found.membership.tolist() == [0, 0, 1, 1]
 
 
@@ -41,4 +41,4 @@ def test_a_unit_that_never_accelerates_tells_no_level() -> None:
         A, A.sum(axis=1), group, None, np.zeros(1), np.full(1, np.inf), group[::50]
     )
     assert np.isnan(of_each.y).all()
-    assert find_states(of_each, np.arange(2), None).count == 1
+    assert find_load_states(of_each, np.arange(2), None).count == 1

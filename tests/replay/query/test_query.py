@@ -103,7 +103,7 @@ def test_two_frames_are_joined_and_their_rows_are_moments(folder: Path, payscope
 def test_moments_of_two_recordings_open_their_own(folder: Path) -> None:
     recordings = [folder / "again.rrd", folder / "sledge.rrd"]
     asked = query_tables([*map(str, recordings)], "SELECT source, at_s FROM aligned WHERE at_s < 2")
-    found = asked.collect(apart_s=0.5)
+    found = asked.collect(join_within_s=0.5)
     assert found["opens"].to_list() == [f"payscope view {each} --at 0.000" for each in recordings]
 
 

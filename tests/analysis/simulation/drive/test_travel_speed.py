@@ -65,7 +65,9 @@ def test_a_log_in_motion_begins_and_ends_while_it_drives():
     ],
 )
 def test_a_log_in_motion_is_one_travel(campaign):
-    with pytest.raises(ScenarioError, match=r"in_motion: a log in motion has a single manoeuvre"):
+    with pytest.raises(
+        ScenarioError, match=r"in_motion: a log that begins and ends in motion holds one"
+    ):
         log(**CAR, campaign={**travel(in_motion=True), **campaign})
 
 
