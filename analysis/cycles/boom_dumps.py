@@ -156,11 +156,16 @@ def _farthest_reach(away: Floats, slow: Bools, t_ns: Ints, span: Span) -> float:
     return float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
 
 
-def _emptying_time_ns(out: Floats, t_ns: Ints, span: Span) -> int:
+def _times_with_boom_up(times_ns: Ints, reach: Floats, span: Span) -> Ints:
+    """Times in a span at which the boom is about as far out as it gets there."""
+    first, end = np.searchsorted(times_ns, span[0]), np.searchsorted(times_ns, span[1], "right")
+    inside = reach[first:end]
+    return times_ns[first:end][inside > LIMITS.boom_up_fraction * np.nanmax(inside, initial=0.0)]
+
+
+def _emptying_time_ns(reach: Floats, t_ns: Ints, span: Span) -> int:
     """Time when the bucket is emptied: soon after the boom's farthest reach in a span."""
-    first, end = np.searchsorted(t_ns, span[0]), np.searchsorted(t_ns, span[1], "right")
-    angle, when = out[first:end], t_ns[first:end]
-    up_ns = when[angle > LIMITS.boom_up_fraction * np.nanmax(angle)]
+    up_ns = _times_with_boom_up(t_ns, reach, span)
     return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
@@ -200,9 +205,5 @@ def _trim_to_stands(span: Span, stands_ns: Ints, reach: Floats) -> Span:
         stands_ns: (n,) times with the boom out at a stand.
         reach: (n,) how far it is out.
     """
-    first, end = np.searchsorted(stands_ns, span[0]), np.searchsorted(stands_ns, span[1], "right")
-    if first == end:
-        return span
-    inside = reach[first:end]
-    up_ns = stands_ns[first:end][inside > LIMITS.boom_up_fraction * inside.max()]
-    return int(up_ns[0]), int(up_ns[-1])
+    up_ns = _times_with_boom_up(stands_ns, reach, span)
+    return (int(up_ns[0]), int(up_ns[-1])) if up_ns.size else span

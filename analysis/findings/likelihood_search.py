@@ -154,7 +154,8 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
     if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
         return None
     late = correct_channel_delay(motion, "force", fit.lag_s)
-    before, after = (remaining_motion(build_equations(inputs, of))[0] for of in (motion, late))
+    before, without = remaining_motion(build_equations(inputs, motion))
+    after, _ = remaining_motion(build_equations(inputs, late))
     if (
         before.square_left * before.variance
         < (1.0 + LIMITS.long_delay_residual_ratio) * after.square_left * after.variance
@@ -162,7 +163,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
         return None
     # the wheels tell whether it is the accelerometer that is early or late
     turned = correct_channel_delay(motion, "imu", -fit.lag_s)
-    without, with_it = (remaining_motion(build_equations(inputs, of))[1] for of in (motion, turned))
+    _, with_it = remaining_motion(build_equations(inputs, turned))
     by_imu = (
         without is not None
         and with_it is not None
@@ -271,6 +272,8 @@ def remaining_motion(
 ) -> tuple[ProjectedEquation, ProjectedEquation | None]:
     """Force and wheel equations with the picked causes projected out."""
     force, wheels = equations
-    return ProjectedEquation.project_out(
-        force, picked_causes
-    ), None if wheels is None else ProjectedEquation.project_out(wheels, picked_causes)
+    project_out = ProjectedEquation.project_out
+    return (
+        project_out(force, picked_causes),
+        None if wheels is None else project_out(wheels, picked_causes),
+    )

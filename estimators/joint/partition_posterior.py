@@ -92,7 +92,7 @@ class Stretches:
     def from_boundaries(cls, state: Ints, kind: Ints) -> Self:
         """Number the stretches of units with boundaries of these kinds."""
         return cls(
-            state, _iter_level_choices(int(state[-1]) + 1), _log_prior(kind, np.diff(state) > 0)
+            state, _list_level_choices(int(state[-1]) + 1), _log_prior(kind, np.diff(state) > 0)
         )
 
 
@@ -196,7 +196,7 @@ def _solve_with_log_determinant(whole: Floats, right: Floats) -> tuple[Floats, f
     return solution, 2.0 * float(np.log(factor.diagonal()).sum())
 
 
-def _iter_level_choices(states: int) -> list[tuple[float, Ints]]:
+def _list_level_choices(states: int) -> list[tuple[float, Ints]]:
     """Possible level indices of the states, (states,), each with its log probability."""
     own = np.arange(states)
     if states <= 2:
