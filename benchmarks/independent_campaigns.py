@@ -10,7 +10,7 @@ campaign as it comes and goes on where it ended.
 
 import json
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, NamedTuple
 
@@ -66,11 +66,21 @@ class Way(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """A machine, its instruments and its driver."""
+    """A machine, its instruments and its driver.
+
+    Attributes:
+        plant: the machine.
+        seen: its instruments.
+        way: how it is driven.
+        stated: the instruments as the machine file has them; None: as they are.
+        known: what else it states; None: the empty mass alone.
+    """
 
     plant: Plant
     seen: Instruments
     way: Way
+    stated: Instruments | None = None
+    known: Known | None = None
 
 
 def drawn_machine(dice: np.random.Generator) -> Drawn:
@@ -100,7 +110,7 @@ def drawn_machine(dice: np.random.Generator) -> Drawn:
 
 def changed(drawn: Drawn, change: str) -> Drawn:
     """The same machine on another day."""
-    plant, seen, way = drawn
+    plant, seen, way = drawn.plant, drawn.seen, drawn.way
     if change == "bias 0.05":
         seen = seen._replace(acc_bias_m_s2=seen.acc_bias_m_s2 + 0.05)
     elif change == "rolling +1 %":
@@ -163,8 +173,8 @@ def replayed(
     with tempfile.TemporaryDirectory() as folder:
         path, stated = Path(folder) / "log.mcap", Path(folder) / "machine.toml"
         write_mcap(measured(dice, drawn.seen, motion, empty_kg), path)
-        known = Known(empty_kg, empty_mass_u_kg=0.0005 * empty_kg, empty_s=empty_s)
-        write_machine_file(stated, drawn.seen, known)
+        known = drawn.known or Known(empty_kg, empty_mass_u_kg=0.0005 * empty_kg)
+        write_machine_file(stated, drawn.stated or drawn.seen, known._replace(empty_s=empty_s))
         own = load_machine(stated)
         if machine is not None:
             own = machine_with_learnt_priors(own, machine.settings.priors.learnt)
@@ -177,12 +187,14 @@ def replayed(
             return run(opened, own), own
 
 
-def calibrated(drawn: Drawn, dice: np.random.Generator) -> tuple[Calibration, Machine] | str:
+def calibrated(
+    drawn: Drawn, dice: np.random.Generator, loads_1: Sequence[float] = LOADS_1
+) -> tuple[Calibration, Machine] | str:
     """The campaign's line and its machine with learnt priors; else why there is none."""
     mass_kg = drawn.plant.mass_kg
     # the same logs twice: every log has dice of its own
-    seeds = dice.integers(0, 2**62, len(LOADS_1))
-    states = [((share * mass_kg, 9),) for share in LOADS_1]
+    seeds = dice.integers(0, 2**62, len(loads_1))
+    states = [((share * mass_kg, 9),) for share in loads_1]
     logs = [(state, np.random.default_rng(seed)) for state, seed in zip(states, seeds, strict=True)]
     raw = [replayed(drawn, state, own, None) for state, own in logs]
     said = [
@@ -196,7 +208,7 @@ def calibrated(drawn: Drawn, dice: np.random.Generator) -> tuple[Calibration, Ma
     again = [replayed(drawn, state, own, machine)[0] for state, own in logs]
     runs = [
         CampaignRun.model_validate({"id": f"run-{k}", "log": f"{k}", "loads": (), "day": _DAY})
-        for k in range(len(LOADS_1))
+        for k in range(len(loads_1))
     ]
     tables = [
         read_campaign_runs(each, [about], "joint_mass").with_columns(load_id=pl.lit(about.log))
@@ -207,7 +219,7 @@ def calibrated(drawn: Drawn, dice: np.random.Generator) -> tuple[Calibration, Ma
         for each, about in zip(again, runs, strict=True)
         for one in responses_of_runs_to_learnt_means(each, [about], "joint_mass")
     ]
-    reference_kg = mass_kg * (1.0 + np.array(LOADS_1))
+    reference_kg = mass_kg * (1.0 + np.array(loads_1))
     known = pl.DataFrame({"load_id": [r.log for r in runs], "reference_kg": reference_kg})
     u_kg2 = np.eye(len(runs)) * (0.0001 * mass_kg) ** 2
     options = CalibrationOptions("joint_mass")

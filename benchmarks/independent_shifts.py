@@ -31,7 +31,7 @@ from scipy.optimize import linear_sum_assignment
 
 from benchmarks.independent.machine_file import write_machine_file
 from benchmarks.independent.mcap_log import write_mcap
-from benchmarks.independent.shift_logs import shift_log
+from benchmarks.independent.shift_logs import ShiftPlan, shift_log
 from benchmarks.kept_trials import read_rows, run_trials
 from benchmarks.page import markdown
 from estimators.errors import PayscopeError
@@ -154,7 +154,7 @@ def reviewed(seed: int, shorter: float = 1.0, *, clean: bool = False) -> Indepen
         shorter: share of the drawn length.
         clean: on hard level ground, with good instruments.
     """
-    log = shift_log(seed, shorter, clean=clean)
+    log = shift_log(seed, ShiftPlan(shorter=shorter, clean=clean))
     refused = crashed = ""
     made: ShiftReview | None = None
     with tempfile.TemporaryDirectory() as name:

@@ -2,16 +2,16 @@
 
     python -P benchmarks/turning.py [--logs 60] [--first 0] [--fault NAME]... [--json FILE]
 
+`--json` keeps a line a log as it comes and goes on where it ended, a seed of every fault at a time.
+
 Each log has a machine, a ground and instruments of its own (`benchmarks/independent`, which shares
 no code with the model), and one fault; the machine file states the uncertainties that it was drawn
 with. A fit that is withheld says nothing. The columns are shares of what is said: within two
 standard uncertainties, and beyond three; the root mean square of error over u; the median u.
 """
 
-import json
-import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -30,6 +30,7 @@ from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive, read_measured_channels
 from benchmarks.independent.turning_logs import FAULTS, TurnLog, turn_log
+from benchmarks.kept_trials import run_trials
 from benchmarks.page import markdown
 
 #: Of what the ± is judged: value and its uncertainty.
@@ -122,19 +123,20 @@ def main(
     logs: Annotated[int, typer.Option(help="Logs of each fault.")] = 60,
     first: Annotated[int, typer.Option(help="First seed.")] = 0,
     fault: Annotated[list[str] | None, typer.Option(help="Only this; may be repeated.")] = None,
-    keep: Annotated[Path | None, typer.Option("--json", help="A line a log.")] = None,
+    kept: Annotated[Path | None, typer.Option("--json", help="A line a log.")] = None,
 ) -> None:
     """Turn, and print how far the answers are from the truth."""
-    found: list[Turned] = []
-    begun = time.process_time()
-    for name in fault or list(FAULTS):
-        for seed in range(first, first + logs):
-            found.append(turned(name, seed))
-            if keep is not None:
-                with keep.open("a", encoding="utf-8") as out:
-                    out.write(json.dumps(asdict(found[-1])) + "\n")
-    print(markdown(HEADS, list(lines(found))))
-    print(f"{(time.process_time() - begun) / max(len(found), 1):.2f} s of processor time a log")
+    names = fault or list(FAULTS)
+    found = run_trials(
+        [(name, seed) for seed in range(first, first + logs) for name in names],
+        lambda task: turned(*task),
+        kept,
+        Turned,
+        task_key=lambda task: task,
+        result_key=lambda result: (result.fault, result.seed),
+    )
+    # the table has the faults in their order
+    print(markdown(HEADS, list(lines(sorted(found, key=lambda each: names.index(each.fault))))))
 
 
 if __name__ == "__main__":

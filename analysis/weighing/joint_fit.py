@@ -65,10 +65,15 @@ class JointFitInputs:
         priors: PriorSettings,
         before: JointFit | None = None,
     ) -> Self:
-        """Compare wheels and accelerometer; an earlier fit gives the unevenness of the ground."""
+        """Compare wheels and accelerometer.
+
+        An earlier fit gives the unevenness of the ground and the springs of the body.
+        """
         noise = CachedNoise(noise)
         uneven_1_s = 0.0 if before is None else before.found.uneven_1_s
-        return cls(motion, noise, priors, _wheel_kinematics(motion, noise, priors), uneven_1_s)
+        known = None if before is None else before.kinematics
+        wheels = _wheel_kinematics(motion, noise, priors, known)
+        return cls(motion, noise, priors, wheels, uneven_1_s)
 
 
 def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> JointFit:
@@ -138,7 +143,8 @@ def _take_slip_on_ground(inputs: JointFitInputs, task: FitTask, pilot: JointFit)
     # slip is of the force on the ground at that moment
     in_time = inputs.motion.shift_force(pilot.lag_s)
     acting = replace(in_time, force=pilot.found.ground_force(in_time))
-    return replace(task, wheels=_wheel_kinematics(acting, inputs.noise, inputs.priors))
+    wheels = _wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
+    return replace(task, wheels=wheels)
 
 
 def _fit_whole(task: FitTask, samples: int) -> JointFit:
@@ -155,10 +161,17 @@ def _fit_whole(task: FitTask, samples: int) -> JointFit:
 
 
 def _wheel_kinematics(
-    motion: MotionSamples, noise: ColumnNoiseModel, priors: PriorSettings
+    motion: MotionSamples,
+    noise: ColumnNoiseModel,
+    priors: PriorSettings,
+    earlier: WheelKinematics | None,
 ) -> WheelKinematics | None:
-    """Compare wheels and accelerometer, or take the comparison from a calibration."""
-    found = compare_wheels(motion, noise, priors)
+    """Compare wheels and accelerometer, or take the comparison from a calibration.
+
+    Springs are those of an earlier comparison: the body is the same.
+    """
+    springs = None if earlier is None else earlier.springs
+    found = compare_wheels(motion, noise, priors, springs=springs)
     return None if found is None else found.apply_learnt_priors(priors)
 
 

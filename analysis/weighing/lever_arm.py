@@ -25,10 +25,12 @@ import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.fitted_stretches import stretch_spans
-from analysis.weighing.motion_samples import Floats, MotionSamples
+from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from analysis.weighing.pitch_squat import fit_instrumental_variables
 from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping
 from analysis.weighing.weighing_limits import LIMITS
+from estimators.interpreted import compiled_ahead
+from estimators.numerics.in_order import sum_in_order
 
 #: Springs that the search begins with: frequencies of bodies on springs and tyres, in Hz,
 _FREQUENCIES_HZ: Final = (1.0, 1.4, 2.0, 2.8, 4.0)
@@ -88,18 +90,42 @@ class BodySwing:
         return lfilter(b, a, x, zi=lfilter_zi(b, a) * x[0])[0]
 
 
-def estimate_swing(measured: Floats, motion: MotionSamples) -> BodySwing | None:
+def estimate_swing(measured: Floats, motion: MotionSamples, springs: BodySwing) -> BodySwing | None:
     """Estimate the swing from wheels and accelerometer; None if there is none.
 
     Args:
         measured: (n,) accelerometer in m/s², with or without gravity by the pitch.
         motion: samples, with the speed as measured.
+        springs: springs of the body, and the swing that is in its reading at first.
     """
-    if motion.rate_hz < LIMITS.lever_min_rate_hz:
+    compared = _WheelComparison.from_motion(measured, motion)
+    solved = None if compared is None else compared.estimate_lever_arm(springs)
+    if solved is None:
         return None
+    found = solved[0]
+    least_s2 = max(LIMITS.lever_min_s2, LIMITS.pitch_squat_min_std * found.u_s2)
+    if not (abs(found.lever_s2) > least_s2 and found.is_stable):
+        return None
+    return replace(found, u_s2=float(np.hypot(found.u_s2, LIMITS.lever_shape_u * found.lever_s2)))
+
+
+def search_springs(measured: Floats, motion: MotionSamples) -> BodySwing | None:
+    """Springs that leave the smallest residual between wheels and accelerometer.
+
+    Args:
+        measured: (n,) accelerometer in m/s², with or without gravity by the pitch.
+        motion: samples, with the speed as measured.
+
+    Returns:
+        A body with these springs, and the swing that is in its reading at first; None if the grid
+        is too slow or the stretches are too few.
+    """
+    from scipy.optimize import Bounds, minimize
+
     compared = _WheelComparison.from_motion(measured, motion)
     if compared is None:
         return None
+
     tried = [
         compared.estimate_lever_arm(BodySwing(frequency_hz=hz, damping_1=damping_1))
         for hz, damping_1 in product(_FREQUENCIES_HZ, _DAMPINGS_1)
@@ -108,18 +134,6 @@ def estimate_swing(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     if not known:
         return None
     first, _ = min(known, key=lambda each: each[1])
-    found = _search_springs(compared, first)
-    if found is None:
-        return None
-    least_s2 = max(LIMITS.lever_min_s2, LIMITS.pitch_squat_min_std * found.u_s2)
-    if not (abs(found.lever_s2) > least_s2 and found.is_stable):
-        return None
-    return replace(found, u_s2=float(np.hypot(found.u_s2, LIMITS.lever_shape_u * found.lever_s2)))
-
-
-def _search_springs(compared: "_WheelComparison", first: BodySwing) -> BodySwing | None:
-    """Springs with the smallest residual, for a body that follows the motion."""
-    from scipy.optimize import Bounds, minimize
 
     def springs(logs: Floats) -> BodySwing:
         hz, damping_1 = np.exp(logs).tolist()
@@ -139,8 +153,7 @@ def _search_springs(compared: "_WheelComparison", first: BodySwing) -> BodySwing
         bounds=Bounds(low, high),
         options={"initial_simplex": corners, "xatol": _TOLERANCE, "fatol": np.inf},  # pyright: ignore[reportArgumentType] the stubs know no simplex
     )
-    found = compared.estimate_lever_arm(springs(best.x))
-    return None if found is None else found[0]
+    return springs(best.x)
 
 
 @dataclass(frozen=True)
@@ -149,31 +162,34 @@ class _WheelComparison:
 
     Attributes:
         motion: the samples.
-        spans: first and end sample of each stretch that is long enough.
+        spans: (stretches, 2) first and end sample of each stretch that is long enough.
         lag: number of means between the two that are subtracted.
         shared: (means, 4) accelerometer integral, slip, delay and response, by stretch.
     """
 
     motion: MotionSamples
-    spans: list[slice]
+    spans: Ints
     lag: int
     shared: list[Floats]
 
     @classmethod
     def from_motion(cls, measured: Floats, motion: MotionSamples) -> Self | None:
         """Prepare the stretches that are long enough; None if there are too few."""
+        if motion.rate_hz < LIMITS.lever_min_rate_hz:
+            return None
         lag = max(rows_in_duration(LIMITS.lever_lag_s, motion.rate_hz) // EVERY, 1)
         shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
         bounds = stretch_spans(motion.group)
-        spans = [slice(*each) for each in bounds[np.diff(bounds)[:, 0] >= shortest].tolist()]
+        spans = bounds[np.diff(bounds)[:, 0] >= shortest]
         if len(spans) < LIMITS.squat_min_stretches:
             return None
-        shared: list[Floats] = []
-        for part in spans:
-            a, v, force = measured[part], motion.speed[part], motion.force[part]
-            gained = (np.cumsum(a) - a / 2.0) / motion.rate_hz
-            shared.append(_difference_means((gained, np.abs(v) * force, -a, v - gained), lag))
-        return cls(motion, spans, lag, shared)
+        gained = np.zeros(measured.size)
+        for first, end in spans.tolist():
+            a = measured[first:end]
+            gained[first:end] = (np.cumsum(a) - a / 2.0) / motion.rate_hz
+        slipping = np.abs(motion.speed) * motion.force
+        columns = (gained, slipping, -measured, motion.speed - gained)
+        return cls(motion, spans, lag, _difference_means(columns, spans, lag))
 
     def estimate_lever_arm(self, springs: BodySwing) -> tuple[BodySwing, float] | None:
         """Lever arm with these springs, and the mean square residual."""
@@ -181,10 +197,8 @@ class _WheelComparison:
         assert motion.specific_force is not None
         swings = springs.pitch_rate_m_s3(motion.specific_force, motion.rate_hz)
         by_force = springs.pitch_rate_m_s3(motion.force, motion.rate_hz)
-        parts = [
-            np.column_stack([shared, _difference_means((-swings[part], -by_force[part]), self.lag)])
-            for part, shared in zip(self.spans, self.shared, strict=True)
-        ]
+        own = _difference_means((-swings, -by_force), self.spans, self.lag)
+        parts = [np.column_stack(both) for both in zip(self.shared, own, strict=True)]
         scale = np.sqrt(np.mean([(rows**2).mean(axis=0) for rows in parts], axis=0))
         if not (scale > 0.0).all():
             return None
@@ -205,11 +219,24 @@ class _WheelComparison:
         return found, left * float(scale[response]) ** 2
 
 
-def _difference_means(columns: tuple[Floats, ...], lag: int) -> Floats:
-    """Centred differences over `lag` means of each column, (means - lag, columns)."""
-    rows = np.column_stack([average_overlapping(x) for x in columns])
-    rows = rows[lag:] - rows[:-lag]
-    return rows - rows.mean(axis=0)
+def _difference_means(columns: tuple[Floats, ...], spans: Ints, lag: int) -> list[Floats]:
+    """Centred differences over `lag` means of each column, (means - lag, columns) a stretch."""
+    ends = np.cumsum((spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag)[:-1]
+    rows = np.column_stack([_difference_means_of_column(x, spans, lag) for x in columns])
+    return np.split(rows, ends)
+
+
+@compiled_ahead
+def _difference_means_of_column(x: Floats, spans: Ints, lag: int) -> Floats:
+    """Centred differences of a column, the stretches one after another."""
+    counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag
+    out, row = np.empty(counts.sum()), 0
+    for number in range(len(spans)):
+        means = average_overlapping(x[spans[number, 0] : spans[number, 1]])
+        differences = means[lag:] - means[:-lag]
+        out[row : row + counts[number]] = differences - sum_in_order(differences) / counts[number]
+        row += counts[number]
+    return out
 
 
 def subtract_swing(motion: MotionSamples, swing: BodySwing) -> MotionSamples:

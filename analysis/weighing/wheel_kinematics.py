@@ -14,7 +14,13 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.fitted_stretches import stretch_spans
-from analysis.weighing.lever_arm import NO_SWING, BodySwing, estimate_swing, subtract_swing
+from analysis.weighing.lever_arm import (
+    NO_SWING,
+    BodySwing,
+    estimate_swing,
+    search_springs,
+    subtract_swing,
+)
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
@@ -65,6 +71,7 @@ class WheelKinematics:
         squat: fraction of the acceleration that pitching adds to the accelerometer, with its
             deviation; it is corrected if pitch or wheels show it, else 0.
         swing: swing of an accelerometer above the pitch axis.
+        springs: springs of the body; None if nothing tells them.
         own: estimates of this log alone, if a calibration replaces them.
     """
 
@@ -80,6 +87,7 @@ class WheelKinematics:
     mean_u: Floats
     squat: tuple[float, float] = (0.0, 0.0)
     swing: BodySwing = NO_SWING
+    springs: BodySwing | None = None
     own: "WheelKinematics | None" = None
 
     @property
@@ -124,6 +132,7 @@ def compare_wheels(
     noise: ColumnNoiseModel,
     priors: PriorSettings,
     earlier: WheelKinematics | None = None,
+    springs: BodySwing | None = None,
 ) -> WheelKinematics | None:
     """Compare wheels with the accelerometer, corrected for squat and swing of the body.
 
@@ -132,6 +141,7 @@ def compare_wheels(
         noise: noise of acceleration, speed and force.
         priors: priors of slip, gain, delay and offset.
         earlier: comparison of a similar motion, as the starting point.
+        springs: springs of the body, if known.
 
     Returns:
         None without an accelerometer or without a long enough stretch.
@@ -140,13 +150,16 @@ def compare_wheels(
     if found is None or not found.squat[0] > 0.0 or motion.specific_force is None:
         return found
     level = motion.without_gravity
-    swing = estimate_swing(motion.specific_force if level is None else level, motion)
+    measured = motion.specific_force if level is None else level
+    springs = springs or search_springs(measured, motion)
+    swing = None if springs is None else estimate_swing(measured, motion, springs)
     if swing is None:
-        return found
+        return replace(found, springs=springs)
     still = _compare_bodies(subtract_swing(motion, swing), noise, priors, earlier)
     if still is None:
         return None
-    return replace(still, swing=swing if level is None else swing.with_gravity(still.squat[0]))
+    swing = swing if level is None else swing.with_gravity(still.squat[0])
+    return replace(still, swing=swing, springs=springs)
 
 
 def _compare_bodies(

@@ -77,29 +77,69 @@ class ShiftTruth:
 
 
 class ShiftLog(NamedTuple):
-    """A shift: the topics of each file, the instruments as stated, what is known and true."""
+    """A shift.
+
+    Attributes:
+        files: the topics of each.
+        stated: the instruments, as the machine file has them,
+        seen: and as they are.
+        known: what else the machine file states.
+        truth: what is true.
+        plant: the machine and its ground.
+    """
 
     files: list[dict[str, Readings]]
     stated: Instruments
+    seen: Instruments
     known: Known
     truth: ShiftTruth
+    plant: Plant
 
 
-def shift_log(seed: int, shorter: float = 1.0, *, clean: bool = False) -> ShiftLog:
+class ShiftPlan(NamedTuple):
+    """What is not drawn of a shift, or within other limits.
+
+    Attributes:
+        shorter: share of the drawn length that is driven.
+        hours: its length; None: drawn.
+        load_share: least and greatest mean load over the machine's mass; None: as habits have it.
+        clean: on hard level ground, with instruments that only have noise.
+        force_1: factor of the torque that the machine file does not know,
+        radius_1: and of the wheel radius,
+        share_1: and of the share of the wheels that is measured.
+    """
+
+    shorter: float = 1.0
+    hours: float | None = None
+    load_share: tuple[float, float] | None = None
+    clean: bool = False
+    force_1: float = 1.0
+    radius_1: float = 1.0
+    share_1: float = 1.0
+
+
+_AS_DRAWN: Final = ShiftPlan()
+
+
+def shift_log(seed: int, plan: ShiftPlan = _AS_DRAWN) -> ShiftLog:
     """Draw a shift.
 
     Args:
         seed: of everything.
-        shorter: of the length that is drawn, the share that is driven.
-        clean: on hard level ground, with instruments that only have noise.
+        plan: what is not drawn.
     """
     dice = np.random.default_rng([seed, 25_002])
     mass_kg = float(np.exp(dice.uniform(*np.log(MASS_KG))))
     driver = drawn_driver(dice, mass_kg)
+    if plan.load_share is not None:
+        share = float(np.random.default_rng([seed, 25_004]).uniform(*plan.load_share))
+        driver = driver._replace(load_share=share, habits=driver.habits - {"small loads"})
     plant = drawn_plant(dice, driver, mass_kg)
-    if clean:
+    if plan.clean:
         plant = on_hard_ground(plant)
-    longest_s = shorter * float(dice.uniform(*DURATION_S))
+    longest_s = plan.shorter * float(dice.uniform(*DURATION_S))
+    if plan.hours is not None:
+        longest_s = 3600.0 * plan.hours
     made = CycleLegs(dice, driver, plant)
     legs = made.arrival()
     dumps: list[int] = []
@@ -110,13 +150,15 @@ def shift_log(seed: int, shorter: float = 1.0, *, clean: bool = False) -> ShiftL
     motion = drive(plant, legs, longest_s)
     motion = _ended(dice, motion, dumps)
     seen = _instruments(dice, driver, plant)
-    if clean:
+    if plan.clean:
         seen = seen._replace(force_gain=1.0, gain_drift=0.0, force_offset_N=0.0)
         seen = seen._replace(acc_bias_m_s2=0.0, tilt_rad=0.0, slip_1_N=0.0)
+    seen = seen._replace(force_gain=plan.force_1 * seen.force_gain)
     topics = measured(dice, seen, motion, mass_kg)
     files, holes = _split(dice, topics, motion.duration_s)
     emptied = _dumps(motion, legs, dumps)
-    stated = seen._replace(radius_m=round(seen.radius_m * float(dice.normal(1.0, RADIUS_U)), 5))
+    radius_m = plan.radius_1 * seen.radius_m * float(dice.normal(1.0, RADIUS_U))
+    stated = seen._replace(radius_m=round(radius_m, 5), share=plan.share_1 * seen.share)
     known = Known(
         mass_kg * float(dice.normal(1.0, EMPTY_MASS_U)),
         EMPTY_MASS_U * mass_kg,
@@ -139,7 +181,7 @@ def shift_log(seed: int, shorter: float = 1.0, *, clean: bool = False) -> ShiftL
         tuple(any(begin < t_s < end for begin, end in holes) for t_s, _ in emptied),
         motion.duration_s / 60.0,
     )
-    return ShiftLog(files, stated, known, truth)
+    return ShiftLog(files, stated, seen, known, truth, plant)
 
 
 #: Of the instruments, what the truth tells.

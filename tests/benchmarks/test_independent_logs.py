@@ -15,7 +15,7 @@ from benchmarks.independent.machine_file import write_machine_file
 from benchmarks.independent.mcap_log import layout_of, write_mcap
 from benchmarks.independent.payload_plans import PLANS, SITUATIONS, PayloadLog, payload_log
 from benchmarks.independent.sensors import EPOCH_NS, Instruments, Readings, measured
-from benchmarks.independent.shift_logs import shift_log
+from benchmarks.independent.shift_logs import ShiftPlan, shift_log
 from replay import load_machine, open_log
 
 BENCH = Path(__file__).resolve().parents[2] / "benchmarks" / "independent"
@@ -139,7 +139,7 @@ def test_a_situation_is_in_the_log_that_it_names() -> None:
 
 
 def test_a_shift_s_truth_is_what_left_the_bucket() -> None:
-    made = shift_log(2, shorter=0.15)
+    made = shift_log(2, ShiftPlan(shorter=0.15))
     truth = made.truth
     assert len(truth.dump_s) == len(truth.payload_kg) == len(truth.hidden) > 5
     assert list(truth.dump_s) == sorted(truth.dump_s)

@@ -7,7 +7,7 @@ import pytest
 from analysis.model.run_record import Run
 from benchmarks.independent.machine_file import write_machine_file
 from benchmarks.independent.mcap_log import write_mcap
-from benchmarks.independent.shift_logs import ShiftLog, shift_log
+from benchmarks.independent.shift_logs import ShiftLog, ShiftPlan, shift_log
 from benchmarks.payloads import found_of
 from replay import load_machine, open_log
 from replay.pipeline import run
@@ -58,7 +58,7 @@ def replay_shift(log: ShiftLog, folder: Path) -> Run:
 def test_the_tonnes_of_a_shift_hold(
     seed: int, share: float, habits: set[str], tmp_path: Path
 ) -> None:
-    log = shift_log(seed, share)
+    log = shift_log(seed, ShiftPlan(shorter=share))
     assert habits <= set(log.truth.habits)
     (shift,) = replay_shift(log, tmp_path).frames["shift"].to_dicts()
     assert shift["cycles_counted"] >= 0.9 * len(log.truth.dump_s)

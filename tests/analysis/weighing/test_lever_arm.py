@@ -7,7 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from analysis.weighing.lever_arm import BodySwing, estimate_swing, subtract_swing
+from analysis.weighing.lever_arm import (
+    BodySwing,
+    estimate_swing,
+    search_springs,
+    subtract_swing,
+)
 from analysis.weighing.motion_samples import Floats, MotionSamples
 
 RATE_HZ = 100.0
@@ -62,12 +67,18 @@ def starts(
     )  # fmt: skip
 
 
+def swing_of(measured: Floats, motion: MotionSamples) -> BodySwing | None:
+    """The swing with the springs that the same motion tells."""
+    springs = search_springs(measured, motion)
+    return None if springs is None else estimate_swing(measured, motion, springs)
+
+
 @pytest.mark.parametrize("height_m", [0.5, 0.25, -0.4])
 def test_wheels_tell_the_lever_arm_and_the_springs(height_m: float) -> None:
     for seed in range(3):
         motion = starts(height_m, seed)
         assert motion.specific_force is not None
-        found = estimate_swing(motion.specific_force, motion)
+        found = swing_of(motion.specific_force, motion)
         assert found is not None
         assert abs(found.lever_s2 - height_m * SQUAT_S2_M + BY_GRAVITY_S2) < 2.0 * found.u_s2
         assert found.frequency_hz == pytest.approx(SPRINGS_HZ, rel=0.12)
@@ -77,7 +88,7 @@ def test_wheels_tell_the_lever_arm_and_the_springs(height_m: float) -> None:
 def test_where_the_pitch_takes_gravity_off_only_the_height_is_left() -> None:
     motion = starts(0.5, 2)
     pitch, _ = swung(motion.acceleration)
-    found = estimate_swing(motion.acceleration - SQUAT_1 * pitch, motion)
+    found = swing_of(motion.acceleration - SQUAT_1 * pitch, motion)
     assert found is not None
     assert abs(found.lever_s2 - 0.5 * SQUAT_S2_M) < 2.0 * found.u_s2
     assert found.with_gravity(SQUAT_1).lever_s2 == pytest.approx(
@@ -90,7 +101,7 @@ def test_an_accelerometer_where_nothing_swings_has_none() -> None:
     for seed in range(6):
         motion = starts(BY_GRAVITY_S2 / SQUAT_S2_M, seed)
         assert motion.specific_force is not None
-        found = estimate_swing(motion.specific_force, motion)
+        found = swing_of(motion.specific_force, motion)
         assert found is None or abs(found.lever_s2) < 0.0004
 
 
@@ -99,7 +110,7 @@ def test_a_slow_grid_and_few_starts_tell_none() -> None:
     slow = replace(starts(0.5, 1), rate_hz=10.0)
     for motion in (few, slow):
         assert motion.specific_force is not None
-        assert estimate_swing(motion.specific_force, motion) is None
+        assert swing_of(motion.specific_force, motion) is None
 
 
 def test_taken_off_the_accelerometer_reads_what_the_axis_does() -> None:
