@@ -53,6 +53,8 @@ CHANGES: Final = (
     *("unchanged", "bias 0.05", "rolling +1 %", "gain +1 %", "throttle 60 %"),
     *("other ways", "slope 2"),
 )
+#: Relative standard deviation of the gain of the force; the machine file states it.
+GAIN_STD: Final = 0.03
 _DAY: Final = "2026-05-01"
 _NEVER_S: Final = 900.0
 
@@ -99,7 +101,7 @@ def drawn_machine(dice: np.random.Generator) -> Drawn:
     plant = plant._replace(rolling_far_1=plant.rolling_1)
     size = mass_kg / 3600.0
     seen = drawn_instruments(dice, mass_kg)._replace(
-        force_gain=float(np.exp(dice.normal(0.0, 0.03))),
+        force_gain=float(np.exp(dice.normal(0.0, GAIN_STD))),
         force_offset_N=float(dice.normal(0.0, 60.0)) * size,
         acc_bias_m_s2=float(dice.normal(0.0, 0.02)),
     )
@@ -173,7 +175,7 @@ def replayed(
     with tempfile.TemporaryDirectory() as folder:
         path, stated = Path(folder) / "log.mcap", Path(folder) / "machine.toml"
         write_mcap(measured(dice, drawn.seen, motion, empty_kg), path)
-        known = drawn.known or Known(empty_kg, empty_mass_u_kg=0.0005 * empty_kg)
+        known = drawn.known or Known(empty_kg, 0.0005 * empty_kg, GAIN_STD)
         write_machine_file(stated, drawn.stated or drawn.seen, known._replace(empty_s=empty_s))
         own = load_machine(stated)
         if machine is not None:

@@ -16,6 +16,7 @@ from analysis.calibration.line.shared_errors import RunResponse, SharedErrors
 from analysis.model.methods import METHODS, LogSummary
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
+from analysis.model.uncertainty_sources import SCALES
 
 #: A row a manoeuvre; a run of which nothing could be read has one row without a mass.
 READINGS: Final[dict[str, type[pl.DataType]]] = {
@@ -35,6 +36,8 @@ READINGS: Final[dict[str, type[pl.DataType]]] = {
 _NOTHING: Final = "no manoeuvre of this stretch was informative enough"
 _IS_ZERO: Final = "without load: the zero that payloads are counted from"
 _NO_ZERO: Final = "no run of this log without load, so there is no payload as a difference"
+#: Factors of every mass alike, whatever its load.
+_FACTORS: Final = tuple(scale.name for scale in SCALES if not scale.by_load)
 
 
 def read_campaign_runs(
@@ -129,14 +132,15 @@ def joint_fit_readings(replayed: Run) -> list[dict[str, Any]]:
 def causes_not_in_common(replayed: Run) -> list[str]:
     """Uncertainty sources common to one log's masses but not to all masses of the campaign.
 
-    Errors of learnt means are absorbed by the line. Their prior widths vary from log to log, and
-    scatter the runs about the line.
+    Factors of all masses are in the slope and level of the line: what the machine file states of
+    them does not say how they change. Errors of learnt means are absorbed by the line as well.
+    Their prior widths vary from log to log, and scatter the runs about the line.
     """
     nuisances = replayed.frames["nuisances"]
     if "prior_mean_u" not in nuisances.columns:
-        return []
+        return [*_FACTORS]
     learnt = nuisances.filter(pl.col("prior_mean_u") > 0.0)["term"]
-    return ["learnt", *("slip" if term == "wheel_slip" else term for term in learnt)]
+    return [*_FACTORS, "learnt", *("slip" if term == "wheel_slip" else term for term in learnt)]
 
 
 def subtract_part_u(u_kg: float | None, part_kg: float | None) -> float | None:
