@@ -204,13 +204,13 @@ def compiled_by_turns(turns: Callable[..., int]) -> Callable[[F], F]:
 
 def compiled_ahead(function: F) -> F:
     """Like `compiled`, but interpreted only for a short log without a cached form."""
-    return cast("F", Loop(function, _COMPILED, largest_shape, at_first=False))
+    return cast("F", Loop(function, _COMPILED, largest_dimension, at_first=False))
 
 
 def compiled_beside(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
     """Like `compiled_ahead`, with whole-array operations for the interpreter."""
     return lambda function: cast(
-        "F", Loop(function, _COMPILED, largest_shape, by_arrays, at_first=False)
+        "F", Loop(function, _COMPILED, largest_dimension, by_arrays, at_first=False)
     )
 
 
@@ -223,14 +223,14 @@ def _convert_to_python(result: Any) -> Any:
     return result
 
 
-def largest_shape(*arguments: Any) -> int:
+def largest_dimension(*arguments: Any) -> int:
     """Largest dimension of any array among the arguments."""
     sizes = [0]
     for each in arguments:
         if isinstance(each, np.ndarray):
             sizes.append(max(each.shape, default=0))
         elif isinstance(each, tuple):
-            sizes.append(largest_shape(*each))
+            sizes.append(largest_dimension(*each))
     return max(sizes)
 
 

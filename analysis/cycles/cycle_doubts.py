@@ -9,7 +9,7 @@ from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.uncertainty_sources import STD_OF_MAD
 
 
-def doubt_counted_cycles(cycles: pl.DataFrame) -> list[str]:
+def list_cycle_doubts(cycles: pl.DataFrame) -> list[str]:
     """Doubts about each cycle, joined by semicolons; empty without doubts or payload.
 
     Args:

@@ -193,16 +193,16 @@ def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
 def _split_energy_by_phase(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Energy by phase and part, (phases, parts) in J."""
     drive, dig, slow = integrals.drive, integrals.dig, integrals.slow
-    straight = _integrate_drive_work(drive, model)
+    straight = _corrected_drive_work(drive, model)
     work = straight + integrals.turning_J
     slope = drive["mass"] - integrals.kinetic_J + model.acting_constant_force * drive["offset"]
-    digging = _integrate_drive_work(dig, model) - _work_against_friction(dig, model)
+    digging = _corrected_drive_work(dig, model) - _work_against_friction(dig, model)
     friction = work - integrals.kinetic_J - slope - digging
     braking = -_mass_and_friction_work(slow, model)
     return np.stack([work, integrals.kinetic_J, slope, friction, digging, braking], axis=1)
 
 
-def _integrate_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
+def _corrected_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the measured force, corrected for its errors, (phases,) in J."""
     return (
         integrals["force"]
@@ -274,7 +274,7 @@ def _misfit_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) ->
 def _unexplained_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """Work not explained by masses, fitted friction or digging, (phases,) in J."""
     explained = _work_against_friction(integrals.drive, model) + value[:, PARTS.index("digging")]
-    return _integrate_drive_work(integrals.drive, model) - explained
+    return _corrected_drive_work(integrals.drive, model) - explained
 
 
 def _work_change_by_mass(integrals: PhaseIntegrals) -> Floats:

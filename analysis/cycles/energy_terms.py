@@ -11,7 +11,7 @@ from analysis.cycles.boom_dumps import find_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.energy_integrals import MotionErrors
 from analysis.model.machine import Machine
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.model.settings import PriorSettings
 from analysis.model.windows import runs_of_flagged_samples
 from analysis.weighing.friction_warming import WARMING
@@ -123,7 +123,7 @@ def undetermined_coulomb(
 def _find_largest_force(excitation: pl.DataFrame) -> float:
     """Large quantile of the log's force, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
-    pushed_N = np.abs(values(driving, "force_x_N"))
+    pushed_N = np.abs(column_values(driving, "force_x_N"))
     return float(np.nanquantile(pushed_N, 0.95)) if pushed_N.size else 0.0
 
 
@@ -155,7 +155,7 @@ def standing_offset(excitation: pl.DataFrame, mass_kg: Floats) -> tuple[float, f
         None if there are too few standstills.
     """
     force, acceleration = (
-        values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
+        column_values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
     )
     means: list[tuple[float, float]] = []
     for begin, end in zip(*runs_of_flagged_samples(find_standing_samples(excitation)), strict=True):
@@ -195,11 +195,12 @@ def fitted_motion_errors(
     return MotionErrors(*(v for v, _ in pairs)), MotionErrors(*(u for _, u in pairs))
 
 
-def change_each_term(values: Terms, stds: Terms) -> list[Terms]:
+def change_each_term(column_values: Terms, stds: Terms) -> list[Terms]:
     """Copies of the values, each with one term changed by its standard uncertainty."""
-    names = [each.name for each in fields(values) if getattr(stds, each.name)]
+    names = [each.name for each in fields(column_values) if getattr(stds, each.name)]
     return [
-        replace(values, **{name: getattr(values, name) + getattr(stds, name)}) for name in names
+        replace(column_values, **{name: getattr(column_values, name) + getattr(stds, name)})
+        for name in names
     ]
 
 

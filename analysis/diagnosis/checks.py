@@ -17,7 +17,7 @@ from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.model.axes import X
 from analysis.model.machine import Machine
-from analysis.model.schema import build, values
+from analysis.model.schema import build_frame, column_values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
@@ -69,7 +69,7 @@ def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
     optional = pl.Series([row.optional for row, _ in judged], dtype=pl.Boolean)
     told = frame["value"].is_finite().fill_null(value=False)
     passed = pl.when(applies & (told | ~optional)).then(inside.fill_null(False))
-    return build("verdict", frame.with_columns(passed=passed).to_dict())
+    return build_frame("verdict", frame.with_columns(passed=passed).to_dict())
 
 
 def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
@@ -103,9 +103,9 @@ def _driving_share(_: CheckInputs, motion: AxisMotion) -> float:
 def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Slope of the accelerometer against the wheels' acceleration in straight motion."""
     used = motion.known & inputs.is_phase("accelerating", "cruising", "braking")
-    measured = values(inputs.excitation, "specific_force_x_m_s2")
+    measured = column_values(inputs.excitation, "specific_force_x_m_s2")
     imu = average_like_speed_rate(measured, inputs.machine.settings)
-    rate = values(inputs.excitation, "speed_rate_x_m_s2")
+    rate = column_values(inputs.excitation, "speed_rate_x_m_s2")
     return fit_quality.regression_slope(rate, imu, used, rate_noise_variance(inputs))
 
 
@@ -152,12 +152,12 @@ def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
 
 
 def _spin_centre(inputs: CheckInputs, motion: AxisMotion) -> float:
-    x, y = (values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
+    x, y = (column_values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
     return fit_quality.centre_offset(x, y, motion.speed, motion.A[:, 0], motion.known)
 
 
 @dataclass(frozen=True, slots=True)
-class AxisWords:
+class AxisQuantityNames:
     """Names of an axis' quantities in the texts of its checks."""
 
     prefix: str
@@ -168,7 +168,7 @@ class AxisWords:
     moves: str
 
 
-def model_checks(about: EvidenceSubject, words: AxisWords) -> tuple[CheckRow, ...]:
+def model_checks(about: EvidenceSubject, words: AxisQuantityNames) -> tuple[CheckRow, ...]:
     """Checks of every axis: whether its model fits the moving samples."""
     force, moves = words.force, words.moves
     return (
@@ -227,7 +227,9 @@ CHECKS: Final = (
         optional=True,
         remedy="the sign is inverted: scale = -1 in channels.force_x_N, or of both torques",
     ),
-    *model_checks("mass", AxisWords("", "acceleration", "speed", "mass", "force", "motion")),
+    *model_checks(
+        "mass", AxisQuantityNames("", "acceleration", "speed", "mass", "force", "motion")
+    ),
     CheckRow(
         "acceleration_gain",
         "mass",
@@ -280,7 +282,7 @@ CHECKS: Final = (
     *SIGNAL_CHECKS,
     *model_checks(
         "inertia",
-        AxisWords("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin"),
+        AxisQuantityNames("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin"),
     ),
     CheckRow(
         "spin_centre",
@@ -330,4 +332,4 @@ def withhold_by_findings(
     of_mass = judged.filter(pl.col("about") == "mass").height
     parts = [judged.head(of_mass), row.select(judged.columns), judged.tail(judged.height - of_mass)]
     cast = [part.cast(dict(judged.schema)) for part in parts]  # type: ignore[arg-type]
-    return build("verdict", pl.concat(cast).to_dict())
+    return build_frame("verdict", pl.concat(cast).to_dict())

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.method_disagreement import compare_methods_with_joint_fit
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.weighing.mass_budget import relative_u
 from analysis.weighing.other_motion import wheel_imu_disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
@@ -102,7 +102,7 @@ def _gating_bias_u(inputs: CheckInputs, motion: AxisMotion) -> float:
     if inputs.totals is None or inputs.position_dependent_force is not None:
         return np.nan
     pooled = inputs.totals.filter(inputs.totals["method"] == "pooled")
-    mass_kg, std_kg = (values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
+    mass_kg, std_kg = (column_values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
     if not mass_kg.size:
         return np.nan
     mean_difference_kg = abs(mass_kg[0] - motion.fit.value)

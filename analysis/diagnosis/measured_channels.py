@@ -59,7 +59,7 @@ class RepeatedReading(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Signals:
+class RawSignals:
     """Raw channels.
 
     Attributes:
@@ -166,7 +166,9 @@ class Signals:
         return np.sum([_interpolate_at(*self.channels[name], unix_ns) for name in names], axis=0)
 
 
-def measured_signals(raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]) -> Signals:
+def collect_raw_signals(
+    raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]
+) -> RawSignals:
     """Collect the raw channels of a log.
 
     Args:
@@ -174,7 +176,7 @@ def measured_signals(raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Ser
         channels: readings as `analysis.stages.signals.derive.measured` returns them.
     """
     span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
-    return Signals(channels, relative_drift(clock_drifts(raw)), span_ns / 1e9)
+    return RawSignals(channels, relative_drift(clock_drifts(raw)), span_ns / 1e9)
 
 
 def _interpolate_at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
@@ -224,7 +226,7 @@ def _find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[R
     t, x = channels[name]
     runs, never = find_long_runs(t, x)
     if runs and float(np.ptp(x)) == 0.0:
-        return runs if _is_dead(name, channels) else []
+        return runs if _should_have_changed(name, channels) else []
     # a machine that stands has no speed, one that coasts no force
     runs = [run for run in runs if run.value != 0.0 or name == "specific_force_x_m_s2"]
     if not runs:
@@ -243,7 +245,7 @@ def _find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[R
     return runs if surely and never else surely
 
 
-def _is_dead(name: str, channels: Mapping[str, Series]) -> bool:
+def _should_have_changed(name: str, channels: Mapping[str, Series]) -> bool:
     """Whether a constant channel should have changed, since its own or the other side drives."""
     of_motion = name in _MOTION
     speeds = [x for key, (_, x) in channels.items() if key in _SPEEDS and key != name]

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis.measured_channels import Signals
+from analysis.diagnosis.measured_channels import RawSignals
 from analysis.model.machine import Machine
 from analysis.stages.signals.grid_rate import rows_in_duration
 from estimators.arrays import Bools, Floats
@@ -80,7 +80,7 @@ class SideDifference:
 
 
 def side_differences(
-    excitation: pl.DataFrame, signals: Signals | None, machine: Machine, t0_unix_ns: int
+    excitation: pl.DataFrame, signals: RawSignals | None, machine: Machine, t0_unix_ns: int
 ) -> Mapping[str, SideDifference]:
     """Compare the sides of a log that measures both.
 

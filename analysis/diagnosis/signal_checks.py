@@ -41,7 +41,7 @@ def _clock_distance_s(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if inputs.signals is None else inputs.signals.clock_distance_s
 
 
-def _mass_shift_u(check: str) -> Callable[[CheckInputs, AxisMotion], float | None]:
+def _make_mass_shift(check: str) -> Callable[[CheckInputs, AxisMotion], float | None]:
     """Make a function that returns the change of the answer without a check's stretches."""
 
     def of(inputs: CheckInputs, _: AxisMotion) -> float | None:
@@ -98,7 +98,7 @@ SIGNAL_CHECKS: Final = (
         maximum="frozen_max_s",
         applies=_has_signals,
         names=_make_refit_outcome("frozen"),
-        moved_u=_mass_shift_u("frozen"),
+        moved_u=_make_mass_shift("frozen"),
         remedy="leave the stretch out, or mend the sensor",
     ),
     CheckRow(
@@ -109,7 +109,7 @@ SIGNAL_CHECKS: Final = (
         maximum="clipped_max",
         applies=_has_signals,
         names=_make_refit_outcome("clipped"),
-        moved_u=_mass_shift_u("clipped"),
+        moved_u=_make_mass_shift("clipped"),
         remedy="settings.gate.saturation_force_N: the force where the sensor clips",
     ),
     CheckRow(

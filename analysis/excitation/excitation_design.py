@@ -56,7 +56,7 @@ _ASKED: Final[dict[Drive, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True)
-class Score:
+class WaveformScore:
     """Predicted errors of one waveform, from the window that determines the parameters least.
 
     Attributes:
@@ -111,15 +111,15 @@ class Score:
 
 
 @dataclass(frozen=True)
-class Design:
+class ExcitationDesign:
     """Scores of all waveforms, and the best one that fits the yard (None if none fits)."""
 
     drive: Drive
     response_s: Mapping[str, float]
     window_s: float
     accuracy: float
-    scores: Sequence[Score]
-    best: Score | None
+    scores: Sequence[WaveformScore]
+    best: WaveformScore | None
 
     @property
     def is_reached(self) -> bool:
@@ -205,7 +205,7 @@ def design_excitation(
     accuracy: float = 0.01,
     window_s: float | None = None,
     yard_m: float | None = None,
-) -> Design:
+) -> ExcitationDesign:
     """Try each waveform one way and both ways at full throttle, and score it.
 
     Args:
@@ -238,10 +238,12 @@ def design_excitation(
         for shape in get_args(Shape)
         for ways in get_args(Ways)
     ]
-    return Design(drive, response_s, window_s, accuracy, scores, best_score(scores, yard_m))
+    return ExcitationDesign(
+        drive, response_s, window_s, accuracy, scores, best_score(scores, yard_m)
+    )
 
 
-def best_score(scores: Sequence[Score], yard_m: float | None) -> Score | None:
+def best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> WaveformScore | None:
     """Score with the smallest error that fits the yard; None if none fits."""
     fitting = [score for score in scores if yard_m is None or score.reach_m <= yard_m]
     return min(fitting, key=lambda score: score.relative_error, default=None)
@@ -284,7 +286,7 @@ def _score_shape(
     response_s: Mapping[str, float],
     window_s: float,
     accuracy: float,
-) -> Score:
+) -> WaveformScore:
     load_kg = scenario.campaign.loads_kg[0]
     manoeuvre = _make_excite_manoeuvre(scenario, drive, shape, ways, response_s)
     period_s = manoeuvre.duration_s / 2.0
@@ -320,7 +322,7 @@ def _score_shape(
     least = min(known) / float(noise.force_x_N) * noisy if len(known) == len(allowed) else None
     velocity = driven.speed_x_m_s * np.exp(1j * driven.heading_rad)
     path_m = np.cumsum(velocity[: repeats.stop]) / rate_hz
-    return Score(
+    return WaveformScore(
         waveform=shape,
         ways=ways,
         manoeuvre=manoeuvre,

@@ -23,7 +23,7 @@ from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_corrected
 from analysis.model.physical_units import gain_and_offset_to_si
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.motion.phases import average_like_speed_rate
 from analysis.stages.signals.grid_rate import rows_in_duration
@@ -114,7 +114,7 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
     error, std = seen.error_m_s2
     if not np.isfinite(error) or seen.tilt is False or lacks_gravity(inputs):
         return []
-    kind = tilt_or_bias(inputs, error)
+    kind = tell_tilt_from_bias(inputs, error)
     if kind not in kinds:
         return []
     # ground that slopes leaves no constant force, a tilt does
@@ -133,7 +133,7 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
             f"gravity: {degrees:+.2f}° {said}",
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
-            value=f"{inputs.machine.channels[ACC].offset - in_unit_of_channel(inputs, error):.5g}"
+            value=f"{inputs.machine.channels[ACC].offset - to_channel_unit(inputs, error):.5g}"
             if names
             else None,
             change=lambda: refit_corrected(
@@ -146,7 +146,7 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
     ]
 
 
-def tilt_or_bias(inputs: FindingInputs, error: float) -> str:
+def tell_tilt_from_bias(inputs: FindingInputs, error: float) -> str:
     """Tell a tilt from a bias by the z axis: a tilt reduces the gravity that z reads.
 
     Returns:
@@ -171,9 +171,9 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     ):
         return []
     settings = inputs.machine.settings
-    rate = values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
+    rate = column_values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
     ahead, left = (
-        average_like_speed_rate(values(inputs.check_inputs.excitation, name), settings)
+        average_like_speed_rate(column_values(inputs.check_inputs.excitation, name), settings)
         for name in (ACC, _Y)
     )
     used = inputs.check_inputs.is_phase("accelerating", "braking", "cruising")
@@ -286,7 +286,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def in_unit_of_channel(inputs: FindingInputs, error: float) -> float:
+def to_channel_unit(inputs: FindingInputs, error: float) -> float:
     """Convert an acceleration from m/s² to the unit of its channel."""
     channel = inputs.machine.channels[ACC]
     if channel.unit is None:
@@ -342,8 +342,8 @@ def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Float
     size = rows_in_duration(LIMITS.start_window_s, rate_hz)
     if not inputs.measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
         return None
-    reads = values(inputs.aligned, ACC)
-    speed = values(inputs.aligned, "speed_x_m_s")
+    reads = column_values(inputs.aligned, ACC)
+    speed = column_values(inputs.aligned, "speed_x_m_s")
     force = longitudinal_force(inputs.aligned, inputs.machine.machine)
     ramp = np.linspace(-1.0, 1.0, size)
     window = np.hanning(size)

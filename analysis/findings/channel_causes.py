@@ -164,7 +164,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     """Find a channel whose resolution is coarser than its noise."""
     found: list[Symptom] = []
     for name in inputs.measured_equation_channels:
-        repeats, lsb = reading_steps(inputs, name)
+        repeats, lsb = reading_resolution(inputs, name)
         if not lsb:
             continue
         found.append(
@@ -178,7 +178,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     return strongest_symptom(found)
 
 
-def reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
+def reading_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
     """Fraction of repeated readings in motion, and the channel's resolution in SI units.
 
     The resolution is 0 if the steps have no common divisor.
@@ -199,7 +199,7 @@ def reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
 
 def _is_coarse(inputs: FindingInputs, name: str) -> bool:
     """Whether readings repeat because of the channel's resolution."""
-    repeats, lsb = reading_steps(inputs, name)
+    repeats, lsb = reading_resolution(inputs, name)
     return bool(lsb) and repeats > _REPEATS
 
 
@@ -252,7 +252,7 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
         # a coarse channel is off by a step now and then
-        scale = np.maximum(local_std(middle), reading_steps(inputs, name)[1] / np.sqrt(12.0))
+        scale = np.maximum(local_std(middle), reading_resolution(inputs, name)[1] / np.sqrt(12.0))
         far = np.abs(middle) > _SPIKE * scale
         far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
         places = np.flatnonzero(far) + 1
@@ -349,7 +349,7 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
             change=lambda: change_by_wheel_speed(inputs),
             alternatives=("slip",),
         )
-    wrong = wrong_speed_channel(inputs, sides)
+    wrong = find_wrong_speed(inputs, sides)
     setting, value = (None, None) if wrong is None else inputs.scale_channels((wrong[0],), wrong[1])
     by_imu = (
         "" if wrong is None else f"; the accelerometer agrees with the {_other_side(wrong[0])} ones"
@@ -369,7 +369,7 @@ def _other_side(channel: str) -> str:
     return "right" if channel == SPEEDS[0] else "left"
 
 
-def wrong_speed_channel(inputs: FindingInputs, sides: SideDifference) -> tuple[str, float] | None:
+def find_wrong_speed(inputs: FindingInputs, sides: SideDifference) -> tuple[str, float] | None:
     """Wheel speed that the accelerometer contradicts, and the factor for its scale."""
     wheels = None if inputs.fit is None else inputs.fit.kinematics
     if wheels is None or not wheels.is_consistent:

@@ -17,7 +17,7 @@ from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, search_likelihood
 from analysis.findings.refit import refit_corrected
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.model.windows import flagged_windows
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in_duration
@@ -52,7 +52,7 @@ class LongDelay:
     rival: str = ""
 
 
-def long_delay(inputs: FindingInputs) -> LongDelay | None:
+def find_long_delay(inputs: FindingInputs) -> LongDelay | None:
     """Find the channel that is far behind the two others, which agree."""
     if "long delay" not in inputs.kept:
         inputs.kept["long delay"] = _search_delay(inputs)
@@ -150,14 +150,14 @@ def channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Float
     # a slope needs two means
     if count < max(2 * round(LIMITS.longest_delay_s * rate_hz / size), 2):
         return size / rate_hz, {}
-    speed = means(values(inputs.aligned, "speed_x_m_s"))
+    speed = means(column_values(inputs.aligned, "speed_x_m_s"))
     force = means(longitudinal_force(inputs.aligned, inputs.machine.machine))
     if not (np.isfinite(speed).any() and np.isfinite(force).any()):
         return size / rate_hz, {}
     # a central difference has the time of its middle
     found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
     if inputs.measured_channels(ACC):
-        found["imu"] = means(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
+        found["imu"] = means(column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
     channels = {
         name: centre(x) for name, x in found.items() if np.isfinite(x).any() and np.nanstd(x) > 0.0
     }
@@ -187,7 +187,7 @@ def find_lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, f
 
 def find_delays(inputs: FindingInputs) -> list[Symptom]:
     """Find late channels by the likelihood of f(t - d) = m a + b v, with m and b refitted."""
-    late = long_delay(inputs)
+    late = find_long_delay(inputs)
     if late is not None:
         return [_make_long_delay_symptom(inputs, late)]
     found = [pick for name, pick in search_likelihood(inputs).items() if name.startswith("delay")]

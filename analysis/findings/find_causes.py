@@ -21,7 +21,7 @@ from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.unexplained import SHOWN
 from analysis.model.machine import Machine
-from analysis.model.schema import build, frame_schema
+from analysis.model.schema import build_frame, frame_schema
 
 _HIDES: Final = [cause.key for cause in CAUSES if cause.hides]
 #: Keys of a channel that mend one.
@@ -54,7 +54,7 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
         _make_finding_row(rank, cause, sign, inputs) for rank, (cause, sign) in enumerate(shown, 1)
     ]
     columns = frame_schema("findings").columns
-    return build(
+    return build_frame(
         "findings",
         {c.name: pl.Series([row[c.name] for row in rows], dtype=c.dtype) for c in columns},
     )

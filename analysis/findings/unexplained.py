@@ -29,11 +29,11 @@ _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
 def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
     """Report failed checks of the mass that no cause accounts for."""
     kept = inputs.kept.get(SHOWN, ())
-    found = unexplained_symptom(inputs.judged, kept if isinstance(kept, tuple) else ())
+    found = make_unexplained_symptom(inputs.judged, kept if isinstance(kept, tuple) else ())
     return [] if found is None else [found]
 
 
-def unexplained_symptom(judged: pl.DataFrame, causes: Collection[str]) -> Symptom | None:
+def make_unexplained_symptom(judged: pl.DataFrame, causes: Collection[str]) -> Symptom | None:
     """Symptom of failed checks that no cause explains; None if each is explained.
 
     Args:

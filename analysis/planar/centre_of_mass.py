@@ -15,9 +15,9 @@ import polars as pl
 
 from analysis.model.axes import Axis, X, Z
 from analysis.model.machine import Machine
-from analysis.model.schema import FRAMES, build
+from analysis.model.schema import FRAMES, build_frame
 from analysis.model.settings import Settings
-from analysis.model.uncertainty_sources import combine, unknown_scale
+from analysis.model.uncertainty_sources import combined_u, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.planar.planar_budget import (
     list_uncertainty_sources,
@@ -103,7 +103,7 @@ def fit_planar(
     parts = uncertainty_rows(*joint, machine) if joint else []
     declared = FRAMES["planar_budget"].columns
     budget = pl.DataFrame(parts, schema={c.name: c.dtype for c in declared}, orient="row")
-    return build("planar", table.to_dict()), build("planar_budget", budget.to_dict())
+    return build_frame("planar", table.to_dict()), build_frame("planar_budget", budget.to_dict())
 
 
 def fit_arcs(
@@ -372,7 +372,7 @@ def uncertainty_rows(
             moment = _MOMENTS["xy".index(quantity[4])]
             gradient = fitted.estimate.slope(moment, "mass_kg")[1]
         found = list_uncertainty_sources(fitted.estimate, gradient, fitted.priors, machine)
-        total = combine(found)
+        total = combined_u(found)
         parts += [
             {
                 "quantity": quantity,

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.planar.planar_samples import PlanarSamples
 from estimators.arrays import Bools, Floats
 from estimators.planar.planar_rows import PARAMETERS
@@ -169,7 +169,7 @@ def make_drive(
             rate(force),
             rate(torque),
             rate(motion.speed * np.abs(force)),
-            values(excitation, "direction_x_1"),
+            column_values(excitation, "direction_x_1"),
             np.where(plane.turning, direction_z, 0.0),
             t / max(float(t[-1]), 1.0) - 0.5,
             np.cumsum(np.nan_to_num(motion.yaw_rate)) / rate_hz,

@@ -18,7 +18,7 @@ from analysis.weighing.motion_samples import (
     MotionSamples,
     rolling_fraction,
 )
-from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics import group_sums
 from estimators.numerics.fit_loss import group_rows
@@ -284,7 +284,7 @@ class _PieceColumns:
 
     values: Floats
     group: Ints
-    raw: Moments
+    raw: ColumnInputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,7 +295,7 @@ class _PieceMeans:
     f: Floats
     group: Ints
     count: Ints
-    raw: Moments
+    raw: ColumnInputs
 
 
 def _make_piece_columns(
@@ -322,7 +322,7 @@ def _make_piece_columns(
         acceleration = acceleration - by_load * swing_m_s2
     wheels, zeros = motion.wheel_acceleration, np.zeros(speed.size)
     force_std = float(np.sqrt(noise.covariance(1)[2, 2]))
-    raw = Moments(
+    raw = ColumnInputs(
         acceleration,
         zeros if wheels is None else wheels,
         speed,

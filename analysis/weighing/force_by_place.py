@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats
-from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.nuisances import ColumnInputs, Nuisance
 
 #: So many half waves such a force may have on the path.
 _HALF_WAVES: Final = 8
@@ -43,7 +43,7 @@ def _make_wave_term(half_waves: int) -> Nuisance:
 def _load_proportional_term(term: Nuisance) -> Nuisance:
     """Part of a nuisance term that is proportional to the load."""
 
-    def column(m: Moments) -> Floats:
+    def column(m: ColumnInputs) -> Floats:
         return term.column(m) * m.relative_load
 
     return replace(

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from analysis.weighing.body_squat import Squat
+from analysis.weighing.body_squat import LoadSquat
 from analysis.weighing.fit_columns import PreviousEstimates
 from analysis.weighing.force_by_place import BY_PLACE, forces_by_place
 from analysis.weighing.load_states import LoadStates
@@ -99,7 +99,7 @@ class JointFit:
     averaging_share: float = 0.0
     by_motion: MotionResponses | None = None
     effects: LikelyEffects | None = None
-    squat: Squat | None = None
+    squat: LoadSquat | None = None
 
     @cached_property
     def fit(self) -> MapFit:

@@ -12,8 +12,8 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import MOVED, SCALE, build
-from analysis.model.uncertainty_sources import combine
+from analysis.model.schema import MOVED, SCALE, build_frame
+from analysis.model.uncertainty_sources import combined_u
 from analysis.weighing.load_frames import difference_weights
 from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.motion_samples import Floats
@@ -119,8 +119,8 @@ def make_learnt_mean_responses(
         for other, value in zip(errors.terms, errors.covariance[i].tolist(), strict=True)
     ]
     return {
-        "responses": build("responses", pl.DataFrame(rows).to_dict()),
-        "learnt_errors": build("learnt_errors", pl.DataFrame(known).to_dict()),
+        "responses": build_frame("responses", pl.DataFrame(rows).to_dict()),
+        "learnt_errors": build_frame("learnt_errors", pl.DataFrame(known).to_dict()),
     }
 
 
@@ -140,7 +140,9 @@ def _make_response_rows(
     total_kg = abs(float(total @ fit.masses_kg))
     # the same share of all
     scale_1 = (
-        combine(budget_of_mass(weighing, machine, total), "scale") / total_kg if total_kg else 0.0
+        combined_u(budget_of_mass(weighing, machine, total), "scale") / total_kg
+        if total_kg
+        else 0.0
     )
     rows: list[dict[str, object]] = []
     for number, weights in sums.items():

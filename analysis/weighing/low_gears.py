@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, MotionSamples
-from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 
 #: Speeds in m/s at which a quarter is left of what the first gear has beyond the top one: a lorry's
@@ -44,7 +44,7 @@ def _gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
 
 
 def _make_gear_term(quarter_m_s: float) -> Nuisance:
-    def left(m: Moments) -> Floats:
+    def left(m: ColumnInputs) -> Floats:
         return _low_gear_fraction(m.speed, quarter_m_s)
 
     return Nuisance(

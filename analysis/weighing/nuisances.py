@@ -17,7 +17,7 @@ from analysis.weighing.weighing_limits import LIMITS
 
 
 @dataclass(frozen=True)
-class Moments:
+class ColumnInputs:
     """Samples for the columns, (n,) each, with the force advanced by the current lag.
 
     Attributes:
@@ -66,7 +66,7 @@ class Moments:
         """(n,) ground speed in m/s, without the slip."""
         return self.rolling_fraction * self.speed
 
-    def select_rows(self, rows: Ints) -> "Moments":
+    def select_rows(self, rows: Ints) -> "ColumnInputs":
         """Select some of the samples."""
         channels = {n: x[rows] for n, x in vars(self).items() if isinstance(x, np.ndarray)}
         return replace(self, **channels)
@@ -93,13 +93,13 @@ class Nuisance:
 
     name: str
     unit: str
-    column: Callable[[Moments], Floats]
+    column: Callable[[ColumnInputs], Floats]
     width: Callable[[MotionSamples, PriorSettings], float]
     meaning: str
     shrinks: str
-    by_speed: Callable[[Moments], Floats] | None = None
-    by_force: Callable[[Moments], Floats] | None = None
-    by_acceleration: Callable[[Moments], Floats] | None = None
+    by_speed: Callable[[ColumnInputs], Floats] | None = None
+    by_force: Callable[[ColumnInputs], Floats] | None = None
+    by_acceleration: Callable[[ColumnInputs], Floats] | None = None
     applies: Callable[[MotionSamples], bool] = lambda _: True
     by_load: bool = False
     source: str = ""

@@ -20,7 +20,7 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, MotionSamples
-from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_ahead
 
@@ -63,7 +63,7 @@ class _DrivingDirection:
     def _by_load(
         self,
         name: str,
-        column: Callable[[Moments], Floats],
+        column: Callable[[ColumnInputs], Floats],
         width: Callable[[MotionSamples, PriorSettings], float],
     ) -> Nuisance:
         meaning = "difference of the ground under loaded and empty starts"
@@ -72,7 +72,7 @@ class _DrivingDirection:
     def _term(
         self,
         name: str,
-        column: Callable[[Moments], Floats],
+        column: Callable[[ColumnInputs], Floats],
         width: Callable[[MotionSamples, PriorSettings], float],
         meaning: str,
     ) -> Nuisance:
@@ -97,7 +97,7 @@ class _DrivingDirection:
         return motion.manoeuvres >= FEWEST and float(ways.mean()) > LIMITS.direction_min_fraction
 
 
-def _fraction_between(begin_m: float, end_m: float) -> Callable[[Moments], Floats]:
+def _fraction_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs], Floats]:
     """Function that rises from 0 to 1 between two travelled distances."""
     return lambda m: _ramp(m.travelled_m, begin_m, end_m)
 
@@ -135,7 +135,7 @@ def _make_route_term(part: int) -> Nuisance:
     """Nuisance term for rolling resistance along one part of the route."""
     begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
 
-    def column(m: Moments) -> Floats:
+    def column(m: ColumnInputs) -> Floats:
         changes = _ramp(m.route_1, begin, end) * _random_walk_ratio(m.route_length_m / _ROUTE_PARTS)
         return m.direction * (1.0 + m.relative_load) * changes
 

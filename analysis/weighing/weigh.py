@@ -52,7 +52,7 @@ NOTHING_FITTED: Final = "no manoeuvre of this log was informative enough"
 
 
 @dataclass(frozen=True, slots=True)
-class Curvature:
+class ForceCurvature:
     """Estimate of an additional term in a·|a|.
 
     Attributes:
@@ -101,7 +101,7 @@ class Weighing:
     braking_kg: float
     braking_left_out: bool
     braking_doubted: bool
-    curvature: Curvature
+    curvature: ForceCurvature
     filling: LoadFilling
     growing: tuple[LoadGrowth, ...]
     other_motion: AlternativeMotion | None = None
@@ -319,7 +319,7 @@ def mean_difference_kg(one: JointFit, other: JointFit) -> float:
 
 def fit_curvature(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
-) -> Curvature:
+) -> ForceCurvature:
     """Refit with a term in a·|a|; 0 where the log does not determine it.
 
     Args:
@@ -332,8 +332,8 @@ def fit_curvature(
     moved = float(curved.theta[fit.main_state] - fit.theta[fit.main_state])
     if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
         # with accelerations of one size the term is collinear with the mass
-        return Curvature(0.0, 0.0, fit.mass_kg)
-    return Curvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
+        return ForceCurvature(0.0, 0.0, fit.mass_kg)
+    return ForceCurvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
 
 
 def _scale_priors(priors: PriorSettings, times: float) -> PriorSettings:

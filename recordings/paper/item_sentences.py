@@ -5,7 +5,7 @@ from typing import Final
 
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_figures import Figure5, Figure6, Figure7, Figure8
-from analysis.paper.campaign_tables import Extremes, SweptTable, Table2
+from analysis.paper.campaign_tables import ErrorExtremes, SweptTable, Table2
 from analysis.paper.excitation_figures import EARLY_S, WINDOW_S, Figure2, Figure3, Figure4
 from analysis.paper.simulated_sources import THRESHOLD_NAT, WINDOW_SAMPLES
 from analysis.paper.table1 import LONG_S, RARE, Table1
@@ -201,7 +201,7 @@ def _best_settings(best: Mapping[str, Sequence[float]], unit: str) -> str:
     )
 
 
-def _extremes_sentence(methods: Sequence[Extremes], unit: str) -> str:
+def _extremes_sentence(methods: Sequence[ErrorExtremes], unit: str) -> str:
     """Sentence on where our error is smallest, and whether that is significant."""
     sentences: list[str] = []
     for each in methods:

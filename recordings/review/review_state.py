@@ -11,7 +11,7 @@ from analysis.cycles.cycle_energy import NO_ENERGY, ShiftEnergy
 from analysis.cycles.cycle_parts import (
     CycleMotion,
     DriveSummary,
-    find_idle_stands,
+    find_idle_standstills,
     summarise_cycle_motion,
     summarise_shift_motion,
 )
@@ -124,7 +124,7 @@ class ReviewState(BaseModel):
         return ShiftClock(self.timezone, self.t0_unix_ns, self.duration_s)
 
 
-def take_review_state(
+def collect_review_state(
     run: Run,
     key: str,
     recording_sha256: str,
@@ -198,7 +198,7 @@ def take_review_state(
         duration_s=duration_s,
         motions=tuple(summarise_cycle_motion(frames["cycles"], frames["excitation"], gaps)),
         motion=summarise_shift_motion(frames["excitation"], gaps),
-        idle_s=tuple((s / NS, e / NS) for s, e in find_idle_stands(frames["excitation"])),
+        idle_s=tuple((s / NS, e / NS) for s, e in find_idle_standstills(frames["excitation"])),
         torn=torn,
         energy=energy,
     )

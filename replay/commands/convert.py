@@ -34,13 +34,13 @@ def command(
     """
     from replay.commands.common_options import time_axis_from_options
     from replay.commands.print_tables import print_json, stdout_console
-    from replay.commands.progress_bar import Stages
+    from replay.commands.progress_bar import StageProgress
     from replay.convert.convert_log import convert_log
     from replay.logs import open_log
 
     with (
         open_log(log, time=time_axis_from_options(time, time_unit, keys)) as opened,
-        Stages(1) as stages,
+        StageProgress(1) as stages,
     ):
         made = convert_log(opened, output, topics, force=force, on_span=stages.begin)
     if as_json:

@@ -57,7 +57,7 @@ def command(
     it. Exit status 1 if nothing pays.
     """
     from replay.commands.print_tables import print_json
-    from replay.commands.progress_bar import Stages
+    from replay.commands.progress_bar import StageProgress
     from replay.explain.explain_run import ExplainRequest, explain_run
 
     picture, mended_file = picture_and_machine_file(output or [], apply=apply)
@@ -66,7 +66,7 @@ def command(
     asked = ExplainRequest(
         recording, machine, tuple(overrides or ()), at_s, picture, mended_file, force=force
     )
-    with Stages(_STAGES) as stages:
+    with StageProgress(_STAGES) as stages:
         explained, mended = explain_run(asked, stages.begin)
     if as_json:
         told = {} if mended is None else {"mended": _mended_machine_as_dict(mended)}

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from replay.fleet.compare_results import DayRange
     from replay.fleet.gathered_tables import FleetResults
     from replay.fleet.run_fleet import FleetRun
-    from replay.fleet.task_engine import Engine
+    from replay.fleet.task_engine import TaskEngine
 
 app = typer.Typer(
     help="Replay a fleet's recordings on an engine; query, report and compare the results.",
@@ -276,7 +276,7 @@ def open_command(
 
 def _make_engine(
     address: str | None, workers: int | None
-) -> "Callable[[], AbstractContextManager[Engine]]":
+) -> "Callable[[], AbstractContextManager[TaskEngine]]":
     from replay.fleet.ray_engine import ray_engine
 
     if address is not None and workers is not None:
@@ -304,7 +304,7 @@ def _replay_with_other_settings(
     results: "FleetResults",
     overrides: list[str],
     days: "DayRange",
-    engine: "Callable[[], AbstractContextManager[Engine]]",
+    engine: "Callable[[], AbstractContextManager[TaskEngine]]",
 ) -> "FleetResults":
     from replay.commands.fleet_progress import FleetProgress
     from replay.fleet.compare_results import RunCallbacks, replay_with_settings

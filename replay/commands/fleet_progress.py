@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 if TYPE_CHECKING:
     from replay.fleet.log_sources import FleetLog
     from replay.fleet.recording_task import TaskOutcome
-    from replay.fleet.task_engine import Engine
+    from replay.fleet.task_engine import TaskEngine
 
 #: Bytes that take as long as whatever a recording takes besides its size.
 _BASE_BYTES: Final = 2_000_000
@@ -44,7 +44,7 @@ class FleetProgress:
         self._left = TimeLeft([log.size_bytes for log in logs])
         self._bar.update(self._task, total=len(logs))
 
-    def note_engine_slots(self, engine: "Engine") -> None:
+    def note_engine_slots(self, engine: "TaskEngine") -> None:
         """Take the number of parallel slots from the opened engine."""
         self._slots = engine.slots()
 

@@ -93,7 +93,7 @@ def command(
     in the file is one line, and ctrl-C ends with status 0.
     """
     from replay.commands.print_tables import print_json
-    from replay.commands.progress_bar import Stages
+    from replay.commands.progress_bar import StageProgress
     from replay.runs.run_logs import STEPS, RecordTo, replay_logs
 
     if live and output is None:
@@ -104,7 +104,7 @@ def command(
     asked = read_calibration(calibration, key, signed=require_signed)
 
     def replay(to: RecordTo) -> "Answer":
-        with Stages(len(STEPS), timing=timing) as stages:
+        with StageProgress(len(STEPS), timing=timing) as stages:
             return replay_logs(
                 logs,
                 machine,

@@ -35,7 +35,7 @@ class StoredObject:
     stamp: str
 
 
-class Store:
+class ObjectStore:
     """A folder, or a prefix of a bucket."""
 
     def __init__(self, place: str) -> None:
@@ -50,9 +50,9 @@ class Store:
             self._made = _open_store(self.place, self.folder)
         return self._made
 
-    def __reduce__(self) -> tuple[type["Store"], tuple[str]]:
+    def __reduce__(self) -> tuple[type["ObjectStore"], tuple[str]]:
         """Pickle the place only, since a connection belongs to a process."""
-        return Store, (self.place,)
+        return ObjectStore, (self.place,)
 
     def full_name(self, name: str) -> str:
         """Full path or address of an object."""
@@ -156,9 +156,9 @@ def _stored_object(said: Mapping[str, Any]) -> StoredObject:
 
 
 @cache
-def open_store_once(place: str) -> Store:
+def open_store_once(place: str) -> ObjectStore:
     """Open a store, or return the one already open in this process."""
-    return Store(place)
+    return ObjectStore(place)
 
 
 def _open_store(place: str, folder: Path | None) -> Any:

@@ -14,10 +14,10 @@ from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.last_run import CALIBRATIONS, FAILED, CurrentMachine, LastRun, TaskLimits
 from replay.fleet.log_sources import FleetLog
 from replay.fleet.machine_setups import MachineSetup, setup_of_day
-from replay.fleet.object_store import S3, Store
+from replay.fleet.object_store import S3, ObjectStore
 from replay.fleet.recording_task import ReplayTask, TaskOutcome, replay_one
 from replay.fleet.results_layout import MARK, RECORDINGS, parse_result_name
-from replay.fleet.task_engine import Engine, LostTask, TaskWork
+from replay.fleet.task_engine import LostTask, TaskEngine, TaskWork
 from replay.inputs.channel_inputs import package_versions
 
 
@@ -94,9 +94,9 @@ def fleet_run(
     logs: Sequence[FleetLog],
     plan: FleetPlan,
     destination: str,
-    engine: Callable[[], AbstractContextManager[Engine]],
+    engine: Callable[[], AbstractContextManager[TaskEngine]],
     on_done: OnDone = lambda _, __: None,
-    on_engine: Callable[[Engine], None] = lambda _: None,
+    on_engine: Callable[[TaskEngine], None] = lambda _: None,
     *,
     recordings: bool = False,
 ) -> FleetRun:
@@ -114,7 +114,7 @@ def fleet_run(
         on_engine: told the engine once it is open.
     """
     place = destination if destination.startswith(S3) else str(Path(destination).absolute())
-    results = FleetResults(Store(place))
+    results = FleetResults(ObjectStore(place))
     did = FleetRun(destination)
     tasks, setups = _plan_tasks(logs, plan, place, did, recordings=recordings)
     for log in logs:

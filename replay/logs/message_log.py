@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
-from replay.logs.decoding.decoder import Tally, frame_schema_of_fields
+from replay.logs.decoding.decoder import DecodeTally, frame_schema_of_fields
 from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
 from replay.logs.log import Log, LogCheck
 from replay.logs.machine_ids import machine_ids
@@ -23,7 +23,7 @@ from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import Connection, Container, LossList, make_empty_times
 
 if TYPE_CHECKING:
-    from replay.logs.decoding.batch_stream import Stream
+    from replay.logs.decoding.batch_stream import TopicStream
 
 #: Recorders write messages a little out of order; when they fall back further, a clock was set.
 _CLOCK_JUMP_NS: Final = 1_000_000_000
@@ -163,23 +163,23 @@ class MessageLog(Log):
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
         return found
 
-    def _begin_reading(self, topic: str, fields: Sequence[str]) -> "Stream":
-        from replay.logs.decoding.batch_stream import Stream
+    def _begin_reading(self, topic: str, fields: Sequence[str]) -> "TopicStream":
+        from replay.logs.decoding.batch_stream import TopicStream
 
         kind = self._require_decodable_topic(topic).kind
         assert kind is not None, "it is usable"
         picked = self._resolve(topic, fields, kind)
-        return Stream(make_decoder(kind, picked), frame_schema_of_fields(picked))
+        return TopicStream(make_decoder(kind, picked), frame_schema_of_fields(picked))
 
     def _take_all_messages(
-        self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "Stream"]
+        self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "TopicStream"]
     ) -> None:
         # numba is slow to import, and a log can be described without it
         from replay.logs.decoding.batch_stream import take_all
 
         take_all(groups, streams)
 
-    def _finish_reading(self, topic: str, stream: "Stream") -> pl.DataFrame:
+    def _finish_reading(self, topic: str, stream: "TopicStream") -> pl.DataFrame:
         frame = stream.finish()
         self._note_tally(topic, stream.tally)
         return frame
@@ -190,13 +190,13 @@ class MessageLog(Log):
         except FieldError as error:
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 
-    def _note_tally(self, topic: str, tally: Tally) -> None:
+    def _note_tally(self, topic: str, tally: DecodeTally) -> None:
         fault = self._describe_unreadable(topic, tally)
         if fault:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {fault}")
         self._note_losses(topic, tally)
 
-    def _describe_unreadable(self, topic: str, tally: Tally) -> str:
+    def _describe_unreadable(self, topic: str, tally: DecodeTally) -> str:
         """Why nothing of a topic can be read; empty if something can."""
         kind = self._topics[topic].kind
         assert kind is not None, "it was read"
@@ -207,7 +207,7 @@ class MessageLog(Log):
             f"{kind.record.name}: {tally.first_fault}"
         )
 
-    def _note_losses(self, topic: str, tally: Tally) -> None:
+    def _note_losses(self, topic: str, tally: DecodeTally) -> None:
         if tally.undecodable:
             total = tally.rows + tally.undecodable
             self._read_losses.note(

@@ -30,8 +30,8 @@ from recordings.review.review_state import (
     RECORDING,
     ReviewState,
     changed_settings_of_review,
+    collect_review_state,
     read_state,
-    take_review_state,
 )
 from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
 from recordings.review.torn_logs import TornLog
@@ -152,7 +152,7 @@ def review_shift(
                 digest = file_sha256(stage / RECORDING)
                 torn = find_torn_logs(opened, channel_fields(machine), made.run.provenance)
                 energy = _shift_energy(made.run, machine)
-                state = take_review_state(made.run, key, digest, plain, made.mixed, torn, energy)
+                state = collect_review_state(made.run, key, digest, plain, made.mixed, torn, energy)
             else:
                 assert before is not None
                 state = before

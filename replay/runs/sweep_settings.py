@@ -34,7 +34,7 @@ _LOADS_MIN = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class SweepRow:
     """Result for one combination: its overrides, the answer, and the answer's errors.
 
     `errors` holds by name and method: `error_kg`, the log's mass less a reference; with the truth
@@ -57,7 +57,7 @@ def sweep_settings(
     reference_kg: float | None,
     calibration: "CalibrationRequest | None" = None,
     on_stage: Callable[[str], None],
-) -> list[Row]:
+) -> list[SweepRow]:
     """Replay logs on one time line for each combination; each topic is decoded once.
 
     Args:
@@ -86,7 +86,7 @@ def sweep_settings(
         by.require_machine(by.weighing_machine(load_machine(machine_file, overrides)), machine_file)
         machines = [by.weighing_machine(machine) for machine in machines]
     truth = true_trials(logs) if has_truth(logs) else None
-    rows: list[Row] = []
+    rows: list[SweepRow] = []
     with ExitStack() as stack:
         opened: dict[LogSection, list[CachedLog]] = {}
         for each, machine in zip(grid, machines, strict=True):
@@ -112,7 +112,7 @@ def sweep_settings(
             if truth is not None:
                 errors |= _rms_errors_by_truth(replayed, truth, weighs=told.verdict.can_weigh)
             values = dict(part.split("=", 1) for part in each)
-            rows.append(Row(values, told, errors))
+            rows.append(SweepRow(values, told, errors))
     return rows
 
 

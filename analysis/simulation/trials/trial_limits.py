@@ -65,7 +65,9 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
                 f"the square of the centre of mass's distance; give more than {least:.0f}"
             )
     trial = scenario.campaign.trial
-    limits = _Limits(scenario, *bodies, turns=any(_turns_machine(manoeuvre) for manoeuvre in trial))
+    limits = _TrialLimits(
+        scenario, *bodies, turns=any(_turns_machine(manoeuvre) for manoeuvre in trial)
+    )
     for number, manoeuvre in enumerate(trial):
         key = f"campaign.manoeuvres.{number}" if scenario.campaign.manoeuvres else ""
         limits.check(manoeuvre, key)
@@ -98,7 +100,7 @@ def _turns_machine(manoeuvre: Manoeuvre) -> bool:
 
 
 @dataclass(frozen=True)
-class _Limits:
+class _TrialLimits:
     scenario: Scenario
     lightest: RigidBody
     heaviest: RigidBody

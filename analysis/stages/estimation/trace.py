@@ -11,7 +11,7 @@ import polars as pl
 
 from analysis.model.axes import Axis, available_axes, regressor, trace_columns
 from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
-from analysis.model.schema import build
+from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import settled_windows
 from analysis.stages.gating.segments import pooled_samples
@@ -20,7 +20,7 @@ from estimators.arrays import Floats, Ints
 from estimators.estimate import Trace
 
 
-def trace(
+def trace_estimates(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     settings: Settings,
@@ -126,4 +126,4 @@ def _estimates_frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
         for axis, rows in traced.items()
     ]
     frame = pl.concat(parts, how="diagonal").sort("t_ns", maintain_order=True)
-    return build("estimates", frame.to_dict())
+    return build_frame("estimates", frame.to_dict())

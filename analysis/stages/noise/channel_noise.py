@@ -16,7 +16,7 @@ import polars as pl
 
 from analysis.model.axes import YAW_COLUMNS
 from analysis.model.machine import Machine
-from analysis.model.schema import NOISE_COLUMNS, NOISE_SOURCES, build, values
+from analysis.model.schema import NOISE_COLUMNS, NOISE_SOURCES, build_frame, column_values
 from analysis.model.settings import NoiseSettings
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
 from analysis.stages.noise.grid_noise import (
@@ -141,7 +141,7 @@ def channel_noise(
         clip_to_limits(found, sources, x, samples.moving, [each.derivative_of for each in made])
         override_by_settings(found, sources, axis, machine.settings.noise)
         tables.append(_noise_frame(tuple(axis), found, sources))
-    return build("noise", pl.concat(tables).to_dict())
+    return build_frame("noise", pl.concat(tables).to_dict())
 
 
 def note_noise_sources(noise: pl.DataFrame) -> list[str]:
@@ -206,13 +206,13 @@ def _force_and_yaw_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str,
     body = machine.machine
     columns = {
         "regressor_acc_x_m_s2": regressor_acceleration(aligned, machine),
-        "speed_x_m_s": values(aligned, "speed_x_m_s"),
+        "speed_x_m_s": column_values(aligned, "speed_x_m_s"),
         "force_x_N": longitudinal_force(aligned, body),
     }
     torque = yaw_torque(aligned, body)
     columns |= {} if torque is None else {"torque_z_N_m": torque}
     return columns | {
-        name: values(aligned, name)
+        name: column_values(aligned, name)
         for name in YAW_COLUMNS
         if name in aligned.columns and name not in columns
     }

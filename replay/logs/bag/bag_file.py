@@ -25,10 +25,10 @@ from replay.logs.blocks import (
     BlockFile,
     BlockStore,
     Describe,
-    Grammar,
     LooseRecords,
+    RecordGrammar,
     describe_end_of_reading,
-    resync,
+    find_records_after_damage,
     torn_end,
 )
 from replay.logs.storage import Connection
@@ -67,7 +67,7 @@ class BagFile(BlockFile):
         return tuple(self._connections.values())
 
     @staticmethod
-    def _grammar() -> Grammar:
+    def _grammar() -> RecordGrammar:
         from replay.logs.bag.bag_grammar import GRAMMAR
 
         return GRAMMAR
@@ -186,7 +186,7 @@ class BagWalk:
                 if record.op == CONNECTION:
                     self.describe(CONNECTION, file.read(at, end - at), at)
             if end == at:
-                found = resync(file, at, self.store.grammar.find)
+                found = find_records_after_damage(file, at, self.store.grammar.find)
                 if found is None:
                     return
                 self.store.damage.note_unreadable_bytes(at, found)

@@ -13,20 +13,20 @@ from replay.logs.bag.bag_records import (
     parse_fields,
     read_record,
 )
-from replay.logs.blocks import BlockTail, Grammar
+from replay.logs.blocks import GrowingBlockFile, RecordGrammar
 from replay.logs.messages.raw_batch import RawBatch
 
 _HEAD = MAGIC + VERSION
 
 
-class BagTail(BlockTail):
+class BagTail(GrowingBlockFile):
     """A growing bag; it is finished when its index position is written.
 
     A chunk without a size is open: rosbag writes the size when the chunk is full.
     """
 
     @staticmethod
-    def _grammar() -> Grammar:
+    def _grammar() -> RecordGrammar:
         from replay.logs.bag.bag_grammar import GRAMMAR
 
         return GRAMMAR

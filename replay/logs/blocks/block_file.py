@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.model.loss import Loss
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.block_messages import BlockStore
-from replay.logs.blocks.slabs import Grammar
+from replay.logs.blocks.slabs import RecordGrammar
 from replay.logs.storage import BatchGroup, Connection, FileBytes
 
 
@@ -39,7 +39,7 @@ class BlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _grammar() -> Grammar:
+    def _grammar() -> RecordGrammar:
         """Grammar that finds its records in bytes."""
 
     @abstractmethod

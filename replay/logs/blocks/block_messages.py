@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.lost_blocks import BlockDamage
-from replay.logs.blocks.slabs import Grammar, Slab, read_slabs
+from replay.logs.blocks.slabs import RecordGrammar, Slab, read_slabs
 from replay.logs.storage import (
     END_NS,
     KEY,
@@ -43,7 +43,7 @@ class BlockStore:
     def __init__(
         self,
         file: FileBytes,
-        load_grammar: Callable[[], Grammar],
+        load_grammar: Callable[[], RecordGrammar],
         describe: Describe,
     ) -> None:
         """Create an empty store.
@@ -69,7 +69,7 @@ class BlockStore:
         self._topics: Mapping[int, str] = {}
 
     @cached_property
-    def grammar(self) -> Grammar:
+    def grammar(self) -> RecordGrammar:
         """Grammar that finds records in bytes."""
         return self._load_grammar()
 

@@ -24,7 +24,7 @@ Scan = Callable[
 Find = Callable[[NDArray[np.uint8], int, int, int], int]
 
 
-class Grammar(NamedTuple):
+class RecordGrammar(NamedTuple):
     """Functions that find the records of a format in bytes."""
 
     scan: Scan
@@ -46,7 +46,7 @@ class Slab:
 class SlabIndex:
     """Rows of a slab, found block by block while each is in the processor's cache."""
 
-    def __init__(self, grammar: Grammar, data: NDArray[np.uint8], expected: int) -> None:
+    def __init__(self, grammar: RecordGrammar, data: NDArray[np.uint8], expected: int) -> None:
         """Create an empty index.
 
         Args:
@@ -100,7 +100,7 @@ _WORKERS: Final = min(4, os.cpu_count() or 1)
 _MOST_WAITING_BYTES: Final = (_WORKERS + 1) * SLAB_BYTES
 
 
-def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: Grammar) -> Iterator[Slab]:
+def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: RecordGrammar) -> Iterator[Slab]:
     """Unpack and scan blocks in order.
 
     A slab's memory is reused once the next slab is requested.
@@ -154,7 +154,7 @@ def _block_groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
 
 
 def load_blocks(
-    file: FileBytes, blocks: list[Block], grammar: Grammar, recycled: NDArray[np.uint8] | None
+    file: FileBytes, blocks: list[Block], grammar: RecordGrammar, recycled: NDArray[np.uint8] | None
 ) -> Slab:
     """Unpack and scan the blocks of one slab in a worker thread."""
     damaged: list[tuple[Block, str]] = []

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, Tally, submit_at_once
+from replay.logs.decoding.decoder import DecodedBatch, Decoder, DecodeTally, Submit, submit_at_once
 from replay.logs.decoding.gather_values import concatenate
 from replay.logs.messages.raw_batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 
@@ -22,11 +22,11 @@ _FEW_ROWS: Final = 2048
 _WORKERS: Final = max(1, min(4, (os.cpu_count() or 1) // 2))
 
 
-class Stream:
+class TopicStream:
     """Batches of one topic, decoded and sorted by log time."""
 
     def __init__(self, decoder: Decoder, schema: pl.Schema) -> None:
-        self.tally = Tally()
+        self.tally = DecodeTally()
         self._decoder = decoder
         self._empty = pl.DataFrame(schema=schema)
         self._frames = [self._empty]
@@ -109,7 +109,7 @@ class Stream:
         self._begun.append(self._decoder.begin(sorted_batch(batch), submit))
 
 
-def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, Stream]) -> None:
+def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicStream]) -> None:
     """Feed messages to streams; compiled work runs in other threads.
 
     Args:
@@ -125,8 +125,8 @@ def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, Stream]) ->
 
 
 def drain_all(
-    groups: Iterable[tuple[list[RawBatch], int]], streams: Mapping[int, Stream]
-) -> Iterator[tuple[Stream, pl.DataFrame]]:
+    groups: Iterable[tuple[list[RawBatch], int]], streams: Mapping[int, TopicStream]
+) -> Iterator[tuple[TopicStream, pl.DataFrame]]:
     """Decode like `take_all`, and yield rows of each stream once their order is final.
 
     Args:

@@ -14,11 +14,11 @@ from estimators.interpreted import uncounted
 from replay.logs.decoding.direct_fields import Gathering
 from replay.logs.decoding.gather_values import copy_equal, load, make_string_view
 from replay.logs.decoding.walk_program import (
+    EncodedMessages,
     Encoding,
-    Messages,
-    Outcome,
-    Template,
+    LayoutTemplate,
     WalkNotes,
+    WalkOutcome,
     walk_messages,
 )
 
@@ -58,14 +58,14 @@ def reserve_rows(gathering: Gathering, rows: int) -> GatheredRows:
 
 @uncounted
 def walk_and_gather(
-    messages: Messages,
+    messages: EncodedMessages,
     encoding: Encoding,
     steps: Ints,
     noted: WalkNotes,
-    template: Template,
+    template: LayoutTemplate,
     gathering: Gathering,
     gathered: GatheredRows,
-    outcome: Outcome,
+    outcome: WalkOutcome,
 ) -> None:
     """Walk and gather messages.
 

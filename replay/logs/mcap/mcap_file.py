@@ -18,10 +18,10 @@ from replay.logs.blocks import (
     BlockFile,
     BlockStore,
     Describe,
-    Grammar,
     LooseRecords,
+    RecordGrammar,
     describe_end_of_reading,
-    resync,
+    find_records_after_damage,
     torn_end,
 )
 from replay.logs.mcap.mcap_index import (
@@ -89,7 +89,7 @@ class McapWalk:
             if end > file.size and (block is not None or self.data_ended):
                 break
             if end == at or end > file.size:
-                end = resync(file, at, self.store.grammar.find)
+                end = find_records_after_damage(file, at, self.store.grammar.find)
                 if end is None:
                     break
                 self.store.damage.note_unreadable_bytes(at, end)
@@ -144,7 +144,7 @@ class McapFile(BlockFile):
         )
 
     @staticmethod
-    def _grammar() -> Grammar:
+    def _grammar() -> RecordGrammar:
         from replay.logs.mcap.mcap_grammar import GRAMMAR
 
         return GRAMMAR

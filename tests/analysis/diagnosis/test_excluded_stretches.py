@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.diagnosis.measured_channels import Signals
+from analysis.diagnosis.measured_channels import RawSignals
 from benchmarks.dialects.dialect_file import DRIVE
 from tests.analysis.limited_car import MASS_KG, Car, Judged
 
@@ -136,8 +136,8 @@ class TestWhatIsNamed:
 
     T_NS = np.arange(1000) * 10_000_000
 
-    def signals(self, force: np.ndarray) -> Signals:
-        return Signals(
+    def signals(self, force: np.ndarray) -> RawSignals:
+        return RawSignals(
             {
                 "force_x_N": (self.T_NS, force),
                 "speed_x_m_s": (self.T_NS, np.linspace(0.0, 3.0, 1000)),
@@ -170,7 +170,7 @@ class TestWhatIsNamed:
         t_ns = np.arange(60) * 1_000_000_000
         force = np.repeat(np.arange(30.0) + 1.0, 2)
         channels = {"force_x_N": (t_ns, force), "speed_x_m_s": (t_ns, np.arange(60.0) ** 2)}
-        assert Signals(channels, None, 60.0).frozen_s == 0.0
+        assert RawSignals(channels, None, 60.0).frozen_s == 0.0
 
     def test_single_readings_at_the_extreme_are_noise_that_reaches_it(self) -> None:
         force = np.minimum(self.noisy(), 100.0)  # one in twenty
@@ -186,7 +186,7 @@ class TestStands:
 
     def stands(self, **speeds: np.ndarray) -> list[tuple[int, int]]:
         channels = {name: (self.T_NS, speed) for name, speed in speeds.items()}
-        return Signals(channels, None, 10.0).standstill_spans
+        return RawSignals(channels, None, 10.0).standstill_spans
 
     def drive(self) -> np.ndarray:
         """Three seconds of stand, a start, a stop, and a stand again."""

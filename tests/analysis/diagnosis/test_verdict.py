@@ -7,9 +7,9 @@ import pytest
 from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
-from analysis.model.schema import build
+from analysis.model.schema import build_frame
 from analysis.model.verdict import Verdict
-from analysis.stages.gating.gate import gate
+from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.phases import speed_rate
 
 TRIP = ("standstill", "start", "brake", "standstill")
@@ -24,7 +24,9 @@ def good(drive):
 def judge(excitation_of, machine):
     def judged(made, machine=machine()):  # noqa: B008 - frozen, and the plain machine
         excitation = excitation_of(made, machine)
-        return judge_checks(CheckInputs(excitation, gate(excitation, machine.settings), machine))
+        return judge_checks(
+            CheckInputs(excitation, gate_windows(excitation, machine.settings), machine)
+        )
 
     return judged
 
@@ -125,7 +127,7 @@ def test_fast_motion_does_not_make_wheels_and_accelerometer_disagree(machine):
     speed = 2.0 + 0.2 * np.sin(2 * np.pi * 2.0 * t)
     acc = 0.2 * 2 * np.pi * 2.0 * np.cos(2 * np.pi * 2.0 * t)
     rate = speed_rate(speed, settings)
-    excitation = build(
+    excitation = build_frame(
         "excitation",
         {
             "t_ns": np.arange(t.size) * 10_000_000,
@@ -137,5 +139,5 @@ def test_fast_motion_does_not_make_wheels_and_accelerometer_disagree(machine):
             "phase": pl.Series(np.where(rate > 0, "accelerating", "braking")),
         },
     )
-    table = judge_checks(CheckInputs(excitation, gate(excitation, settings), machine()))
+    table = judge_checks(CheckInputs(excitation, gate_windows(excitation, settings), machine()))
     assert check(table, "acceleration_gain")["value"] == pytest.approx(1.0, abs=0.05)
