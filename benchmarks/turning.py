@@ -75,7 +75,7 @@ def planar_of(log: TurnLog) -> pl.DataFrame:
     excitation = compute_excitation(smooth(aligned, settings.smooth), machine)
     noise = channel_noise(aligned, excitation, machine)
     gated = gate_windows(excitation, settings, noise)
-    opinion = Verdict.of(judge_checks(CheckInputs(excitation, gated, machine)))
+    opinion = Verdict.from_frame(judge_checks(CheckInputs(excitation, gated, machine)))
     return fit_planar(excitation, gated, opinion, machine, noise)[0]
 
 

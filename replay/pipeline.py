@@ -155,7 +155,7 @@ def run(
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
     causes = _find_causes(seen, raw, machine)
     judged = withhold_by_findings(seen.case.judged, causes, machine)
-    opinion = Verdict.of(judged)
+    opinion = Verdict.from_frame(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
     plane, plane_budget = fit_planar(
         excitation, seen.frames["gate"], opinion, machine, seen.frames["noise"]
@@ -288,7 +288,7 @@ def _find_causes(
     """Find the causes of the log, and those behind a cause that masks the others."""
     part = findings_of_first_hour(raw)
 
-    def look(changed: Machine) -> pl.DataFrame | None:
+    def find_causes_with(changed: Machine) -> pl.DataFrame | None:
         try:
             placed = _TopicChannels.from_topics(part, changed)
             return find_causes(_run_stages(part, placed, changed, lambda _: None).case)
@@ -296,4 +296,4 @@ def _find_causes(
             return None
 
     whole = all(part[topic].height == frame.height for topic, frame in raw.items())
-    return add_masked_findings(find_causes(stages.case), machine, look, whole=whole)
+    return add_masked_findings(find_causes(stages.case), machine, find_causes_with, whole=whole)

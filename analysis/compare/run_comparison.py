@@ -247,12 +247,12 @@ def differing_estimates(
         if not _is_equal(a.get(name), b.get(name), rtol)
     ]
 
-    def moved(each: EstimateChange) -> float:
+    def size_of_change(each: EstimateChange) -> float:
         if each.change is None:
             return float("inf")
         return abs(each.change if each.change_in_stds is None else each.change_in_stds)
 
-    return tuple(sorted(changes, key=moved, reverse=True))
+    return tuple(sorted(changes, key=size_of_change, reverse=True))
 
 
 def _is_equal(a: float | None, b: float | None, rtol: float) -> bool:

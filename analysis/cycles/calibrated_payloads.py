@@ -101,13 +101,13 @@ def is_empty_mass_scale_better(
     if not counted.any() or (cycles["scale_from"].drop_nulls() != BY_EMPTY_MACHINE).any():
         return False
 
-    def relative(table: pl.DataFrame) -> float:
+    def relative_u_of_sum(table: pl.DataFrame) -> float:
         sums = {name: column_values(table, name)[counted] for name in names}
         shared = sums["payload_u_shared_kg"].sum()
         random = np.linalg.norm(sums["payload_u_random_kg"])
         return float(np.hypot(shared, random) / abs(sums["payload_kg"].sum()))
 
-    return relative(cycles) < relative(on_line)
+    return relative_u_of_sum(cycles) < relative_u_of_sum(on_line)
 
 
 def _distance_from_line(

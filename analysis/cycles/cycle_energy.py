@@ -317,7 +317,7 @@ def _make_energy_rows(
     cycle = np.array([span.cycle for span in spans])
     phase = np.array([span.phase for span in spans])
 
-    def row(cycle_number: int | None, name: str) -> EnergyRow:
+    def make_row(cycle_number: int | None, name: str) -> EnergyRow:
         of = (phase == name) if name != WHOLE else np.ones(cycle.size, np.bool_)
         if cycle_number is not None:
             of = of & (cycle == cycle_number)
@@ -339,9 +339,12 @@ def _make_energy_rows(
             cycle_number, name, work, kinetic, slope, friction, digging, braking, burnt_L
         )
 
-    shift = [row(None, name) for name in (WHOLE, *PHASES)]
+    shift = [make_row(None, name) for name in (WHOLE, *PHASES)]
     own: list[EnergyRow] = []
     for number in np.unique(cycle).tolist():
         mine = phase[cycle == number].tolist()
-        own += [row(number, WHOLE), *(row(number, name) for name in mine if name != WHOLE)]
+        own += [
+            make_row(number, WHOLE),
+            *(make_row(number, name) for name in mine if name != WHOLE),
+        ]
     return (*shift, *own)

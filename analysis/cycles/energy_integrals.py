@@ -327,19 +327,21 @@ def integrate_phases(
     }
     edges = rows_of_each_phase(samples, spans)
 
-    def over(x: Floats, samples_of_set: Bools) -> Floats:
+    def integrate_samples(x: Floats, samples_of_set: Bools) -> Floats:
         total = np.append(0.0, np.cumsum(np.where(samples_of_set, x, 0.0)))
         return total[edges[:, 1]] - total[edges[:, 0]]
 
-    def integrals(samples_of_set: Bools) -> EnergyIntegrals:
-        return EnergyIntegrals({name: over(by_term[name], samples_of_set) for name in _TERMS})
+    def integrate_terms(samples_of_set: Bools) -> EnergyIntegrals:
+        return EnergyIntegrals(
+            {name: integrate_samples(by_term[name], samples_of_set) for name in _TERMS}
+        )
 
     return PhaseIntegrals(
-        integrals(samples.drives),
-        integrals(samples.digs),
-        integrals(samples.slows),
-        over((mass_kg + rotating_kg) * gained, samples.drives),
-        over(samples.turning_W * step_s, samples.drives),
+        integrate_terms(samples.drives),
+        integrate_terms(samples.digs),
+        integrate_terms(samples.slows),
+        integrate_samples((mass_kg + rotating_kg) * gained, samples.drives),
+        integrate_samples(samples.turning_W * step_s, samples.drives),
     )
 
 

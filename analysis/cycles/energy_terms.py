@@ -67,12 +67,12 @@ def fitted_force(
     rows = frames["nuisances"].select("term", "posterior", "posterior_std", "prior_std")
     term = {name: (value, std, prior) for name, value, std, prior in rows.iter_rows()}
 
-    def of(name: str) -> tuple[float, float]:
+    def term_value_and_std(name: str) -> tuple[float, float]:
         value, std, _ = term.get(name, (0.0, 0.0, 0.0))
         return value, std
 
-    const, const_u = of("const")
-    offset, offset_u = of("offset")
+    const, const_u = term_value_and_std("const")
+    offset, offset_u = term_value_and_std("offset")
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
     wrong_N = priors.const_share * _find_largest_force(excitation)
@@ -82,22 +82,22 @@ def fitted_force(
     # none of them has what grows with the load, which is therefore uncertain
     loaded_1 = float(np.quantile(mass_kg, 0.9) / np.quantile(mass_kg, 0.1)) - 1.0
     const_u, direction_u, viscous_u = (
-        float(np.hypot(std, loaded_1 * np.hypot(*of(f"weight_{name}"))))
+        float(np.hypot(std, loaded_1 * np.hypot(*term_value_and_std(f"weight_{name}"))))
         for name, std in (
             ("const", const_u),
-            ("direction", of("direction")[1]),
+            ("direction", term_value_and_std("direction")[1]),
             ("viscous", viscous[1]),
         )
     )
     pairs = {
-        "transfer": of("load_transfer"),
-        "gain_drift": of("gain_drift"),
+        "transfer": term_value_and_std("load_transfer"),
+        "gain_drift": term_value_and_std("gain_drift"),
         "const": (const, const_u),
         "offset": _combine_offsets((wrong_1 * const + offset, offset_u), excitation, mass_kg),
         "viscous": (viscous[0], viscous_u),
-        **{name: of(name) for name in WARMING},
-        "direction": (of("direction")[0], direction_u),
-        "quadratic": of("quadratic"),
+        **{name: term_value_and_std(name) for name in WARMING},
+        "direction": (term_value_and_std("direction")[0], direction_u),
+        "quadratic": term_value_and_std("quadratic"),
     }
     value = ForceModel(**{name: pair[0] for name, pair in pairs.items()})
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})

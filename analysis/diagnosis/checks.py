@@ -47,16 +47,22 @@ def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
     judged = [(row, motion) for row in CHECKS if (motion := motions[row.about]) is not None]
     limits = machine.settings.verdict.model_dump()
 
-    def numbers(each: list[float | None]) -> pl.Series:
+    def float_series(each: list[float | None]) -> pl.Series:
         return pl.Series(each, dtype=pl.Float64)
 
     frame = pl.DataFrame(
         {
             "check": [row.name for row, _ in judged],
             "about": [row.about for row, _ in judged],
-            "value": numbers([row.number(inputs, motion) for row, motion in judged]).fill_nan(None),
-            "minimum": numbers([limits[row.minimum] if row.minimum else None for row, _ in judged]),
-            "maximum": numbers([limits[row.maximum] if row.maximum else None for row, _ in judged]),
+            "value": float_series([row.number(inputs, motion) for row, motion in judged]).fill_nan(
+                None
+            ),
+            "minimum": float_series(
+                [limits[row.minimum] if row.minimum else None for row, _ in judged]
+            ),
+            "maximum": float_series(
+                [limits[row.maximum] if row.maximum else None for row, _ in judged]
+            ),
             "meaning": [row.describe_number(inputs, motion) for row, motion in judged],
             "consequence": [row.consequence_in_log(inputs, motion) for row, motion in judged],
             "remedy": [row.remedy for row, _ in judged],
@@ -312,7 +318,7 @@ def withhold_by_findings(
         `verdict` with one more row, after those of the mass.
     """
     # a cause of what is withheld already is said once, by its finding
-    is_open = Verdict.of(judged).can_weigh
+    is_open = Verdict.from_frame(judged).can_weigh
     grave = findings.filter(pl.col("severity") == "withhold", pl.lit(is_open))
     most = machine.settings.verdict.causes_max
     names = ", ".join(name.replace("_", " ") for name in grave["cause"])

@@ -89,7 +89,7 @@ class RawSignals:
         }
 
     @cached_property
-    def limits(self) -> dict[str, dict[float, float]]:
+    def force_limits(self) -> dict[str, dict[float, float]]:
         """Limits of each force channel, and the fraction of its readings at each.
 
         Readings that accumulate at an extreme, or return to one value for long, indicate a clipping
@@ -105,13 +105,13 @@ class RawSignals:
         }
 
     @cached_property
-    def frozen(self) -> dict[str, Spans]:
+    def frozen_spans(self) -> dict[str, Spans]:
         """Spans in ns in which a force or motion channel is frozen, limits excluded, by channel."""
         return {
             name: [
                 (run.begin_ns, run.end_ns)
                 for run in runs
-                if run.value not in self.limits.get(name, {})
+                if run.value not in self.force_limits.get(name, {})
             ]
             for name, runs in self._repeated_readings.items()
         }
@@ -132,31 +132,31 @@ class RawSignals:
     @property
     def frozen_s(self) -> float:
         """Total duration in s of frozen force or motion channels."""
-        spans = self.frozen.values()
+        spans = self.frozen_spans.values()
         return max((sum(end - begin for begin, end in each) / 1e9 for each in spans), default=0.0)
 
     @cached_property
-    def clipped(self) -> dict[str, tuple[float, float]]:
+    def clipping(self) -> dict[str, tuple[float, float]]:
         """Largest fraction of readings at one limit, and that limit, by force channel."""
         nothing = (0.0, float("nan"))
         return {
             name: max(((share, at) for at, share in found.items()), default=nothing)
-            for name, found in self.limits.items()
+            for name, found in self.force_limits.items()
         }
 
     @cached_property
-    def at_limit(self) -> dict[str, Spans]:
+    def clipped_spans(self) -> dict[str, Spans]:
         """Spans in ns in which a force channel stays at a limit, by channel."""
         return {
             name: _find_spans_at_limits(list(found), *self.channels[name])
-            for name, found in self.limits.items()
+            for name, found in self.force_limits.items()
             if found
         }
 
     @property
     def clipped_share(self) -> float:
         """Largest fraction of a force channel's readings at its limit."""
-        return max((share for share, _ in self.clipped.values()), default=0.0)
+        return max((share for share, _ in self.clipping.values()), default=0.0)
 
     def interpolate_force_at(self, unix_ns: Ints) -> Floats | None:
         """Interpolate the unfiltered force, or the sum of both torques; None if it is derived."""

@@ -44,21 +44,21 @@ def _clock_distance_s(inputs: CheckInputs, _: AxisMotion) -> float:
 def _make_mass_shift(check: str) -> Callable[[CheckInputs, AxisMotion], float | None]:
     """Make a function that returns the change of the answer without a check's stretches."""
 
-    def of(inputs: CheckInputs, _: AxisMotion) -> float | None:
+    def mass_shift_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
         found = inputs.left_out.get(check)
         return None if found is None else found.moved_u
 
-    return of
+    return mass_shift_u
 
 
 def _make_refit_outcome(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
     """Make a function that describes the refit without a check's stretches."""
 
-    def of(inputs: CheckInputs, _: AxisMotion) -> str:
+    def refit_outcome(inputs: CheckInputs, _: AxisMotion) -> str:
         found = inputs.left_out.get(check)
         return "" if found is None else found.text
 
-    return of
+    return refit_outcome
 
 
 def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:

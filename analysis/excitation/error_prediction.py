@@ -81,7 +81,7 @@ class Filters:
     rate_hz: float
 
     @property
-    def margin(self) -> int:
+    def margin_samples(self) -> int:
         """Samples that the filters need before and after a window, together."""
         return self.samples + 1
 

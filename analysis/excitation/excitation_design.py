@@ -292,7 +292,7 @@ def _score_shape(
     period_s = manoeuvre.duration_s / 2.0
     noise, rate_hz = sensor_noise_of_scenario(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
-    samples = round(window_s * rate_hz) + filters.margin
+    samples = round(window_s * rate_hz) + filters.margin_samples
     # the second period is the first that repeats; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
@@ -301,7 +301,7 @@ def _score_shape(
     truth = MeasuredSignals.from_motion(driven)
     asked = _ASKED[drive]
 
-    def worst(predictions: Mapping[str, Prediction]) -> float:
+    def largest_relative_rms(predictions: Mapping[str, Prediction]) -> float:
         return max(predictions[name].rms / predictions[name].value for name in asked)
 
     windows: list[tuple[int, MeasuredSignals, dict[str, Prediction]]] = []
@@ -309,7 +309,7 @@ def _score_shape(
         first = round(period_s * (1.0 + place / _PLACES) * rate_hz)
         part = MeasuredSignals(*(each[first : first + samples] for each in truth))
         windows.append((first, part, predict_errors(drive, filters, part, motion.body, noise)))
-    first, part, predictions = max(windows, key=lambda window: worst(window[2]))
+    first, part, predictions = max(windows, key=lambda window: largest_relative_rms(window[2]))
     repeats = slice(round(period_s * rate_hz), round(2.0 * period_s * rate_hz))
     applied = truth.torque_z_N_m if drive == "spin" else truth.force_x_N
     noisy = float(noise.torque_z_N_m if drive == "spin" else noise.force_x_N)
@@ -336,7 +336,7 @@ def _score_shape(
         snr_needed=None if least is None else varies / least,
         peak_speed_m_s=float(np.abs(driven.speed_x_m_s[repeats]).max()),
         reach_m=float(np.abs(path_m).max()),
-        relative_error=worst(predictions),
+        relative_error=largest_relative_rms(predictions),
     )
 
 

@@ -264,7 +264,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
             new.append(f'"{of_channel}"' if isinstance(of_channel, str) else f"{of_channel:g}")
     pull = gravity_by_pitch(inputs)
 
-    def with_gravity(motion: MotionSamples) -> MotionSamples:
+    def add_gravity(motion: MotionSamples) -> MotionSamples:
         return replace(
             motion,
             acceleration=motion.acceleration + pull,
@@ -281,7 +281,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
             channel=ACC,
             setting=", ".join(keys),
             value=", ".join(new),
-            change=lambda: refit_corrected(inputs, with_gravity, min(std / abs(pitch), 1.0)),
+            change=lambda: refit_corrected(inputs, add_gravity, min(std / abs(pitch), 1.0)),
         )
     ]
 
@@ -348,7 +348,7 @@ def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Float
     ramp = np.linspace(-1.0, 1.0, size)
     window = np.hanning(size)
 
-    def power(first: int) -> Floats | None:
+    def residual_spectrum_at(first: int) -> Floats | None:
         part = slice(first, first + size)
         known = np.column_stack([np.vander(ramp, 4), force[part], speed[part]])
         if not (np.isfinite(known).all() and np.isfinite(reads[part]).all()):
@@ -356,14 +356,14 @@ def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Float
         rest = reads[part] - known @ np.linalg.lstsq(known, reads[part], rcond=None)[0]
         return np.abs(np.fft.rfft(rest * window)) ** 2
 
-    def mean(places: list[int]) -> Floats | None:
-        found = [each for first in places if (each := power(first)) is not None]
+    def mean_spectrum(places: list[int]) -> Floats | None:
+        found = [each for first in places if (each := residual_spectrum_at(first)) is not None]
         return np.mean(found, axis=0) if len(found) >= LIMITS.loose_min_starts else None
 
     starts = find_held_starts(inputs, force, size)
     still = inputs.resting_samples
     rests = [k for k in range(0, still.size - size, size // 2) if still[k : k + size].all()]
-    driving, standing = mean(starts), mean(rests[:200])
+    driving, standing = mean_spectrum(starts), mean_spectrum(rests[:200])
     if driving is None or standing is None:
         return None
     return np.arange(size // 2 + 1) * rate_hz / size, driving, standing, len(starts)

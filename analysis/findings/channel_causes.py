@@ -69,7 +69,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
         name: spans
         for name in inputs.measured_equation_channels
         if not _is_coarse(inputs, name)
-        and (spans := signals.frozen.get(name) or _find_noiseless_stretches(inputs, name))
+        and (spans := signals.frozen_spans.get(name) or _find_noiseless_stretches(inputs, name))
     }
     if not of_channel:
         return []
@@ -110,7 +110,7 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
     signals = inputs.check_inputs.signals
     if signals is None:
         return []
-    limits = signals.limits.get(name, {})
+    limits = signals.force_limits.get(name, {})
     runs, never = find_long_runs(*inputs.series[name])
     # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
     return [
@@ -128,18 +128,18 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     """Find force readings that accumulate at an extreme value."""
     signals = inputs.check_inputs.signals
-    if signals is None or not signals.clipped:
+    if signals is None or not signals.clipping:
         return []
-    name = max(signals.clipped, key=lambda each: signals.clipped[each][0])
-    share, extreme = signals.clipped[name]
+    name = max(signals.clipping, key=lambda each: signals.clipping[each][0])
+    share, extreme = signals.clipping[name]
     if not share:
         return []
     at = inputs.newtons_per_unit(name) * abs(extreme)
-    count = sum(1 for each, _ in signals.clipped.values() if each > 0.0)
+    count = sum(1 for each, _ in signals.clipping.values() if each > 0.0)
     found = inputs.check_inputs.left_out.get("clipped")
     limit_N = 0.98 * at * max(count, 1)
 
-    def cut() -> MassChange | None:
+    def refit_without_saturated_rows() -> MassChange | None:
         if inputs.fit is None:
             return None
         near = np.abs(inputs.fit.motion.force) > limit_N
@@ -154,7 +154,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
-            change=cut,
+            change=refit_without_saturated_rows,
             harmless=_is_harmless(inputs, found),
         )
     ]

@@ -141,25 +141,27 @@ def channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Float
     size = rows_in_duration(LIMITS.delay_mean_s, rate_hz)
     count = min(inputs.aligned.height, round(LIMITS.delay_searched_s * rate_hz)) // size
 
-    def means(x: Floats) -> Floats:
+    def block_means(x: Floats) -> Floats:
         return x[: count * size].reshape(count, size).mean(axis=1)
 
-    def centre(x: Floats) -> Floats:
+    def subtract_mean(x: Floats) -> Floats:
         return np.nan_to_num(x - np.nanmean(x))
 
     # a slope needs two means
     if count < max(2 * round(LIMITS.longest_delay_s * rate_hz / size), 2):
         return size / rate_hz, {}
-    speed = means(column_values(inputs.aligned, "speed_x_m_s"))
-    force = means(longitudinal_force(inputs.aligned, inputs.machine.machine))
+    speed = block_means(column_values(inputs.aligned, "speed_x_m_s"))
+    force = block_means(longitudinal_force(inputs.aligned, inputs.machine.machine))
     if not (np.isfinite(speed).any() and np.isfinite(force).any()):
         return size / rate_hz, {}
     # a central difference has the time of its middle
     found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
     if inputs.measured_channels(ACC):
-        found["imu"] = means(column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
+        found["imu"] = block_means(column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
     channels = {
-        name: centre(x) for name, x in found.items() if np.isfinite(x).any() and np.nanstd(x) > 0.0
+        name: subtract_mean(x)
+        for name, x in found.items()
+        if np.isfinite(x).any() and np.nanstd(x) > 0.0
     }
     return size / rate_hz, {**channels, "v": np.nan_to_num(speed)}
 

@@ -66,7 +66,7 @@ class FindingInputs:
     @cached_property
     def can_weigh(self) -> bool:
         """Whether no check withholds the mass."""
-        return Verdict.of(self.judged).can_weigh
+        return Verdict.from_frame(self.judged).can_weigh
 
     @cached_property
     def checks(self) -> dict[str, float]:

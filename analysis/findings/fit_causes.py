@@ -39,7 +39,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
         setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
     keys, scales = inputs.scale_channels(inputs.speed_channels, 1.0 / (1.0 + gain))
 
-    def larger(motion: MotionSamples) -> MotionSamples:
+    def correct_radius(motion: MotionSamples) -> MotionSamples:
         force = motion.force * (1.0 + gain) if torques else motion.force
         return replace(motion, force=force, speed=motion.speed / (1.0 + gain))
 
@@ -54,7 +54,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             channel=next(iter(inputs.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
-            change=lambda: refit_corrected(inputs, larger, min(std / abs(gain), 1.0)),
+            change=lambda: refit_corrected(inputs, correct_radius, min(std / abs(gain), 1.0)),
             # an accelerometer that reads too much may rock on its mount
             alternatives=(
                 *rival_causes(pick),

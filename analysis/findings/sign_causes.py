@@ -346,14 +346,14 @@ def multiply_channel(motion: MotionSamples, channel: str, times: float) -> Motio
     """The motion with one channel multiplied by a factor."""
     if channel == ACC:
 
-        def of(x: Floats | None) -> Floats | None:
+        def multiply_if_known(x: Floats | None) -> Floats | None:
             return None if x is None else x * times
 
         return replace(
             motion,
             acceleration=motion.acceleration * times,
-            specific_force=of(motion.specific_force),
-            without_gravity=of(motion.without_gravity),
+            specific_force=multiply_if_known(motion.specific_force),
+            without_gravity=multiply_if_known(motion.without_gravity),
         )
     if channel.startswith(("speed", "position")):
         turned = np.sign(times)

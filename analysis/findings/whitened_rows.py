@@ -87,16 +87,16 @@ def force_system(
     if brakes:
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
-    def mean(x: Floats) -> Floats:
+    def block_means(x: Floats) -> Floats:
         return block_sums(x, LIMITS.force_mean_samples) / LIMITS.force_mean_samples / std
 
     own = noise.covariance(LIMITS.force_mean_samples) / std**2
     force = float(f.sum()) / LIMITS.force_mean_samples
     along = float((np.sign(v) * f).sum()) / LIMITS.force_mean_samples
     return EquationRows(
-        mean(f - (mass_kg[taken] - usual_kg) * a),
-        np.column_stack([mean(a), mean(v)]),
-        {name: mean(column) for name, column in columns.items()},
+        block_means(f - (mass_kg[taken] - usual_kg) * a),
+        np.column_stack([block_means(a), block_means(v)]),
+        {name: block_means(column) for name, column in columns.items()},
         taken.size // LIMITS.force_mean_samples * own[:2, :2],
         {"driveline": force * own[:2, 0], "slip": -friction * along * own[:2, 1]},
         {},

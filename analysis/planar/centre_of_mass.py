@@ -316,15 +316,15 @@ def _make_fit_row(
         "combinations": "; ".join(found.combination_texts()),
     }
 
-    def u(gradient: Floats) -> float:
+    def u_of(gradient: Floats) -> float:
         return standard_uncertainty(estimate, gradient, fitted.priors, log.machine)
 
     for name, value in zip(estimate.parameters, estimate.theta, strict=True):
         if name in PARAMETERS and name not in known:
-            row[name], row[_COLUMNS[name]] = float(value), u(quantity_gradient(estimate, name))
+            row[name], row[_COLUMNS[name]] = float(value), u_of(quantity_gradient(estimate, name))
     for axis, moment in zip("xy", _MOMENTS, strict=True):
         value, gradient = estimate.slope(moment, "mass_kg")
-        row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u(gradient)
+        row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*_MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
     row["scale_unknown"] = missing_machine_values(

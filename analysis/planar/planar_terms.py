@@ -140,7 +140,7 @@ TERMS: Final = (
     Term(
         "const",
         lambda m: (m.one, None),
-        lambda d, s: constant_force_std(d.largest_force, d.weight, s),
+        lambda d, s: constant_force_std(d.largest_force, d.machine_weight, s),
         "a constant force: offset of the force, tilt or bias of the accelerometer",
         "starts in both directions, or at different throttles",
         "x",
@@ -148,7 +148,7 @@ TERMS: Final = (
     Term(
         "direction",
         lambda m: (m.direction_x, None),
-        lambda d, s: coulomb_std(d.largest_force, d.weight, s),
+        lambda d, s: coulomb_std(d.largest_force, d.machine_weight, s),
         "Coulomb friction and rolling resistance",
         "driving both ways, and starts at different throttles",
         "x",
@@ -194,7 +194,7 @@ TERMS: Final = (
         "turning_direction",
         lambda m: (None, m.direction_z),
         lambda d, s: float(
-            np.hypot(s.direction_share * d.largest_torque, s.scrub_arm_m * d.weight)
+            np.hypot(s.direction_share * d.largest_torque, s.scrub_arm_m * d.machine_weight)
         ),
         "Coulomb friction of turning: tyres that scrub",
         "spins at different throttles, both ways",

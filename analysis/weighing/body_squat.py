@@ -270,7 +270,7 @@ def _whiten_random_slope(
     square = float(time @ time)
     kept = 0.0 if np.isinf(ratio) else 1.0 / np.sqrt(1.0 + ratio * square)
 
-    def whitened(x: Floats) -> Floats:
+    def whiten_along_time(x: Floats) -> Floats:
         return x - (1.0 - kept) * np.multiply.outer(time, time @ x / square)
 
-    return whitened(columns), whitened(y), whitened(time)
+    return whiten_along_time(columns), whiten_along_time(y), whiten_along_time(time)

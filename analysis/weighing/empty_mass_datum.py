@@ -153,7 +153,7 @@ class EmptyMachine:
             return None
         in_ratio = 1.0 / self.rotating_kg
 
-        def datum_of_share(by_kg: float) -> EmptyDatum:
+        def make_datum(by_kg: float) -> EmptyDatum:
             return EmptyDatum(
                 self,
                 by_kg,
@@ -162,7 +162,7 @@ class EmptyMachine:
             )
 
         if factors_without_uncertainty(self.sources):
-            found = datum_of_share(in_ratio)
+            found = make_datum(in_ratio)
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
         own_kg2 = self._variance_of_weighted_sum(payload_weights)
@@ -177,7 +177,7 @@ class EmptyMachine:
         )
         together_kg2 /= 2.0 * in_ratio * sum_kg
         by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
-        found = datum_of_share(float(np.clip(by_kg, 0.0, in_ratio)))
+        found = make_datum(float(np.clip(by_kg, 0.0, in_ratio)))
         if (
             found.scale_1 <= 0.0
             or combined_u(found.payload_sources(payload_weights)) ** 2 >= own_kg2

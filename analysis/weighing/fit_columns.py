@@ -383,7 +383,7 @@ def _route_positions(motion: MotionSamples, previous: PreviousEstimates) -> tupl
     loads, route = previous.relative_loads, previous.route
     if loads is None or route is None:
         return np.zeros(motion.speed.size), 0.0
-    return route.position(motion), route.length_m
+    return route.relative_distance_to_dump(motion), route.length_m
 
 
 def _drop_first_samples(group: Ints, lag: int) -> Ints:

@@ -43,13 +43,13 @@ def _make_wave_term(half_waves: int) -> Nuisance:
 def _load_proportional_term(term: Nuisance) -> Nuisance:
     """Part of a nuisance term that is proportional to the load."""
 
-    def column(m: ColumnInputs) -> Floats:
+    def column_of_load(m: ColumnInputs) -> Floats:
         return term.column(m) * m.relative_load
 
     return replace(
         term,
         name=f"{term.name}_by_load",
-        column=column,
+        column=column_of_load,
         meaning=f"{term.meaning}; in proportion to the load",
         by_load=True,
     )

@@ -99,14 +99,14 @@ def make_learnt_mean_responses(
     of_mass, of_payload, of_cycle = MOVED
     moved_kg = errors.mass_shifts_kg(weighing)
 
-    def fit_rows(mass_kind: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
+    def make_rows_of_kind(mass_kind: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
         return _make_response_rows(mass_kind, weighing, machine, errors.terms, moved_kg, sums)
 
-    rows = fit_rows(of_mass, {k: fit.weights_of_state(k) for k in states})
+    rows = make_rows_of_kind(of_mass, {k: fit.weights_of_state(k) for k in states})
     if empty:
         against = {k: difference_weights(weighing, k, empty) for k in states if k not in empty}
-        rows += fit_rows(of_payload, against)
-    rows += fit_rows(of_cycle, payloads)
+        rows += make_rows_of_kind(of_payload, against)
+    rows += make_rows_of_kind(of_cycle, payloads)
     known = [
         {
             "term": one,

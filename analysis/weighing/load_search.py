@@ -50,7 +50,7 @@ def add_load_states(
     kind = load_change_kinds(found.motion)
     settled = _settle_states(found, inputs, repeatability_kg, kind)
     misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
-    if not misfits or found.motion.manoeuvres < FEWEST:
+    if not misfits or found.motion.manoeuvre_count < FEWEST:
         return settled
     inputs = _add_uneven_ground(found, inputs, fit_rows(found, inputs.noise).group)
     alike = _PartitionComparison.from_fit(found, inputs)
@@ -204,7 +204,7 @@ def _settle_states(
         ):
             break
         tried.append(found)
-    return min(tried, key=lambda each: _load_states_of_fit(each).misfit)
+    return min(tried, key=lambda each: _load_states_of_fit(each).bic)
 
 
 def _withhold_masses(found: JointFit) -> JointFit:
@@ -222,7 +222,7 @@ def _load_states_of_fit(found: JointFit) -> LoadStates:
 
 def _add_uneven_ground(found: JointFit, inputs: JointFitInputs, group: Ints) -> JointFitInputs:
     """Fit inputs with the variance of ground forces between stretches, from a fit's residual."""
-    if inputs.uneven_1_s or found.motion.manoeuvres < FEWEST:
+    if inputs.uneven_1_s or found.motion.manoeuvre_count < FEWEST:
         return inputs
     residual = found.fit.residual
     correlation, white = pooled_autocorrelation(residual, group, None)

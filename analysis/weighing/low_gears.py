@@ -44,18 +44,18 @@ def _gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
 
 
 def _make_gear_term(quarter_m_s: float) -> Nuisance:
-    def left(m: ColumnInputs) -> Floats:
+    def fraction_in_low_gear(m: ColumnInputs) -> Floats:
         return _low_gear_fraction(m.speed, quarter_m_s)
 
     return Nuisance(
         f"low_gears_{quarter_m_s:.0f}_m_s",
         "kg",
-        lambda m: m.acceleration * left(m),
+        lambda m: m.acceleration * fraction_in_low_gear(m),
         _gear_prior_std,
         "rotating mass of low gears, which falls with the speed",
         "starts at different throttles; driving without a change of gear",
         by_speed=lambda m: m.acceleration * _remaining_slope_s_m(m.speed, quarter_m_s),
-        by_acceleration=left,
+        by_acceleration=fraction_in_low_gear,
         applies=_has_gears,
         source=BY_GEAR,
     )

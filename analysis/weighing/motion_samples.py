@@ -257,7 +257,7 @@ class MotionSamples:
         return self.approximate_mass_kg > 0.0 and self.largest_speed > 0.0
 
     @cached_property
-    def manoeuvres(self) -> int:
+    def manoeuvre_count(self) -> int:
         """Number of manoeuvres that may be fitted."""
         return int(np.unique(self.unit[self.used]).size)
 
@@ -267,7 +267,7 @@ class MotionSamples:
         return int(np.unique((self.unit if self.stood is None else self.stood)[self.used]).size)
 
     @cached_property
-    def records(self) -> int:
+    def record_count(self) -> int:
         """Number of records, separated by gaps."""
         return 1 if self.silences is None else int(np.unique(self.silences[self.used]).size)
 

@@ -200,7 +200,7 @@ def _warming_term(name: str) -> Nuisance:
         shape.meaning,
         "a machine that is warm",
         by_speed=lambda m: shape.share(m.progress),
-        applies=lambda e: e.manoeuvres > shape.degree,
+        applies=lambda e: e.manoeuvre_count > shape.degree,
         # one load for all starts takes too little of a cubic to be told from it
         by_load=shape.degree > 2,
     )
@@ -310,7 +310,7 @@ NUISANCES: Final = (
         "how much the gain of the force changes over the log",
         "loads that come back: empty, loaded, empty",
         by_force=lambda m: m.progress,
-        applies=lambda e: e.manoeuvres > 1,
+        applies=lambda e: e.manoeuvre_count > 1,
     ),
     Nuisance(
         "weight_const",

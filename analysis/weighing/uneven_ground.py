@@ -94,7 +94,9 @@ class _DrivingDirection:
 
     def _applies(self, motion: MotionSamples) -> bool:
         ways = motion.direction[motion.used] == self.sign
-        return motion.manoeuvres >= FEWEST and float(ways.mean()) > LIMITS.direction_min_fraction
+        return (
+            motion.manoeuvre_count >= FEWEST and float(ways.mean()) > LIMITS.direction_min_fraction
+        )
 
 
 def _fraction_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs], Floats]:
@@ -135,18 +137,18 @@ def _make_route_term(part: int) -> Nuisance:
     """Nuisance term for rolling resistance along one part of the route."""
     begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
 
-    def column(m: ColumnInputs) -> Floats:
+    def route_column(m: ColumnInputs) -> Floats:
         changes = _ramp(m.route_1, begin, end) * _random_walk_ratio(m.route_length_m / _ROUTE_PARTS)
         return m.direction * (1.0 + m.relative_load) * changes
 
     return Nuisance(
         f"ground_route_{part + 1}_of_{_ROUTE_PARTS}",
         "N",
-        column,
+        route_column,
         lambda e, s: s.ground_route_share * e.weight,
         "how rolling resistance changes along the route, over ten metres",
         "more cycles; even ground",
-        applies=lambda e: e.manoeuvres >= FEWEST,
+        applies=lambda e: e.manoeuvre_count >= FEWEST,
         by_load=True,
         source=BY_GROUND,
     )

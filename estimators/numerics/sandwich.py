@@ -147,13 +147,13 @@ def window_stds(
     """
     out = np.empty((index.size, A.shape[1]))
 
-    def work(rows: slice) -> None:
+    def fill_rows(rows: slice) -> None:
         meats = window_meats(A, window, index[rows], correlation)
         out[rows] = larger_of_sandwich_and_textbook_stds(
             invert_packed(grams[rows]), meats, rss[rows], window
         ).T
 
-    in_chunks(work, index.size)
+    in_chunks(fill_rows, index.size)
     return out * scale_widening(window, correlation)
 
 

@@ -316,7 +316,7 @@ def identify_signer(
     how = "given" if key is not None else "unknown" if known is None else "known"
     checked.signed_by = by = replace(by, how=how)
     if not by.is_trusted:
-        checked.notes.append(_UNKNOWN_KEY.format(by, by.add_line))
+        checked.notes.append(_UNKNOWN_KEY.format(by, by.command_to_add_key))
 
 
 def _check_signer(

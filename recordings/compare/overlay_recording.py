@@ -75,7 +75,7 @@ def write_overlay(
         update={"notes": ("two replays over each other; see the tab Compared",), "losses": ()}
     )
 
-    def scene(_: Run) -> Scene:
+    def make_overlay_scene(_: Run) -> Scene:
         sides = [
             _OverlaidRun(name, run, display_frames(run))
             for name, run in ((_A, a), (_B, moved), (_LESS, subtract_run(a, moved)))
@@ -87,7 +87,7 @@ def write_overlay(
             texts={COMPARED: text},
         )
 
-    return write_recording_with_scene(Run({}, about), scene, path, force=force)
+    return write_recording_with_scene(Run({}, about), make_overlay_scene, path, force=force)
 
 
 def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list[Page]:

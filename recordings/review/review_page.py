@@ -65,10 +65,10 @@ class CycleColumn(NamedTuple):
 def _make_unit_getter(factor: float, name: str) -> Callable[[Row], float | None]:
     """Function that returns a ledger column in another unit."""
 
-    def value(row: Row) -> float | None:
+    def scaled_value(row: Row) -> float | None:
         return None if row[name] is None else factor * row[name]
 
-    return value
+    return scaled_value
 
 
 #: The answer, beside which quality and verdict stand.

@@ -145,7 +145,7 @@ def collect_review_state(
         energy: see `ReviewState`.
     """
     about, frames = run.provenance, run.frames
-    verdict = Verdict.of(frames["verdict"])
+    verdict = Verdict.from_frame(frames["verdict"])
     gate = frames["gate"]
     shares = gate["reason_x"].cast(pl.String).value_counts(sort=True, normalize=True)
     gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])

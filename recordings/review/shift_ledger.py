@@ -56,7 +56,7 @@ def make_ledger(
     rows = [verdicts.get(row) for row in range(cycles.height)]
     shared = [labels_at((t0_unix_ns + t_ns) / NS) for t_ns in cycles["end_t_ns"]]
 
-    def verdict_column(name: str, defaults: Sequence[str]) -> pl.Series:
+    def make_verdict_column(name: str, defaults: Sequence[str]) -> pl.Series:
         pairs = zip(rows, defaults, strict=True)
         texts = [text if each is None else getattr(each, name) or text for each, text in pairs]
         return pl.Series(name, texts, dtype=pl.String)
@@ -84,9 +84,12 @@ def make_ledger(
         doubts,
         (pl.col("counted") & ~rejected).alias("counted"),
         rejected,
-        *(verdict_column(name, [getattr(labels, name) for labels in shared]) for name in LABELS),
-        verdict_column("note", [""] * cycles.height),
-        verdict_column("author", [""] * cycles.height),
+        *(
+            make_verdict_column(name, [getattr(labels, name) for labels in shared])
+            for name in LABELS
+        ),
+        make_verdict_column("note", [""] * cycles.height),
+        make_verdict_column("author", [""] * cycles.height),
         pl.Series("said", when, dtype=pl.String),
     )
 

@@ -30,7 +30,7 @@ class SignedBy:
         return self.how in ("given", "known")
 
     @property
-    def add_line(self) -> str:
+    def command_to_add_key(self) -> str:
         """Command that adds the key to the keyring."""
         return f"payscope keys add {quote(self.public_key)} --owner OWNER"
 

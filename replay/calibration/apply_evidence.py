@@ -267,7 +267,7 @@ def require_known_signature(
     if not owner:
         raise EvidenceError(
             f"{request.folder}: is {signature}; get the key from the signer, and give it with "
-            f"--key KEY or keep it: {signature.add_line}"
+            f"--key KEY or keep it: {signature.command_to_add_key}"
         )
     add_key(keyring, KnownKey(key=signature.public_key, owner=owner))
     return replace(signature, how="known", owner=owner)

@@ -126,7 +126,7 @@ def _print_explanation(
 
     screen = stdout_console()
 
-    def part(title: str, lines: "Iterable[str]") -> None:
+    def print_part(title: str, lines: "Iterable[str]") -> None:
         listed = list(lines)
         if listed:
             screen.print(f"\n{title}", markup=False)
@@ -140,13 +140,13 @@ def _print_explanation(
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)
-    part("causes, the likeliest first:", describe_findings(explained))
+    print_part("causes, the likeliest first:", describe_findings(explained))
     if explained.manoeuvre is not None:
-        part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
-    part("conspicuous manoeuvres:", map(manoeuvre_line, explained.worst))
+        print_part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
+    print_part("conspicuous manoeuvres:", map(manoeuvre_line, explained.worst))
     around = "the gate around it:" if explained.at_s is not None else "the gate, by share of time:"
-    part(around, describe_gate(explained))
-    part("the motion:", determined_parameter_lines(explained.determined))
+    print_part(around, describe_gate(explained))
+    print_part("the motion:", determined_parameter_lines(explained.determined))
     if mended is not None:
         _print_mended_machine(screen, mended)
     if picture is not None:

@@ -171,7 +171,7 @@ def mend_machine_file(
     ):
         trial = Path(folder) / file.name
 
-        def load(text: str, keys: Sequence[str]) -> Machine:
+        def load_trial_machine(text: str, keys: Sequence[str]) -> Machine:
             trial.write_text(text, encoding="utf-8")
             others = [o for o in source.overrides if o.partition("=")[0].strip() not in keys]
             try:
@@ -180,7 +180,7 @@ def mend_machine_file(
                 raise MachineError(str(error).removeprefix(f"{trial}: ")) from None
 
         progress = try_all_proposals(
-            before, ProposalReplays(CachedLog(opened), text, load, file, on_stage)
+            before, ProposalReplays(CachedLog(opened), text, load_trial_machine, file, on_stage)
         )
     if not progress.changes:
         return _mended_machine(None, progress, before)

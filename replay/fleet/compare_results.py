@@ -77,7 +77,7 @@ class OtherSettings:
         return self.last.fleet
 
     @property
-    def limits(self) -> TaskLimits:
+    def task_limits(self) -> TaskLimits:
         """Resource limits of one recording."""
         return self.last.limits
 

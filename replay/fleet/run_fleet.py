@@ -30,7 +30,7 @@ class FleetPlan(Protocol):
         ...
 
     @property
-    def limits(self) -> TaskLimits:
+    def task_limits(self) -> TaskLimits:
         """Resource limits of one recording."""
         ...
 
@@ -126,7 +126,7 @@ def fleet_run(
         )
         for machine, each in setups.items()
     }
-    results.set_last_run(LastRun(fleet=plan.name, limits=plan.limits, machines=machines))
+    results.set_last_run(LastRun(fleet=plan.name, limits=plan.task_limits, machines=machines))
     _remember_calibrations(results, setups)
     left, there = _split_finished(tasks, results)
     for task, outcome in there:
@@ -168,8 +168,8 @@ def _plan_tasks(
             did.failed[log.source] = str(error)
             continue
         by_machine[setups[0].name] = setups
-        memory = plan.limits.memory_bytes(log.size_bytes)
-        seconds = plan.limits.seconds
+        memory = plan.task_limits.memory_bytes(log.size_bytes)
+        seconds = plan.task_limits.seconds
         tasks.append(ReplayTask(log, setups, place, recordings, seconds, memory, here))
     return tasks, by_machine
 

@@ -257,11 +257,11 @@ def _make_decoder(store: Typestore, connection: Connection) -> Callable[[bytes],
     ros1 = connection.encoding == "ros1"
     deserialize = store.deserialize_ros1 if ros1 else store.deserialize_cdr
 
-    def decode(data: bytes) -> Any:
+    def decode_message(data: bytes) -> Any:
         try:
             return deserialize(data, connection.type)
         # the last: rosbags writes code for a long double that calls what it does not have
         except (SerdeError, *BROKEN_BYTES, NameError) as error:
             raise BrokenBytesError(error) from error
 
-    return decode
+    return decode_message

@@ -254,11 +254,11 @@ def frames_to_keep(run: Run, *, full: bool) -> Run:
 def sort_by_first_message(logs: list[Log]) -> list[Log]:
     """Sort logs by their first messages, so that the order of arguments does not matter."""
 
-    def begins(log: Log) -> tuple[int, str]:
+    def first_message_of_log(log: Log) -> tuple[int, str]:
         first = log.topics()["start_ns"].min()
         return (first if isinstance(first, int) else 0, str(log.path))
 
-    return sorted(logs, key=begins)
+    return sorted(logs, key=first_message_of_log)
 
 
 def frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:

@@ -175,7 +175,7 @@ def replayed(said, loader=None):
     gated = gate_windows(excitation, settings, noise)
     estimates = trace_estimates(excitation, gated, settings, noise)
     judged = judge_checks(CheckInputs(excitation, gated, loader))
-    opinion = Verdict.of(judged)
+    opinion = Verdict.from_frame(judged)
     return {
         "aligned": aligned,
         "excitation": excitation,

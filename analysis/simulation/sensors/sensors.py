@@ -87,10 +87,10 @@ def _delay_and_filter_signals(
     delay_s, lag_s = times_s
     length_ns = timeline.end_ns - timeline.start_ns
 
-    def signals(time_ns: NDArray[np.int64]) -> Mapping[str, Floats]:
+    def true_signals_at(time_ns: NDArray[np.int64]) -> Mapping[str, Floats]:
         return motion_signals(timeline.sample(time_ns), (time_ns - timeline.start_ns) / length_ns)
 
-    return low_pass(signals, at_ns - round(delay_s * 1e9), lag_s)
+    return low_pass(true_signals_at, at_ns - round(delay_s * 1e9), lag_s)
 
 
 def _measure_imu(

@@ -125,7 +125,11 @@ class _TrialLimits:
     def _rolling_m_s2(self) -> float:
         """Largest deceleration by rolling resistance of a slow machine."""
         terrain = self.scenario.terrain
-        return self.scenario.rolling.highest * terrain.gravity_m_s2 * math.cos(terrain.slope_rad)
+        return (
+            self.scenario.rolling.highest_coefficient
+            * terrain.gravity_m_s2
+            * math.cos(terrain.slope_rad)
+        )
 
     def _uphill_m_s2(self, sign: float) -> float:
         """Largest deceleration by gravity when driving along `sign`."""

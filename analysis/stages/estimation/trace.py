@@ -67,7 +67,7 @@ def _trace_methods(
     window = settings.gate.window_samples
 
     @cache
-    def fed(feed: FeedKind) -> tuple[Any, ...]:
+    def inputs_for_feed(feed: FeedKind) -> tuple[Any, ...]:
         match feed:
             case FeedKind.WINDOWS:
                 return window, gated[f"accepted_{axis.letter}"].to_numpy()
@@ -81,10 +81,10 @@ def _trace_methods(
         method = METHODS[name]
         options = method.options(settings.trace, noise)
         if method.feed is FeedKind.SETTLED and begins:
-            fed_by = (*fed(method.feed), options)
+            fed_by = (*inputs_for_feed(method.feed), options)
             traced = trace_by_load(method, A, f, fed_by, begins)
         else:
-            traced = method.estimator.trace(A, f, *fed(method.feed), options)
+            traced = method.estimator.trace(A, f, *inputs_for_feed(method.feed), options)
         if method.feed is not FeedKind.SEGMENTS:
             unseen = systematic_errors(method, A, f, traced.index, traced.theta, settings, noise)
             std = traced.std

@@ -71,7 +71,7 @@ def _judge_axis(
     brakes = _decelerates_on_axis(axis, excitation, settings)
     flags = {"gap": missing, **flag_rows(axis, phase, f, brakes, slips, settings.gate)}
 
-    def nearest(left: Ints) -> Floats:
+    def window_information(left: Ints) -> Floats:
         return nearest_neighbours.window_mutual_information(
             A[:, 0].copy(), f, window, left, settings.gate.ksg_neighbours
         )
@@ -81,7 +81,7 @@ def _judge_axis(
         seen,
         np.arange(n) < first + window - 1,
         {why: flagged_windows(flag, window) for why, flag in flags.items()},
-        nearest,
+        window_information,
         settings.gate,
     )
     columns: dict[str, Floats | pl.Series] = {

@@ -177,12 +177,12 @@ def add_noise_of_samples(
     if not unseen.any():
         return
 
-    def of_grid(aligned: pl.DataFrame) -> Floats:
+    def grid_columns(aligned: pl.DataFrame) -> Floats:
         columns = _force_and_yaw_columns(aligned, machine)
         x = np.column_stack([columns[name] for name in names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
-    told = simulate_grid_noise_covariances(read, machine, of_grid)
+    told = simulate_grid_noise_covariances(read, machine, grid_columns)
     if told is None:
         return
     for column in np.flatnonzero(unseen):

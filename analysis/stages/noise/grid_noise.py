@@ -97,14 +97,14 @@ def is_hidden_by_grid(
     own_hz = {name: 1e9 / rates.mean_period_ns(t, 1e9 / PAPER_HZ) for name, (t, _) in read.items()}
     derived = any(channel.differentiates for channel in machine.channels.values())
 
-    def of(names: Iterable[str]) -> list[float]:
+    def source_rates_hz(names: Iterable[str]) -> list[float]:
         made_of = frozenset[str]().union(*(rates.source_channels(name, machine) for name in names))
         return [own_hz[name] for name in made_of if name in own_hz]
 
     found: list[bool] = []
     for names in columns:
-        mine = of(names)
-        beside = of(
+        mine = source_rates_hz(names)
+        beside = source_rates_hz(
             next(
                 (each for each in rates.channels_of_each_equation(machine) if each & {*names}),
                 frozenset(names),

@@ -109,13 +109,13 @@ class BagFile(BlockFile):
             else:
                 self._store.add(block, times)
         if unknown:
-            self._store.survey(unknown)
+            self._store.add_unindexed(unknown)
 
     def _walk(self, begin: int, header: BagRecord | None) -> None:
         """Read the file from start to end."""
         damage = self._store.damage
         walk = BagWalk(self._store, begin, self._process_record)
-        self._store.survey(walk.chunks())
+        self._store.add_unindexed(walk.chunks())
         position = b"" if header is None else header.fields.get(b"index_pos", b"")
         unfinished = position == bytes(8)
         why = "the recorder did not finish it" if unfinished else "the index is damaged"

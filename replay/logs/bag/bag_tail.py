@@ -44,7 +44,7 @@ class BagTail(GrowingBlockFile):
         if record.op == CHUNK:
             block = chunk_block(file, self._at, record)
             # nothing behind an empty chunk yet: it may be one that has just been opened
-            if block is None or block.is_torn or (record.end == file.size and not block.room):
+            if block is None or block.is_torn or (record.end == file.size and not block.room_bytes):
                 return None
             self._at = record.end
             return self._take_block(block)

@@ -58,7 +58,7 @@ class BlockFile(ABC):
     def _compare(self, chunks: Iterable[Block], outside: BlockStore) -> None:
         """Note the chunks and unchunked messages that the first pass missed."""
         found = [chunk.record_offset for chunk in chunks]
-        self._store.compare([*found, *outside.offsets])
+        self._store.note_missing_blocks([*found, *outside.offsets])
 
     @property
     def losses(self) -> Sequence[Loss]:

@@ -103,7 +103,7 @@ class BlockStore:
         """Offsets of the blocks that contain messages."""
         return (block.record_offset for block in self._blocks if block.counts)
 
-    def compare(self, offsets: Iterable[int]) -> None:
+    def note_missing_blocks(self, offsets: Iterable[int]) -> None:
         """Note the blocks at these offsets that the store lacks."""
         known = {block.record_offset for block in self._blocks}
         for offset in offsets:
@@ -132,7 +132,7 @@ class BlockStore:
         described, _ = describe_block(block, times)
         self.damage.note_lost_block(described, why)
 
-    def survey(self, blocks: Iterable[Block]) -> None:
+    def add_unindexed(self, blocks: Iterable[Block]) -> None:
         """Add blocks without an index, which are unpacked to find their messages."""
         for slab in read_slabs(self.file, blocks, self.grammar):
             for block, why in slab.damaged:
@@ -191,7 +191,7 @@ class BlockStore:
             if unknown:
                 unpacked = BlockStore(self.file, self._load_grammar, self._process_record)
                 unpacked.damage = self.damage
-                unpacked.survey(unknown)
+                unpacked.add_unindexed(unknown)
                 for key, parts in unpacked._times.items():
                     found.setdefault(key, []).extend(parts)
             for key, parts in found.items():
@@ -275,7 +275,7 @@ class BlockStore:
     def _note_unread_bytes(self, block: Block, unread: int) -> None:
         if unread and not block.is_torn:
             self.damage.note(
-                f"{unread:,} of {block.room:,} bytes in the chunk at byte "
+                f"{unread:,} of {block.room_bytes:,} bytes in the chunk at byte "
                 f"{block.record_offset} form no complete record and were not read"
             )
 

@@ -88,9 +88,9 @@ class GrowingBlockFile(ABC):
     def _take_block(self, block: Block) -> list[RawBatch]:
         """Messages of a complete chunk; a damaged one is a loss."""
         try:
-            if block.room > LARGEST_BYTES:
-                raise DamagedBlockError(f"it declares {block.room:,} bytes")
-            data = np.empty(block.room, np.uint8)
+            if block.room_bytes > LARGEST_BYTES:
+                raise DamagedBlockError(f"it declares {block.room_bytes:,} bytes")
+            data = np.empty(block.room_bytes, np.uint8)
             data = data[: unpack(block, self._file, data)]
         except DamagedBlockError as error:
             what = f"the chunk at byte {block.record_offset} cannot be read: {error}"

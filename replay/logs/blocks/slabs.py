@@ -137,7 +137,7 @@ def _take_slabs(
 
 def _slab_room(block: Block) -> int:
     # a block that nobody believes takes no room; unpacking it says why
-    return block.room if block.room <= LARGEST_BYTES else 0
+    return block.room_bytes if block.room_bytes <= LARGEST_BYTES else 0
 
 
 def _block_groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
@@ -170,7 +170,7 @@ def load_blocks(
     at = 0
     for block in blocks:
         try:
-            size = unpack(block, file, buffer[at : at + block.room])
+            size = unpack(block, file, buffer[at : at + block.room_bytes])
             part = (block, *rows.scan(at, at + size))
         except DamagedBlockError as error:
             damaged.append((block, str(error)))

@@ -39,7 +39,7 @@ class TopicStream:
 
     def take(self, batch: RawBatch, submit: Submit) -> None:
         """Take the next messages; their memory may be reused after `settle`."""
-        self._look_back(batch)
+        self._note_decreasing_times(batch)
         for part in batch.split_to_batches():
             if part.rows < _FEW_ROWS:
                 self._few.append(_copy_batch(part))
@@ -91,7 +91,7 @@ class TopicStream:
         self._frames.clear()
         return frame
 
-    def _look_back(self, batch: RawBatch) -> None:
+    def _note_decreasing_times(self, batch: RawBatch) -> None:
         """Note whether log times decrease, before the rows are sorted."""
         if batch.rows:
             times = batch.log_times

@@ -93,7 +93,7 @@ class BatchPass:
         program, wire = self._program, self._program.wire
         while True:
             walk_and_gather(
-                self._messages, Encoding(wire.cdr, self._swap, wire.counted),
+                self._messages, Encoding(wire.cdr, self._swap, wire.length_alignment),
                 program.steps, self._noted, make_empty_template(program.nodes),
                 self._direct.gathering, self._gathered, self._outcome,
             )  # fmt: skip
@@ -116,7 +116,9 @@ class BatchPass:
         if whole.all():
             return WalkedBatch(columns, whole, "")
         first = int(np.argmin(whole))
-        where = f"(at its byte {self._outcome.places[first] + self._program.wire.head})"
+        where = (
+            f"(at its byte {self._outcome.places[first] + self._program.wire.encapsulation_bytes})"
+        )
         return WalkedBatch(columns, whole, f"{FAULTS[self._outcome.faults[first]]} {where}")
 
 
@@ -190,11 +192,11 @@ class DecodePlan:
             return lambda: self._decode_mixed(batch, kinds)
         finish = self._begin_part(batch, int(kinds[0]), submit)
 
-        def decoded() -> DecodedBatch:
+        def finish_decoding() -> DecodedBatch:
             part = finish()
             return DecodedBatch(part.frame, part.faulty.size, part.first_fault)
 
-        return decoded
+        return finish_decoding
 
     def _decode_mixed(self, batch: RawBatch, kinds: NDArray[np.int64]) -> DecodedBatch:
         """Decode messages of several encapsulations, or of unknown ones."""
@@ -235,17 +237,17 @@ class DecodePlan:
             program,
             direct,
             batch.data,
-            batch.offsets + wire.head,
-            batch.lengths - wire.head,
+            batch.offsets + wire.encapsulation_bytes,
+            batch.lengths - wire.encapsulation_bytes,
             swap=wire.cdr and kind % 2 == 0,
         )
         wait = submit(batch_pass.execute)
 
-        def finish() -> _DecodedPart:
+        def finish_part() -> _DecodedPart:
             wait()
             return self._make_decoded_part(batch_pass.finish_batch(), places, batch.log_times)
 
-        return finish
+        return finish_part
 
     def _make_decoded_part(
         self, walked: WalkedBatch, places: tuple[int | None, ...], log_times: NDArray[np.int64]

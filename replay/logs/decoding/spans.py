@@ -111,7 +111,7 @@ def first_alignment(kind: FieldType, wire: Wire) -> int:
         and not is_preceded_by_byte_size(kind, wire)
     ):
         return first_alignment(kind.element, wire)
-    return wire.counted
+    return wire.length_alignment
 
 
 def is_preceded_by_byte_size(kind: ListOf, wire: Wire) -> bool:

@@ -73,7 +73,7 @@ class Encoding(NamedTuple):
     #: numbers are big-endian
     swap: bool
     #: alignment of the lengths of strings and lists
-    counted: int
+    length_alignment: int
 
 
 class WalkNotes(NamedTuple):
@@ -349,7 +349,7 @@ def _read_length(
     """Length of a string or list, begin and end of the length unless known, and fault."""
     if known >= 0:
         return known, at, at, 0
-    at = (at + encoding.counted - 1) & -encoding.counted
+    at = (at + encoding.length_alignment - 1) & -encoding.length_alignment
     if size - at < 4:
         return 0, at, at, _ENDS
     length = load32(data, begin + at)

@@ -191,12 +191,12 @@ class McapFile(BlockFile):
             else:
                 unknown.append(block)
         if unknown:
-            self._store.survey(unknown)
+            self._store.add_unindexed(unknown)
 
     def _walk(self) -> McapWalk:
         """Read the file from start to end."""
         walk = McapWalk(self._store, self._process_record)
-        self._store.survey(walk.chunks())
+        self._store.add_unindexed(walk.chunks())
         if not self._store.damage:
             # messages outside chunks have no CRC but that of all data together
             self._is_data_sealed(walk.data_end)

@@ -156,8 +156,8 @@ class TestWhatIsNamed:
         force[850] = 170.0
         found = self.signals(force)
         assert found.frozen_s == 0.0
-        assert found.clipped["force_x_N"] == (pytest.approx(0.299), 150.0)
-        begins_s = [begin / 1e9 for begin, _ in found.at_limit["force_x_N"]]
+        assert found.clipping["force_x_N"] == (pytest.approx(0.299), 150.0)
+        begins_s = [begin / 1e9 for begin, _ in found.clipped_spans["force_x_N"]]
         assert begins_s == pytest.approx([1.0, 4.0, 8.0], abs=0.3)
 
     def test_once_seen_to_freeze_a_channel_is_frozen_wherever_it_repeats_itself(self) -> None:
@@ -176,7 +176,7 @@ class TestWhatIsNamed:
         force = np.minimum(self.noisy(), 100.0)  # one in twenty
         found = self.signals(force)
         assert found.clipped_share > 0.0
-        assert found.at_limit["force_x_N"] == []
+        assert found.clipped_spans["force_x_N"] == []
 
 
 class TestStands:

@@ -302,7 +302,7 @@ class TestSignals:
         torques = {"torque_left_N_m": np.full(1000, reading), "torque_right_N_m": self.ramp()}
         found = self.signals(**torques, speed_x_m_s=self.ramp())
         assert found.frozen_s == pytest.approx(9.99)
-        assert found.frozen["torque_right_N_m"] == []
+        assert found.frozen_spans["torque_right_N_m"] == []
 
     def test_a_machine_that_never_drives_is_not_frozen(self):
         noise = np.random.default_rng(3).normal(0.0, 60.0, 1000)
