@@ -116,7 +116,7 @@ def _make_temporary_folder() -> Path:
 
 
 class _Source(NamedTuple):
-    """A module as it goes into the name of a folder."""
+    """Digest of a module's source, and the files that it imports; it names the cache folder."""
 
     #: of its file, from the packages' folder
     name: str

@@ -203,7 +203,7 @@ def _split_energy_by_phase(integrals: PhaseIntegrals, model: ForceModel) -> Floa
 
 
 def _corrected_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
-    """Work of the measured force, corrected for its errors, (phases,) in J."""
+    """Work of the drive: measured work less the work of force errors, (phases,) in J."""
     return (
         integrals["force"]
         - model.transfer * integrals["transfer"]

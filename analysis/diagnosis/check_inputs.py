@@ -84,7 +84,9 @@ class EmptyMassDifference:
     def text(self) -> str:
         """The factor and its possible causes, as text."""
         scale = (
-            "" if self.scale_known else ", with 10 % for a scale that the machine file leaves open"
+            ""
+            if self.scale_known
+            else ", with 10 % for the scale, whose uncertainty the machine file does not state"
         )
         payload = "" if self.difference_in_u < 0.0 or self.empty_known else "a payload, or "
         return (

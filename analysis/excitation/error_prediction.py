@@ -119,8 +119,8 @@ def window_system(
     """System of least squares: regressor (rows, p) and right side (rows,), over the noise.
 
     Args:
-        drive: which rows and columns are fitted.
-        filters: of every channel.
+        drive: axes that are fitted, which select rows and columns.
+        filters: moving mean and difference applied to every channel.
         raw: the channels, true or noisy.
         noise: noise of one sample; only that of force and torque is used.
     """
@@ -177,7 +177,7 @@ def predict_errors(
     """Predict the errors of the mass, the yaw inertia and the centre of mass that a drive fits.
 
     Args:
-        drive: which equations are fitted.
+        drive: axes whose equations are fitted.
         filters: filters applied to every channel.
         truth: (n + margin,) the noise-free channels of the window.
         body: the machine.

@@ -102,7 +102,7 @@ class FindingInputs:
         return {} if signals is None else signals.channels
 
     def measured_channels(self, *names: str) -> tuple[str, ...]:
-        """Those of the given channels that are read from the log."""
+        """Select the given channels that are read from the log."""
         return tuple(name for name in names if name in self.series)
 
     @property

@@ -80,7 +80,7 @@ def refit_corrected(
 
 
 def _uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
-    """Mass before the correction, by the fit or, in a long log, by the same part of it."""
+    """Mass before the correction, by the whole fit or, in a long log, by the refitted part."""
     if "refitted" not in inputs.kept:
         whole = np.unique(fit.motion.group[fit.motion.used]).size <= LIMITS.refit_max_stretches
         if whole and fit.states is not None:

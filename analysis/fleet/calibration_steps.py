@@ -24,7 +24,7 @@ class FleetCalibration(BaseModel):
         expires: last day of validity.
         method: estimator that the line belongs to.
         c0_kg: constant of m̂ = c0 + c1 m.
-        c1_1: slope of that line.
+        c1_1: slope of the calibration line.
         covariance: (level variance, covariance, slope variance) of the line at its centre.
         centre_kg: mass at the centre of the line.
     """

@@ -118,7 +118,7 @@ class SweptTable:
 
     Attributes:
         frame: one row per value and method.
-        best_printed: by method, the values with the smallest printed error, ties included.
+        best_printed: setting values with the smallest printed error, ties included, by method.
         extremes: extremes of our errors by method.
         nearest_bound_1: by method (`pooled`, `rls`), the smallest ratio of error to bound.
         best_kg: smallest of all errors with the own load left out.

@@ -63,7 +63,7 @@ class Figure3:
     Attributes:
         frame: one row per instant and method, with the truth.
         true_mass_kg: true mass.
-        rms_kg: by method, over the whole figure.
+        rms_kg: r.m.s. error by method over the whole figure.
         converging: early and late errors of LS and RLS.
         memory_samples: effective number of samples in the memory of RLS.
         window_samples: window of the other methods.
@@ -121,7 +121,7 @@ class Figure4:
         frame: one row per instant and method, with the truth.
         true_inertia_z_kg_m2: the yaw inertia.
         true_friction_z_N_m_s: true friction of turning.
-        rms_kg_m2: by method, over the whole figure.
+        rms_kg_m2: r.m.s. error by method over the whole figure.
         bias_kg_m2: mean error by method, over the whole figure.
     """
 

@@ -80,8 +80,8 @@ def fit_planar(
 
     Args:
         excitation: motion, forces and phases.
-        gated: which windows are accepted, for what straight motion and spins tell.
-        verdict: what it forbids is not used and not told.
+        gated: frame `gate`; its accepted windows select straight motion and spins.
+        verdict: verdict of the log; quantities that it withholds are neither used nor reported.
         machine: machine file with the known body, exclusions, limits and priors.
         noise: noise of the columns, if known.
 
@@ -238,8 +238,8 @@ def fit_in_rounds(
         segment_id: (n,) stretch of each sample.
         start: (6,) mass, inertia, moments and frictions to begin with.
         prior: results of earlier stages, including terms.
-        rows: of force, of yaw torque, or both.
-        columns: which of the six.
+        rows: fitted equations: force, yaw torque, or both.
+        columns: indices of the fitted parameters among the six.
     """
     told = fit_with_coefficients(log, segment_id, start, prior, rows, columns)
     for _ in range(_ROUNDS - 1):

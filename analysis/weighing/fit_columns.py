@@ -28,7 +28,7 @@ from estimators.threads import map_in_threads
 
 
 def are_masses_possible(mass_kg: Floats) -> Bools:
-    """Which masses are plausible beside the others, (n,): positive and not far above the median."""
+    """Mark plausible masses, (n,): positive, and not far above the median of all."""
     return (mass_kg > 0.0) & (mass_kg < LIMITS.max_mass_over_median * np.median(mass_kg))
 
 

@@ -65,7 +65,7 @@ class Partition:
 
     @property
     def states(self) -> int:
-        """Number of stretches."""
+        """Number of stretches of units at one level."""
         return self.levels.size
 
     @property

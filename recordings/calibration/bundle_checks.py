@@ -155,7 +155,7 @@ def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, Bundle
     for name, what in strange[:_MOST_NAMED]:
         checked.add(BundleOutcome.TAMPERED, name, what)
     if len(strange) > _MOST_NAMED:
-        more = f"{len(strange) - _MOST_NAMED} entries more"
+        more = f"{len(strange) - _MOST_NAMED} more entries"
         checked.add(BundleOutcome.TAMPERED, more, "do not belong to a bundle")
     held: dict[str, BundleFile] = {}
     for name in names:

@@ -123,8 +123,8 @@ class _CertificateMasses:
             }
         )[:_MOST_NAMED]
         raise EvidenceError(
-            f"{what}: no quantity of it is a mass by its refType ({', '.join(_KINDS)}); it has "
-            f"{'only ' + ', '.join(kinds) if kinds else 'none at all'}"
+            f"{what}: none of its quantities has the refType of a mass ({', '.join(_KINDS)}); it "
+            f"has {'only ' + ', '.join(kinds) if kinds else 'none at all'}"
         )
 
     def _may_quantity_be_of_item(

@@ -71,7 +71,7 @@ def energy_amounts_by_column(row: EnergyRow) -> dict[str, EnergyAmount]:
 
 
 def _energy_per_tonne(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmount:
-    """Energy per tonne of a payload in kg, with independent uncertainties."""
+    """Energy per tonne of a cycle's payload; energy and payload have independent errors."""
     t, u_t = row["payload_kg"] / 1e3, row["payload_u_kg"] / 1e3
     if t <= 0.0:
         return EnergyAmount(0.0, 0.0)

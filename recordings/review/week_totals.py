@@ -37,7 +37,7 @@ class WeekPart(NamedTuple):
         noted: number of loads with another verdict.
         energy_kWh: energy of the counted loads with known energy,
         energy_u_kWh: its standard uncertainty,
-        energy_t: and tonnes of those loads.
+        energy_t: tonnes of the loads with known energy.
         scale_known: whether the uncertainty includes the error of scale.
         review: folder of the review.
     """

@@ -28,9 +28,9 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace an existing converted log.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
-    """Convert a log to Parquet by topic: DIR is a log again, for payscope and for others.
+    """Convert a log to Parquet, by topic; payscope and other tools read DIR as a log.
 
-    DIR appears when it is whole. The same command takes up a conversion that was cut off.
+    DIR appears once it is complete. The same command resumes an interrupted conversion.
     """
     from replay.commands.common_options import time_axis_from_options
     from replay.commands.print_tables import print_json, stdout_console

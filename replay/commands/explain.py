@@ -54,7 +54,7 @@ def command(
     Each cause comes with its measurement, its effect on the mass, the key of the machine file, and
     the causes that cannot be distinguished from it in this log. With --apply -o mended.toml the
     machine file is written with the proposals that improve the mass, and the log is replayed with
-    it. Exit status 1 if nothing pays.
+    it. Exit status 1 if no proposal improves the mass.
     """
     from replay.commands.print_tables import print_json
     from replay.commands.progress_bar import StageProgress

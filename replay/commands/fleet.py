@@ -83,7 +83,7 @@ def run_command(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Replay the recordings whose results are not there; each result is made once.
+    """Replay the recordings that have no result yet; each result is computed once.
 
     Exit status 1 if a recording has no result.
     """
@@ -207,7 +207,7 @@ def compare_command(
     ] = _SHOWN,
     as_json: AsJson = False,
 ) -> None:
-    """Tell whether other settings would have given other tonnes, where, and by how much.
+    """Show whether other settings would have changed the tonnes, where, and by how much.
 
     Exit status 1 if they would.
     """
@@ -257,7 +257,7 @@ def open_command(
     ] = None,
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
-    """Open a recording in the viewer; one that is not kept is made of its log."""
+    """Open a recording in the viewer; one that was not kept is replayed from its log."""
     import shutil
 
     from recordings.report.atomic_output import atomic_file

@@ -64,7 +64,7 @@ def command(
     Processes complete messages on disk, as on board. Ends when the recorder closes the log, when it
     has not grown for --idle-s, or on ctrl-C. With -o it is recorded as it goes. The replay of the
     log with settings.filter.causal=true then replaces that recording, and the followed results are
-    compared with it bit for bit. Started again, it goes on where it was.
+    compared with it bit for bit. Started again, it continues where it stopped.
     """
     import json
     from contextlib import ExitStack

@@ -10,7 +10,7 @@ def command(
         bool, typer.Option(help=("Compile all loops again, even if they are cached."))
     ] = False,
 ) -> None:
-    """Compile the numerical code ahead: a minute and a half, once a version.
+    """Compile the numerical code in advance: a minute and a half, once per version.
 
     Without it the first short log takes some seconds more, and a longer one waits until the loops
     that it needs are compiled. Several processes may compile at once.

@@ -201,7 +201,7 @@ def fleet_query(results: FleetResults, sql: str) -> pl.DataFrame:
     """Run a query over the tables of a fleet.
 
     Args:
-        results: of a fleet.
+        results: results of a fleet.
         sql: one SELECT in the dialect of polars.
 
     Raises:

@@ -111,7 +111,7 @@ def fleet_run(
         recordings: whether to keep every recording's `.rrd`.
         engine: opens an engine; not called if all results exist.
         on_done: called with each finished log and its outcome.
-        on_engine: told the engine once it is open.
+        on_engine: called with the engine once it is open.
     """
     place = destination if destination.startswith(S3) else str(Path(destination).absolute())
     results = FleetResults(ObjectStore(place))

@@ -58,10 +58,10 @@ class RecordedStage:
         return declared.time_column
 
     def calibrate_loads(self, request: "CalibrationRequest") -> Self:
-        """Loads with calibrated masses.
+        """Calibrate the masses of the frame `loads`.
 
         Raises:
-            RecordingError: another frame.
+            RecordingError: the stage is another frame than `loads`.
             EvidenceError: the evidence is refused.
         """
         if self.name != "loads":

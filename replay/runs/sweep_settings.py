@@ -169,7 +169,7 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
         fastest.
 
     Raises:
-        MachineError: in one line: it is not a range or list, or a key is given twice.
+        MachineError: --over is not a range or list, or gives a key twice; one line.
     """
     axes = [_parse_axis(each) for each in over]
     keys = [axis[0].partition("=")[0] for axis in axes]

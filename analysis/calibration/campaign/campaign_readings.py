@@ -80,7 +80,7 @@ def responses_of_runs_to_learnt_means(
     """Responses of the runs in one log to errors of learnt means; empty without any.
 
     Args:
-        replayed: the replay of that log, under learnt priors.
+        replayed: replay of the log under learnt priors.
         runs: the campaign's runs in it, in order.
         estimator: estimator of the mass.
     """

@@ -51,9 +51,9 @@ def pool_by_manoeuvre(
 
     Args:
         excitation: the regressor and the phases.
-        gated: which windows are accepted.
+        gated: frame `gate` with the accepted windows.
         settings: window, what is refused.
-        noise: of the columns, where it is known.
+        noise: noise of the columns, if known.
     """
     turns = TURNS if Z not in available_axes(excitation) else ("arc", "turning")
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}

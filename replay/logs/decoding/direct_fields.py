@@ -65,7 +65,7 @@ class _FixedField:
 
 
 def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
-    """Those of the fields that are direct."""
+    """Select the fields that are at the same place in every message."""
     places = {field.steps: _find_fixed_place(root, field.steps) for field in fields}
     values: list[tuple[Steps, str]] = []
     arrays: list[tuple[Steps, str, int]] = []

@@ -235,8 +235,8 @@ class McapFile(BlockFile):
 
 
 def _has_same_times(chunk: ChunkIndex, block: Block) -> bool:
-    said = chunk.message_start_time, chunk.message_end_time
-    return (block.first_ns, block.last_ns) == said
+    indexed = chunk.message_start_time, chunk.message_end_time
+    return (block.first_ns, block.last_ns) == indexed
 
 
 def make_connection(channel: Channel, schema: Schema | None) -> Connection:

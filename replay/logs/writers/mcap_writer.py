@@ -125,9 +125,9 @@ class ColumnMcap:
 
     Attributes:
         file: opened for writing, empty.
-        channels: what it holds.
+        channels: channels of the file, by topic.
         packed: whether chunks are compressed with zstd and have a CRC.
-        statistics: of what has been written.
+        statistics: statistics of the messages written so far.
     """
 
     file: BinaryIO

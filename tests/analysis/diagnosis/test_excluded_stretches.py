@@ -164,7 +164,7 @@ class TestWhatIsNamed:
         force = self.noisy()
         force[300:500] = force[300]
         force[700:740] = force[700]  # in which the speed hardly changes
-        assert len(self.signals(force).frozen["force_x_N"]) == 2
+        assert len(self.signals(force).frozen_spans["force_x_N"]) == 2
 
     def test_two_equal_readings_of_a_slow_channel_are_not_frozen(self) -> None:
         t_ns = np.arange(60) * 1_000_000_000
