@@ -85,6 +85,7 @@ def _describe_cache_state() -> str:
 
 
 def _has_loops(source: Path) -> bool:
+    """Whether a module of this repository contains compiled loops."""
     inside = source.relative_to(_HOUSE).parts[0]
     return (_HOUSE / inside / "__init__.py").exists() and bool(_LOOPS.search(source.read_bytes()))
 

@@ -256,6 +256,7 @@ def differing_estimates(
 
 
 def _is_equal(a: float | None, b: float | None, rtol: float) -> bool:
+    """Whether two values agree within a relative tolerance, or are both missing."""
     if a is None or b is None:
         return a is b
     return a == b or abs(a - b) <= rtol * max(abs(a), abs(b))

@@ -24,6 +24,7 @@ def list_cycle_doubts(cycles: pl.DataFrame) -> list[str]:
 
 
 def _row_doubts(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) -> str:
+    """Doubts about one cycle, joined by semicolons."""
     payload_kg, u_kg = row["payload_kg"], row["payload_u_kg"]
     if payload_kg is None or not row["counted"]:
         return ""

@@ -83,6 +83,7 @@ def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
 
 
 def _correlation_while_driving(inputs: CheckInputs, motion: AxisMotion) -> float:
+    """Partial correlation; NaN if the machine moves too briefly."""
     rate_hz = inputs.machine.settings.align.rate_hz
     fewest = rows_in_duration(_SHORTEST_MOVING_S, rate_hz, FEWEST_READINGS)
     few = np.count_nonzero(motion.moving) < fewest
@@ -99,10 +100,12 @@ def _explained_force_variance(_: CheckInputs, motion: AxisMotion) -> float:
 
 
 def _opposing_share(_: CheckInputs, motion: AxisMotion) -> float:
+    """Fraction of decelerating samples whose force opposes the motion."""
     return 1.0 - fit_quality.share_along_motion(motion.speed, motion.f, motion.braking)
 
 
 def _driving_share(_: CheckInputs, motion: AxisMotion) -> float:
+    """Fraction of accelerating samples whose force acts along the motion."""
     return fit_quality.share_along_motion(motion.speed, motion.f, motion.speeding)
 
 
@@ -137,11 +140,13 @@ def _empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
 
 
 def _empty_mass_shortfall_u(inputs: CheckInputs, _: AxisMotion) -> float:
+    """How far the lightest load is below the empty mass, in u."""
     found = inputs.empty_mass
     return np.nan if found is None else -found.difference_in_u
 
 
 def _empty_mass_difference_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
+    """Distance from the empty mass in u; NaN if another check covers it."""
     found = inputs.empty_mass
     if found is None or not found.can_test_scale:
         return np.nan
@@ -151,6 +156,7 @@ def _empty_mass_difference_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
 
 
 def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
+    """Text on the ratio to the empty mass, if it is beyond its limit."""
     found = inputs.empty_mass
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
     far = found is not None and found.can_test_scale and abs(found.difference_in_u) > limit_u

@@ -131,6 +131,7 @@ def _is_weighed(weighing: Weighing) -> Bools:
 
 
 def _mass_shift_u(whole: Weighing, without: Weighing | None) -> float:
+    """Change of the mass without the stretches, in its uncertainty."""
     if without is None:
         return np.inf
     moved_u = abs(mean_difference_kg(without.fit, whole.fit)) / without.fit.u_kg

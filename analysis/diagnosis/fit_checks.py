@@ -18,6 +18,8 @@ from analysis.weighing.wheel_kinematics import WheelKinematics
 def _make_weighing_value(
     quantity: Callable[[Weighing], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
+    """Number of a check, computed from the joint fit; NaN without one."""
+
     def compute_value(inputs: CheckInputs, _: AxisMotion) -> float:
         return np.nan if inputs.weighing is None else quantity(inputs.weighing)
 
@@ -27,6 +29,8 @@ def _make_weighing_value(
 def _make_wheel_value(
     quantity: Callable[[WheelKinematics], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
+    """Number of a check, computed from wheels against accelerometer."""
+
     def compute_value(inputs: CheckInputs, _: AxisMotion) -> float:
         wheels = None if inputs.weighing is None else inputs.weighing.fit.kinematics
         return np.nan if wheels is None else quantity(wheels)
@@ -65,20 +69,24 @@ def _name_farthest_term(inputs: CheckInputs, _: AxisMotion) -> str:
 
 
 def _friction_t_value(weighing: Weighing) -> float:
+    """Viscous friction over its standard deviation."""
     value, std = weighing.fit.friction
     return value / std
 
 
 def _braking_mass_share(weighing: Weighing) -> float:
+    """Change of the mass by braking, over the mass."""
     return abs(weighing.braking_kg) / abs(weighing.fit.mass_kg)
 
 
 def _between_manoeuvre_scatter(weighing: Weighing) -> float:
+    """Scatter of manoeuvres over that which their noise explains."""
     states = weighing.fit.states
     return np.nan if states is None else states.birge_ratio
 
 
 def _mass_shift_by_other_motion_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
+    """Mass change if wheels and accelerometer swap roles, in u."""
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
     return None if other is None else other.mass_shift_u

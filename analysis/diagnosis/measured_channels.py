@@ -223,6 +223,7 @@ def _intersect_spans(some: Spans, others: Spans) -> Spans:
 
 
 def _find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
+    """Stretches in which a channel repeats itself while others change."""
     t, x = channels[name]
     runs, never = find_long_runs(t, x)
     if runs and float(np.ptp(x)) == 0.0:
@@ -287,6 +288,7 @@ def _find_clipping_levels(runs: list[RepeatedReading], x: Floats) -> dict[float,
 
 
 def _find_spans_at_limits(limits: list[float], t: Ints, x: Floats) -> Spans:
+    """Spans in ns in which most readings are at a limit."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 
     near = max(round(_NEAR_S * 1e9 / period_ns(t)), _FEWEST_RUN)

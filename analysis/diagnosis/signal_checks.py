@@ -69,11 +69,13 @@ def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
 
 
 def _least_torque_difference(inputs: CheckInputs, _: AxisMotion) -> float:
+    """Lower bound of the sides' torque difference; NaN without two."""
     torque = inputs.side_differences.get("torque")
     return np.nan if torque is None else torque.least_difference_1
 
 
 def _name_unequal_quantity(inputs: CheckInputs, _: AxisMotion) -> str:
+    """Quantity in which the sides differ most: torque, speed or slip."""
     worst = max(
         inputs.side_differences.values(), key=lambda each: each.least_difference_1, default=None
     )

@@ -110,6 +110,7 @@ class Filters:
 
 
 def _filter_equation_columns(raw: Floats, weights: Floats) -> Floats:
+    """Apply filter weights to a raw channel, without its ends."""
     return np.convolve(raw, weights[::-1], "valid")
 
 

@@ -194,6 +194,7 @@ def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) ->
 
 
 def _settling_time_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
+    """Time in which a step certainly settles, at most an hour."""
     if friction <= 0.0:
         raise DataError(f"machine.{key}: is 0, so that a step never settles; give a value above 0")
     return min(12.0 * (inertia / friction + scenario.campaign.valve_lag_s), 3600.0)
@@ -287,6 +288,7 @@ def _score_shape(
     window_s: float,
     accuracy: float,
 ) -> WaveformScore:
+    """Drive a waveform, and predict the errors in its worst window."""
     load_kg = scenario.campaign.loads_kg[0]
     manoeuvre = _make_excite_manoeuvre(scenario, drive, shape, ways, response_s)
     period_s = manoeuvre.duration_s / 2.0

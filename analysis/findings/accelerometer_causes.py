@@ -110,6 +110,7 @@ def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list[Symptom]:
+    """Symptom of a wrong accelerometer reading at rest."""
     seen = explain_constant_force(inputs)
     error, std = seen.error_m_s2
     if not np.isfinite(error) or seen.tilt is False or lacks_gravity(inputs):

@@ -68,6 +68,7 @@ def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
 
 
 def _fit_explanation(inputs: FindingInputs) -> ConstantForces:
+    """Constant forces at rest, and which causes explain that in motion."""
     rest = inputs.standstill_level_of(longitudinal_force(inputs.aligned, inputs.machine.machine))
     error = np.nan, np.nan
     if ACC in inputs.aligned.columns:
@@ -120,6 +121,7 @@ def _fit_explanation(inputs: FindingInputs) -> ConstantForces:
 
 
 def _subtract_constants(motion: MotionSamples, rest_N: float, error_m_s2: float) -> MotionSamples:
+    """Subtract a force offset and an accelerometer error."""
     if rest_N:
         motion = replace(motion, force=motion.force - rest_N)
     return change_accelerometer(motion, lambda x: x - error_m_s2) if error_m_s2 else motion

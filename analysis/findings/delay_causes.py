@@ -88,6 +88,7 @@ def _search_delay(inputs: FindingInputs) -> LongDelay | None:
 
 
 def _is_long_delay(seen: tuple[float, float, float]) -> bool:
+    """Whether a shift turns a poor correlation into a good one."""
     late_s, after, before = seen
     # the other way as they are: a sign
     return (
@@ -275,6 +276,7 @@ def _make_long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
 
 
 def _delayed_channels(inputs: FindingInputs, name: str) -> tuple[str, ...]:
+    """Channels that a delay of force, speed or accelerometer concerns."""
     if name == "force":
         return inputs.measured_channels("force_x_N") or inputs.measured_channels(
             "torque_left_N_m", "torque_right_N_m"

@@ -61,6 +61,7 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
 
 
 def _explains_other(one: tuple[Cause, Symptom], other: tuple[Cause, Symptom]) -> bool:
+    """Whether one finding explains another, so that only the first is reported."""
     (cause, own), (seen, sign) = one, other
     if seen.key in own.explains:
         return True
@@ -99,6 +100,7 @@ def _make_finding_row(
 def _judge_severity(
     cause: Cause, sign: Symptom, change: MassChange | None, inputs: FindingInputs
 ) -> str:
+    """Consequence of a finding: withhold, widen or tell."""
     if sign.harmless:
         return "tell"
     if cause.withholds and not (cause.as_judged and inputs.can_weigh):

@@ -96,7 +96,7 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(
-                _zeroing_advice(inputs, name, x) for name, x in zip(names, at_rest, strict=True)
+                _offset_that_zeroes(inputs, name, x) for name, x in zip(names, at_rest, strict=True)
             )
             or None,
             change=lambda: refit_corrected(
@@ -109,7 +109,8 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _zeroing_advice(inputs: FindingInputs, name: str, reads: float) -> str:
+def _offset_that_zeroes(inputs: FindingInputs, name: str, reads: float) -> str:
+    """Offset of the channel that removes what it reads at rest, as TOML."""
     channel = inputs.machine.channels[name]
     if channel.unit is None:
         return f"{channel.offset - reads:.6g}"

@@ -48,6 +48,7 @@ def find_flipped_sign(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
+    """Find a force, speed or accelerometer of the opposite sign."""
     of_force = inputs.checks.get("force_sign", np.nan)
     gain, std = fit_accelerometer_gain(inputs) or (np.nan, np.nan)
     by_imu = abs(gain) > LIMITS.signed_gain_std * std

@@ -103,6 +103,7 @@ def line_changes(calibrations: Sequence[FleetCalibration]) -> list[LineChange]:
 
 
 def _change_of_line(before: FleetCalibration, after: FleetCalibration) -> LineChange:
+    """Change of offset and slope between two calibrations."""
     middle = (before.centre_kg + after.centre_kg) / 2.0
     (old, old_kg2), (new, new_kg2) = before.estimate_at_mass(middle), after.estimate_at_mass(middle)
     slope = np.sqrt(before.covariance[2] + after.covariance[2]) / abs(before.c1_1)

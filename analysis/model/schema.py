@@ -884,6 +884,7 @@ def build_frame(name: str, columns: Mapping[str, NDArray[Any] | pl.Series]) -> p
 
 
 def _declared_frame(name: str, given: Mapping[str, pl.Series]) -> pl.DataFrame:
+    """Frame of the given columns in declared order and dtypes."""
     declared = frame_schema(name)
     unknown = given.keys() - {column.name for column in declared.columns}
     if unknown:

@@ -173,7 +173,7 @@ def _replay_seeded_campaign(study: StudySettings, repetition: int) -> ReplayedCa
     return study.replay(study.scenario_of_repetition(repetition), machine, _unchanged_log)
 
 
-def _chained_campaign(study: StudySettings, repetition: int) -> ReplayedCampaign:
+def _replay_torque_chain_campaign(study: StudySettings, repetition: int) -> ReplayedCampaign:
     # (17) as printed knows no share of the force
     printed = study.machine.machine.model_copy(update={"force_share": 1.0})
     machine = study.machine.model_copy(update={"machine": printed})
@@ -226,7 +226,9 @@ def _count_cruises(study: StudySettings) -> int:
 OSCILLATION: Final = SimulationSource("windows", _make_steady_study)
 #: Campaigns of section 4.3, with an ideal torque chain and with one that would explain Table 2.
 CAMPAIGNS: Final = SimulationSource("campaign", _replay_seeded_campaign, _count_campaigns)
-CHAINED_CAMPAIGNS: Final = SimulationSource("torque chain", _chained_campaign, _count_campaigns)
+CHAINED_CAMPAIGNS: Final = SimulationSource(
+    "torque chain", _replay_torque_chain_campaign, _count_campaigns
+)
 #: The excitations of Figures 2 to 4.
 LINEAR: Final = SimulationSource("linear motion", _drive_straight)
 ROTATION: Final = SimulationSource("rotation", _drive_spin)

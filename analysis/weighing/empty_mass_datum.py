@@ -186,6 +186,7 @@ class EmptyMachine:
         return found
 
     def _variance_of_weighted_sum(self, weights: Floats) -> float:
+        """Variance of a weighted sum of masses, in kg²."""
         return combined_u(budget_of_mass(self.weighing, self.machine, weights)) ** 2
 
 

@@ -24,10 +24,12 @@ def _make_spring_column(place_1: Floats) -> Floats:
 
 
 def _half_wave(place_1: Floats, half_waves: int) -> Floats:
+    """Cosine over the path with a number of half waves."""
     return np.cos(np.pi * half_waves * (place_1 + 0.5))
 
 
 def _make_wave_term(half_waves: int) -> Nuisance:
+    """Term of a force that varies with the place as a half wave."""
     return Nuisance(
         f"place_{half_waves}",
         "N",

@@ -23,6 +23,7 @@ BY_GEAR: Final = "gears"
 
 
 def _low_gear_fraction(speed: Floats, quarter_m_s: float) -> Floats:
+    """Fraction of the first gear's rotating mass at a speed."""
     return (1.0 + (speed / quarter_m_s) ** 2) ** -2
 
 

@@ -101,6 +101,7 @@ def make_budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFra
 
 
 def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
+    """Uncertainty budget of a load, one row per source."""
     sources = budget_of_mass(weighing, machine, weighing.fit.weights_of_state(state))
     total = combined_u(sources)
     u_kg = np.array([np.nan if source.u is None else source.u for source in sources])

@@ -191,6 +191,7 @@ def weight_const_prior_std(motion: MotionSamples, priors: PriorSettings) -> floa
 
 
 def _warming_term(name: str) -> Nuisance:
+    """Term of viscous friction that changes as the machine warms."""
     shape = WARMING[name]
     return Nuisance(
         name,

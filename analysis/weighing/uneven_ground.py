@@ -66,6 +66,7 @@ class _DrivingDirection:
         column: Callable[[ColumnInputs], Floats],
         width: Callable[[MotionSamples, PriorSettings], float],
     ) -> Nuisance:
+        """Term of the difference between loaded and empty starts."""
         meaning = "difference of the ground under loaded and empty starts"
         return self._term(f"{name}_by_load", lambda m: column(m) * m.load_contrast, width, meaning)
 
@@ -101,11 +102,12 @@ class _DrivingDirection:
 
 def _fraction_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs], Floats]:
     """Function that rises from 0 to 1 between two travelled distances."""
-    return lambda m: _ramp(m.travelled_m, begin_m, end_m)
+    return lambda m: _clipped_ramp(m.travelled_m, begin_m, end_m)
 
 
 @compiled_ahead
-def _ramp(place: Floats, begin: float, end: float) -> Floats:
+def _clipped_ramp(place: Floats, begin: float, end: float) -> Floats:
+    """Linear from 0 at `begin` to 1 at `end`, constant outside."""
     out = np.empty(place.size)
     for k in range(out.size):
         out[k] = min(max((place[k] - begin) / (end - begin), 0.0), 1.0)
@@ -138,7 +140,9 @@ def _make_route_term(part: int) -> Nuisance:
     begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
 
     def route_column(m: ColumnInputs) -> Floats:
-        changes = _ramp(m.route_1, begin, end) * _random_walk_ratio(m.route_length_m / _ROUTE_PARTS)
+        changes = _clipped_ramp(m.route_1, begin, end) * _random_walk_ratio(
+            m.route_length_m / _ROUTE_PARTS
+        )
         return m.direction * (1.0 + m.relative_load) * changes
 
     return Nuisance(

@@ -38,6 +38,8 @@ def _dot_in_order(x: Floats, y: Floats) -> float:
 
 
 def _make_primitive(by_library: Callable[..., Any], loop: Callable[..., Any]) -> Any:
+    """Library call for the interpreter, loop for compiled code; both sum in order."""
+
     def import_and_compile() -> Any:
         from estimators.compiled import compiled  # imports numba, which is slow
 

@@ -181,6 +181,7 @@ def _check_file_sums(
     files: Mapping[str, BundleFile],
     listed: Mapping[str, str],
 ) -> None:
+    """Compare the files with SHA256SUMS in both directions."""
     for name, digest in listed.items():
         if name in files and files[name].sha256 != digest:
             checked.add(BundleOutcome.TAMPERED, name, f"is not the file whose digest {SUMS} has")

@@ -289,4 +289,5 @@ def _make_run_rows(document: EvidenceDocument, readings: pl.DataFrame) -> list[M
 
 
 def _refuse_fetch(url: str, *_: Any, **__: Any) -> Any:
+    """Raise an error for any external resource."""
     raise ValueError(f"a report loads nothing from outside, so it may not load {url[:80]}")

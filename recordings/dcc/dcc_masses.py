@@ -130,6 +130,7 @@ class _CertificateMasses:
     def _may_quantity_be_of_item(
         self, item: "_Element", quantity: "_Element", refers: Sequence[str] | None
     ) -> bool:
+        """Whether a quantity may belong to the item."""
         if refers is not None:
             return item.get("id") in refers
         return len(self._items) == 1 or quantity.find(f"{{{SI}}}realListXMLList") is not None

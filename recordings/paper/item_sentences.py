@@ -168,7 +168,7 @@ def method_error_table_sentences(found: SweptTable) -> ItemSentences:
             _nearest_bound_sentence(found.nearest_bound_1),
             "The printed columns jump by a factor of eight between neighbours (RLS 42.6 kg at 0.7, "
             "10.4 kg at 0.9); 54 runs of one campaign cannot tell neighbours apart.",
-            _constant_sentence(found.best_kg),
+            _constant_predictor_sentence(found.best_kg),
         ),
     )
 
@@ -189,7 +189,7 @@ def swept_setting_table_sentences(found: SweptTable) -> ItemSentences:
             _extremes_sentence(found.extremes, "samples"),
             "The printed FGLS errors of 67.1 and 63.7 kg beside 17.5 and 15.1 kg of LS look like "
             "(16) without a guard, 1/r² at r near 0; with bounded weights FGLS follows LS.",
-            _constant_sentence(found.best_kg),
+            _constant_predictor_sentence(found.best_kg),
         ),
     )
 
@@ -226,7 +226,7 @@ def _nearest_bound_sentence(nearest: Mapping[str, float]) -> str:
     )
 
 
-def _constant_sentence(best_kg: float) -> str:
+def _constant_predictor_sentence(best_kg: float) -> str:
     return (
         "For scale: a prediction that ignores every measurement is wrong by "
         f"{printed_numbers.CONSTANT_KG:.0f} kg "

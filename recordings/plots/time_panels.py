@@ -191,6 +191,7 @@ def _state_colour(state: str) -> str:
 
 
 def _draw_spans(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
+    """Draw stretches of states as coloured bars in a lane."""
     for (state,), group in spans.group_by(STATE):
         start_s = group["t_ns"].to_numpy() / NS_PER_S
         length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S

@@ -173,6 +173,7 @@ def shorten_text(text: str, width: float) -> str:
 
 
 def _padded_range(values: Sequence[float], pad: float) -> tuple[float, float]:
+    """Range of the values with a margin on both sides."""
     low, high = min(values), max(values)
     room = (high - low) * pad or max(abs(high) * 0.01, 1.0)
     return low - room, high + room

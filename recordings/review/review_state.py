@@ -254,6 +254,7 @@ def reason_for_no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
 
 
 def _topic_sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:
+    """Rate, longest step and late fraction of a topic's messages."""
     steps = np.diff(frame["log_time_ns"].to_numpy()) / NS
     middle = float(np.median(steps)) if steps.size else 0.0
     known = middle > 0.0

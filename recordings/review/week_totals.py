@@ -201,6 +201,7 @@ def sum_week(parts: Sequence[WeekPart]) -> WeekTotal:
 
 
 def _total_of_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
+    """Total of several parts; common errors add up within a machine."""
     common_kg: dict[str, float] = defaultdict(float)
     for part in parts:
         common_kg[part.machine] += part.common_u_kg

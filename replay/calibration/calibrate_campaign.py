@@ -382,6 +382,7 @@ def _signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> Signe
 
 
 def _make_next_link(before: CheckedBundle | None) -> Chain:
+    """Place of new evidence in the machine's chain."""
     if before is None or before.document is None:
         return Chain(counter=1, previous=None)
     last = before.document

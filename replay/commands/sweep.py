@@ -183,7 +183,7 @@ def _make_swept_row(row: SweepRow) -> SweptRow:
     several = len(row.answer.loads) > 1 and known
     most = max(known, key=lambda load: load["payload_kg"]) if several else None
     return SweptRow(
-        over={names[key]: value for key, value in _type_swept_columns(row).items()},
+        over={names[key]: value for key, value in _parse_swept_values(row).items()},
         mass_kg=_quantity_by_method(row, "mass_kg"),
         mass_std_kg=_quantity_by_method(row, "mass_std_kg"),
         payload_kg=None if most is None else (most["payload_kg"], most["payload_u_kg"] or 0.0),
@@ -198,7 +198,7 @@ def _nest_row_for_json(row: SweepRow) -> dict[str, Any]:
     # logs that are replayed many times are not hashed
     left_out = ("losses", "notes", "recording", "fingerprint")
     told = {name: value for name, value in row.answer.to_dict().items() if name not in left_out}
-    return {"over": _type_swept_columns(row), **told, **row.errors}
+    return {"over": _parse_swept_values(row), **told, **row.errors}
 
 
 def _make_result_frame(rows: Sequence[SweepRow]) -> pl.DataFrame:
@@ -209,7 +209,7 @@ def _make_result_frame(rows: Sequence[SweepRow]) -> pl.DataFrame:
             **{
                 # a column holds no lists and tables: they stay as written
                 names[key]: row.over[key] if isinstance(value, list | dict) else value
-                for key, value in _type_swept_columns(row).items()
+                for key, value in _parse_swept_values(row).items()
             },
             **{
                 f"{method}_{name}": value
@@ -323,7 +323,7 @@ def _quantity_by_method(row: SweepRow, quantity: str) -> Mapping[str, float | No
     return row.answer.rows[0].quantities[quantity] if row.answer.rows else {}
 
 
-def _type_swept_columns(row: SweepRow) -> dict[str, Any]:
+def _parse_swept_values(row: SweepRow) -> dict[str, Any]:
     from replay.machines.toml_file import read_value
 
     return {key: read_value(text) for key, text in row.over.items()}

@@ -133,6 +133,7 @@ def last_day_of_campaign(calibration: MachineCalibration) -> dt.date:
 
 
 def _is_mass_check(folder: Path) -> bool:
+    """Whether a folder contains the check of a single mass."""
     try:
         content = json.loads((folder / "evidence.json").read_bytes())
     except (OSError, ValueError):

@@ -85,6 +85,7 @@ class _LimitWatch(threading.Thread):
             raise LimitError(self._reason)
 
     def _limit_exceeded(self) -> str:
+        """Limit of time or memory that is exceeded, in words; empty if none."""
         if time.monotonic() > self._end:
             return f"took longer than {self._seconds:g} s, its limit"
         used = resident_bytes() - self._held
@@ -312,7 +313,7 @@ def interrupt_over_limits(seconds: float, memory_bytes: int) -> Generator[None]:
     """
     watch = _LimitWatch(seconds, memory_bytes)
     before = signal.signal(signal.SIGALRM, watch.interrupt)
-    if sys.stderr is not None and _has_file(sys.stderr):
+    if sys.stderr is not None and _has_file_descriptor(sys.stderr):
         # also where the interpreter's lock is held for ever
         faulthandler.dump_traceback_later(seconds + 2 * _GRACE_S, exit=True)
     watch.start()
@@ -334,7 +335,7 @@ def resident_bytes() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def _has_file(stream: object) -> bool:
+def _has_file_descriptor(stream: object) -> bool:
     try:
         return stream.fileno() >= 0  # pyright: ignore[reportAttributeAccessIssue] asked for right here
     except (AttributeError, OSError, ValueError):

@@ -123,6 +123,7 @@ def add_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
 
 
 def _drift_of_chart(chart: MachineChart) -> dict[str, Any]:
+    """Flagged change of a chart as JSON-compatible values."""
     found = chart.chart
     assert found.flagged is not None
     assert found.since is not None

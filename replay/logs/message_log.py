@@ -185,12 +185,14 @@ class MessageLog(Log):
         return frame
 
     def _resolve(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
+        """Find the requested fields in the message type."""
         try:
             return [resolve(name, kind.record) for name in dict.fromkeys(fields)]
         except FieldError as error:
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 
     def _note_tally(self, topic: str, tally: DecodeTally) -> None:
+        """Raise an error if nothing was decoded, else note what was not."""
         fault = self._describe_unreadable(topic, tally)
         if fault:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {fault}")

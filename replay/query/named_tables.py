@@ -124,12 +124,12 @@ def _add_recordings(found: NamedTables) -> int | None:
         for name, frame in recording_frames(path, with_source=len(found.recordings) > 1).items():
             by_name.setdefault(name, []).append(frame)
     for name, frames in by_name.items():
-        found.add(name, partial(_concatenate, frames), str(frames[0].recording))
+        found.add(name, partial(_concatenate_lazily, frames), str(frames[0].recording))
     starts = {frame.t0_unix_ns for frames in by_name.values() for frame in frames}
     return starts.pop() if len(found.recordings) == 1 else None
 
 
-def _concatenate(frames: Sequence[RecordingFrame]) -> pl.LazyFrame:
+def _concatenate_lazily(frames: Sequence[RecordingFrame]) -> pl.LazyFrame:
     if len(frames) == 1:
         return frames[0].lazy()
     return pl.concat([frame.lazy() for frame in frames], how="diagonal_relaxed")

@@ -138,4 +138,5 @@ class RecordedStage:
         return column
 
     def _since_start_ns(self, column: str) -> pl.Expr:
+        """Time since the first sample, from a stamp or a grid time."""
         return pl.col(column) - (self.t0_unix_ns if column == "log_time_ns" else 0)

@@ -285,6 +285,7 @@ def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> st
 def _resolved_inputs(
     machine: Machine, options: ReviewOptions, calibration: MachineCalibration | None
 ) -> dict[str, Any]:
+    """Everything but the logs that a review depends on."""
     return {
         **resolve_machine(machine),
         "settings": machine.settings.model_dump(mode="json"),

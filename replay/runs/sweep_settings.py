@@ -188,6 +188,7 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
 
 
 def _parse_axis(over: str) -> list[str]:
+    """Overrides of one --over option."""
     key, equals, text = (part.strip() for part in over.partition("="))
     if not (key and equals and text):
         raise MachineError(f"--over {over}: {_HOW}")

@@ -101,6 +101,7 @@ def machine_file_changes(path: Path) -> Iterator[None]:
 
 
 def _file_signature(path: Path) -> _Signature:
+    """Time, size and inode by which a change shows; None if absent."""
     try:
         about = path.stat()
     except OSError:

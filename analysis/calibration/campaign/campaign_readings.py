@@ -183,6 +183,7 @@ def _make_reading_row(
     common_u_kg: float | None,
     withheld: str,
 ) -> dict[str, Any]:
+    """Row of a reading; without a finite mass, with the reason."""
     known = mass_kg is not None and bool(np.isfinite(mass_kg))
     reason = withheld or ("" if known else _NOTHING)
     return {

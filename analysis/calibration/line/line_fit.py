@@ -240,6 +240,7 @@ def degrees_of_freedom(
 
 
 def _upper_covariance_entries(covariance: Floats) -> tuple[float, float, float]:
+    """Variance of the level, covariance, variance of the slope."""
     return float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
 
 
@@ -275,6 +276,7 @@ def calibration_notes(calibration: Calibration) -> tuple[str, ...]:
 
 
 def _notes_on_days(calibration: Calibration) -> list[str]:
+    """Notes on what the runs' days show of changes from day to day."""
     days = len({point.day for point in calibration.points if point.readings})
     if calibration.day_freedom is None and calibration.day_kg is not None:
         return []
@@ -297,6 +299,7 @@ def _notes_on_days(calibration: Calibration) -> list[str]:
 
 
 def _notes_on_line(calibration: Calibration) -> list[str]:
+    """Notes on a large offset, an undetermined slope, lack of fit and attenuation."""
     found: list[str] = []
     middle_kg = sum(calibration.range_kg) / 2.0
     share = calibration.beta_kg / middle_kg if middle_kg else 0.0

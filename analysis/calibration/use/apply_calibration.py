@@ -145,6 +145,7 @@ def _calibrate_load(
     off_kg: float,
     unlike_u_kg: float,
 ) -> CalibratedMass:
+    """Calibrated mass of a load, or the reason why it has none."""
     estimate_kg, withheld_for = row["estimate_kg"], row["withheld_for"]
     if refusal:
         return CalibratedMass(None, None, None, None, refusal)

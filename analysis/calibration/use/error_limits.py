@@ -178,12 +178,14 @@ def errors_of_points(calibration: Calibration) -> list[tuple[str, float, float]]
 
 
 def _row_verdict(outside_1: float, risk_1: float) -> str:
+    """Verdict on one load by the probability that a mass is beyond the limits."""
     if outside_1 <= risk_1:
         return WITHIN
     return OUTSIDE if outside_1 >= 1.0 - risk_1 else UNDECIDED
 
 
 def _overall_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
+    """The worst verdict of all loads, its risk and its sentence."""
     verdicts = {row.verdict for row in rows}
     verdict = next(v for v in (OUTSIDE, UNDECIDED, WITHIN) if v in verdicts)
     when = "in service" if rule.in_service else "at first verification"

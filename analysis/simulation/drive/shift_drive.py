@@ -313,6 +313,7 @@ class ShiftDriver(MachineDriver):
         self._burnt_kg = min(self._burnt_kg + hours * self.shift.fuel_kg_h, self.shift.fuel_tank_kg)
 
     def _note_stand(self, kind: str, duration_s: float) -> None:
+        """Stand for a while, and record it; only idling burns fuel."""
         body, begin_s = self._body_with_load(), self.time_s
         self._note_manoeuvre(self.stand_still(duration_s, body.mass_kg), body)
         self.stands.append(Stand(kind, begin_s, self.time_s))

@@ -60,6 +60,7 @@ def arc_phases(
 
 
 def _driving_component(total: Values, rate: Values) -> Values:
+    """The part of a ramp in which force and rate have one sign."""
     return np.where(total * rate >= 0.0, total, 0.0)
 
 

@@ -292,6 +292,7 @@ class DrivenMotion:
 
 
 def _check_progress(phases: Sequence[MotionPhase]) -> None:
+    """Raise an error if friction sticks and slips without advancing."""
     recent = phases[-_MOST_CHANGES_AT_ONCE:]
     if len(recent) == _MOST_CHANGES_AT_ONCE and recent[-1].end_s - recent[0].start_s < 1e-9:
         raise DataError(

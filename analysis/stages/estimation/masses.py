@@ -213,6 +213,7 @@ def _braking_remedy(what: str) -> str:
 
 
 def _longest_run(good: pl.Series) -> int:
+    """Longest run of true values, in rows."""
     first, last = runs_of_flagged_samples(good.to_numpy())
     lengths = last + 1 - first
     return int(lengths.max()) if lengths.size else 0

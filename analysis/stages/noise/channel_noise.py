@@ -221,6 +221,7 @@ def _force_and_yaw_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str,
 def _standing_and_moving_samples(
     x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: float
 ) -> NoiseSamples:
+    """Settled standstills and moving samples, for the noise."""
     after, before = round(_AFTER_STOP_S * rate_hz), round(_BEFORE_START_S * rate_hz)
     quiet = [(a + after, b - before) for a, b in find_true_runs(stands) if b - before > a + after]
     quiet = quiet[:: max(len(quiet) // _MOST_STRETCHES, 1)]

@@ -168,6 +168,7 @@ def alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> l
 def _reduce_channels(
     raw: Mapping[str, ChannelSeries], machine: Machine
 ) -> dict[str, ChannelSeries]:
+    """Average fast channels to the slowest one of their equation."""
     series = dict(raw)
     for each in rates.find_rate_limited_regressors(raw, machine):
         series |= rates.reduce_to_slowest_channel(raw, each)

@@ -90,6 +90,7 @@ class BagFile(BlockFile):
         return read_index(self._file, position, connections, chunks)
 
     def _take_index_records(self, index: BagIndex) -> None:
+        """Add connections and chunks from the index."""
         for record, data in index.connections:
             self._note_connection(record.fields, data, -1)
         unknown: list[Block] = []

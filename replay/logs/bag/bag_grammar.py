@@ -81,6 +81,7 @@ def _scan_records(
 
 @compiled_by_turns(count_scan_turns)
 def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+    """Offset from which several records follow each other; -1 if none."""
     for first in range(begin, end - 7):
         at = first
         links = 0

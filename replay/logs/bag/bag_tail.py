@@ -56,6 +56,7 @@ class BagTail(GrowingBlockFile):
         return []
 
     def _begin(self) -> list[RawBatch] | None:
+        """Check the first line of the file, as soon as it is complete."""
         head = self._file.read(0, len(_HEAD))
         if not _HEAD.startswith(head):
             raise LogError(

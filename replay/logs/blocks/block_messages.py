@@ -226,6 +226,7 @@ class BlockStore:
             yield BatchGroup(found, int(floors[done]))
 
     def _check_slab(self, slab: Slab) -> None:
+        """Compare the blocks of a slab with what their index promises."""
         for block, why in slab.damaged:
             self.damage.note_lost_block(block, why)
         # compiled code, which describing a log does not wait for
@@ -269,6 +270,7 @@ class BlockStore:
             )
 
     def _seal_block(self, block: Block) -> None:
+        """Note a block whose CRC was compared and agrees."""
         if block.crc and not block.is_torn:
             self._sealed.add(block.record_offset)
 

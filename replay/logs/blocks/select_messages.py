@@ -128,6 +128,7 @@ def chunk_stats(slab: Slab, keys: Ints) -> list[ChunkStats]:
 def _count_wanted_messages(
     rows: Ints, bounds: Ints, owners: Ints, counts: Ints, spans: Ints
 ) -> None:
+    """Count messages and time span of each block, by connection."""
     for part in range(bounds.shape[0]):
         for row in range(bounds[part, 0], bounds[part, 1]):
             time = rows[TIME, row]

@@ -101,6 +101,7 @@ class TopicStream:
             self._last[batch.connection_id] = int(times[-1])
 
     def _begin_few(self, submit: Submit) -> None:
+        """Start decoding the small batches kept so far, as one."""
         if self._few:
             self._begin_batch(_join_batches(self._few), submit)
             self._few, self._rows, self._bytes = [], 0, 0

@@ -28,6 +28,7 @@ def _copy(data: Bytes, at: int, target: Bytes, to: int, size: int) -> None:
 
 
 def _widen(bits: int) -> np.int64:
+    """Bits of a float as those of the equal double."""
     single = np.array(int(bits) & 0xFFFFFFFF, np.uint32).view(np.float32)
     return np.int64(single.astype(np.float64).view(np.int64))
 

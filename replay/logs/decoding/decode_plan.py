@@ -271,6 +271,7 @@ _CompiledProgram: TypeAlias = tuple[DecodeProgram, DirectFields, tuple[int | Non
 
 
 def _mark_wanted(wanted: Wanted, field: Field) -> None:
+    """Add the path of a field to the tree of wanted fields."""
     for step in field.steps:
         if isinstance(step.element, str) and step.element != ALL:
             wanted.setdefault("name", {})

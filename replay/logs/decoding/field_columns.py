@@ -130,6 +130,7 @@ class Columns:
         return _wrap_in_lists(found, spreads)
 
     def _place_of_member(self, place: _Place, name: str) -> _Place:
+        """Place of a member of the message at a place."""
         if isinstance(place, _Positions):
             assert isinstance(place.value, InlineRecord)
             return replace(place, value=place.value.fields[name])
@@ -239,6 +240,7 @@ class Columns:
         return array_of_elements(numbers_from_bytes(stored, kind, swap=self.swap), kind)
 
     def _gather_values(self, place: _Place) -> Array:
+        """Values at a place as an Arrow array."""
         if isinstance(place, _Elements):
             assert isinstance(place.located, TextField)
             starts = self._select_marks(place.located.mark, place.chosen)

@@ -98,6 +98,7 @@ def _gather(
     first: int,
     end: int,
 ) -> None:
+    """Gather values, arrays and strings of walked messages."""
     table, marks, _, _, _ = noted
     value_marks, value_offsets, value_loads = gathering[:3]
     array_marks, array_offsets, array_bytes, text_marks = gathering[3:]

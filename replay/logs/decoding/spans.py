@@ -77,6 +77,7 @@ def place_in_span(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None
 
 
 def _place_array(span: Span, element: FieldType, length: int, wire: Wire) -> InlineArray | None:
+    """Append an array of fixed size; None if its place would vary."""
     fixed = fixed_size(element, wire)
     assert fixed is not None
     one, value = fixed

@@ -88,6 +88,7 @@ def _link_records(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tup
 
 @compiled_by_turns(count_scan_turns)
 def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+    """Offset from which plausible records follow each other; -1 if none."""
     for first in range(begin, end - _HEAD + 1):
         at = first
         proof = 0

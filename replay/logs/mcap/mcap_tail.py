@@ -61,6 +61,7 @@ class McapTail(GrowingBlockFile):
         return [] if block is None else self._take_block(block)
 
     def _begin(self) -> list[RawBatch] | None:
+        """Check the magic of the file, as soon as it is complete."""
         head = self._file.read(0, len(MAGIC))
         if not MAGIC.startswith(head):
             raise LogError(

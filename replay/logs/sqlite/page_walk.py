@@ -100,6 +100,7 @@ class PageWalk:
         self._note_losses()
 
     def _walk_leaves(self, leaves: NDArray[np.uint32]) -> Iterator[TableRows]:
+        """Yield rows leaf by leaf, with twice the reach of the step before."""
         memories = (_PageBuffers(), _PageBuffers())
         at, step, reach = 0, 0, _FIRST_LEAVES
         is_usual = True
@@ -145,6 +146,7 @@ class PageWalk:
     def _drop_torn_rows(
         self, rows: NDArray[np.int64], spills: NDArray[np.int64]
     ) -> NDArray[np.int64]:
+        """Drop and count rows whose overflow pages are damaged."""
         torn = spills[ROW, spills[PAGE] == 0]
         if not torn.size:
             return rows

@@ -128,6 +128,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
 
 
 def _given_separators(hints: TableHints) -> tuple[str, ...]:
+    """Separator that the machine file names, else all known ones."""
     if hints.separator is None:
         return SEPARATORS
     words = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "blank": " ", "blanks": " "}
@@ -287,6 +288,7 @@ def _has_names_below(
 
 
 def _is_data(cells: Sequence[str], numeric: Sequence[int], width: int, decimal: str) -> bool:
+    """Whether a row has numbers where the table has them."""
     if len(cells) > width + 1:
         return False
     kinds = [classify_cell(cells[k], decimal) for k in numeric if k < len(cells)]

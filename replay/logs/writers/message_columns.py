@@ -56,6 +56,7 @@ def shape_numbers(column: Column) -> Ints | None:
 
 
 def _number_joint_shapes(found: Sequence[Ints | None]) -> Ints | None:
+    """Number the combinations of shapes of several columns."""
     known = [each for each in found if each is not None]
     if len(known) < 2:
         return known[0] if known else None
