@@ -121,6 +121,7 @@ def test_a_length_beyond_the_end_of_its_message_is_refused_and_takes_no_memory(
     ]
     plan = DecodePlan(JOINTS, ros1=True, fields=fields)
     batch = batch_of([stored] * 100)
+    plan.decode(batch)  # compiles
     tracemalloc.start()
     decoded = plan.decode(batch)
     _, peak = tracemalloc.get_traced_memory()
