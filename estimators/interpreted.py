@@ -92,7 +92,7 @@ class Loop:
             at_first: whether to interpret little work even if a compiled form is cached.
         """
         self._function, self._how = cast("FunctionType", function), how
-        self._turns = turns or longest_index
+        self._turns = turns or longest_integer_array
         self._by_arrays, self._at_first = by_arrays, at_first
         self._most_cold = MOST_COLD_TURNS if at_first else MOST_COLD_ROWS
         self._cold_seconds = MOST_COLD_SECONDS
@@ -234,7 +234,7 @@ def largest_dimension(*arguments: Any) -> int:
     return max(sizes)
 
 
-def longest_index(*arguments: Any) -> int:
+def longest_integer_array(*arguments: Any) -> int:
     """Length of the longest integer array among the arguments, including those in tuples."""
     sizes = [0]
     for each in arguments:
@@ -242,5 +242,5 @@ def longest_index(*arguments: Any) -> int:
             if each.dtype == np.int64 and each.ndim:
                 sizes.append(each.shape[-1])
         elif isinstance(each, tuple):
-            sizes.append(longest_index(*each))
+            sizes.append(longest_integer_array(*each))
     return max(sizes)

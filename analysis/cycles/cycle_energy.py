@@ -23,7 +23,7 @@ from analysis.cycles.energy_integrals import (
     Floats,
     PhaseIntegrals,
     PhaseSpan,
-    shift_drive_in_time,
+    delay_drive,
     sum_fuel_litres,
 )
 from analysis.cycles.energy_terms import (
@@ -146,7 +146,7 @@ def _common_phase_changes(
     moved = [replace(drive, errors=each) for each in change_each_term(drive.errors, drive.errors_u)]
     earlier, later = (
         _split_energy_by_phase(replace(drive, samples=each).integrate(spans), model) - value
-        for each in (shift_drive_in_time(drive.samples, way * drive.move_rows) for way in (-1, 1))
+        for each in (delay_drive(drive.samples, way * drive.move_rows) for way in (-1, 1))
     )
     return [
         *(_split_energy_by_phase(integrals, each) - value for each in forces),

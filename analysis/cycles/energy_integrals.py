@@ -75,7 +75,7 @@ class EnergySamples:
     fuel_L_h: Floats | None = None
 
 
-def energy_samples(
+def collect_energy_samples(
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
     digging: pl.DataFrame,
@@ -182,14 +182,14 @@ def subtract_braked_drive(
     return replace(samples, drives=samples.drives & ~braked, slows=samples.slows | braked)
 
 
-def undelayed_drive(samples: EnergySamples, force_late_s: float) -> EnergySamples:
+def advance_drive(samples: EnergySamples, force_late_s: float) -> EnergySamples:
     """Shift the driving stretches from the time of measurement to the time of action."""
     sampled = samples.step_s[samples.step_s > 0.0]
     rows = round(force_late_s / float(np.median(sampled))) if sampled.size else 0
-    return shift_drive_in_time(samples, -rows)
+    return delay_drive(samples, -rows)
 
 
-def shift_drive_in_time(samples: EnergySamples, rows: int) -> EnergySamples:
+def delay_drive(samples: EnergySamples, rows: int) -> EnergySamples:
     """Delay the driving stretches by a number of rows.
 
     A motor releases gradually, so the end of its force is known to half the moving mean at best.

@@ -62,7 +62,7 @@ class PlanarLog:
 
 
 @dataclass(frozen=True, slots=True)
-class NamedEstimate:
+class PlanarFit:
     """A fit, and the names of its priors."""
 
     estimate: BaseEstimate
@@ -175,7 +175,7 @@ def is_of_axis_alone(name: str, axis: Axis) -> bool:
     )
 
 
-def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], NamedEstimate] | None:
+def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], PlanarFit] | None:
     """Fit over all motion; None without enough turning or without yaw torque."""
     plane, settings = log.plane, log.machine.settings
     used = plane.usable & plane.moving
@@ -230,7 +230,7 @@ def fit_in_rounds(
     prior: Prior,
     rows: slice,
     columns: tuple[int, ...] = _ALL,
-) -> NamedEstimate:
+) -> PlanarFit:
     """Fit the samples of segment_id >= 0 with the terms of these rows.
 
     Args:
@@ -258,7 +258,7 @@ def fit_with_coefficients(
     known: Prior,
     rows: slice,
     columns: tuple[int, ...],
-) -> NamedEstimate:
+) -> PlanarFit:
     """One fit, with the terms of a machine of these coefficients (6,)."""
     where = np.flatnonzero(segment_id >= 0)
     part = slice(int(where[0]), int(where[-1]) + 1)
@@ -279,7 +279,7 @@ def fit_with_coefficients(
         np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
         regressor.loading,
     )
-    return NamedEstimate(fitted, prior.names)
+    return PlanarFit(fitted, prior.names)
 
 
 def prior_for_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
@@ -293,7 +293,7 @@ def prior_for_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
 
 
 def _make_fit_row(
-    kind: str, log: PlanarLog, used: Bools, fitted: NamedEstimate, known: tuple[str, ...]
+    kind: str, log: PlanarLog, used: Bools, fitted: PlanarFit, known: tuple[str, ...]
 ) -> dict[str, Any]:
     """Make the row of a fit, by column."""
     estimate, plane = fitted.estimate, log.plane
@@ -340,7 +340,7 @@ def _make_fit_row(
     return row
 
 
-def missing_machine_values(fitted: NamedEstimate, gradients: list[Floats], machine: Machine) -> str:
+def missing_machine_values(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
     """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [list_uncertainty_sources(fitted.estimate, g, fitted.priors, machine) for g in told]
@@ -359,7 +359,7 @@ _QUANTITIES: Final = {
 
 
 def uncertainty_rows(
-    row: Mapping[str, Any], fitted: NamedEstimate, machine: Machine
+    row: Mapping[str, Any], fitted: PlanarFit, machine: Machine
 ) -> list[dict[str, Any]]:
     """Rows on the sources of uncertainty of each quantity that all motion determines."""
     parts: list[dict[str, Any]] = []

@@ -83,7 +83,7 @@ def _format_printed_number(row: Mapping[str, Any]) -> str:
     return f"{mean:g} ± {spread:g} %"
 
 
-def word_claims(found: Claims) -> ItemSentences:
+def sentences_on_claims(found: Claims) -> ItemSentences:
     """Sentences on the result of each claim."""
     return ItemSentences(
         (

@@ -189,7 +189,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
             campaign_tables.OVER_WINDOWS,
         ),
         claims.compare_claims,
-        claims_sentences.word_claims,
+        claims_sentences.sentences_on_claims,
         frame=claims_sentences.label_claims,
         tables=item_tables.render_claims,
     ),

@@ -273,11 +273,11 @@ def _height_shares(page: Page) -> list[float]:
     least = [max(panel.plot_share for panel in row) for row in page.rows]
     least += [_AROUND_PLOT / _PAGE] * others
     plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
-    heights = iter(share_out_room(plots, 1.0 - shrunk * sum(lanes)))
+    heights = iter(divide_height(plots, 1.0 - shrunk * sum(lanes)))
     return [shrunk * lane or next(heights) for lane in lanes]
 
 
-def share_out_room(least: Sequence[float], room: float) -> list[float]:
+def divide_height(least: Sequence[float], room: float) -> list[float]:
     """Share room equally, but with a minimum for each; all shrink if it is too little."""
     if sum(least) >= room:
         return [room * each / sum(least) for each in least]

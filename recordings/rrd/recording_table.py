@@ -14,8 +14,8 @@ from recordings.rrd.recording_views import (
     ViewSeries,
     band_view,
     line_view,
+    outlier_view,
     states_view,
-    wild_view,
 )
 from recordings.rrd.stored_names import entity_parts
 
@@ -128,10 +128,10 @@ TABS: Final = (
                 noise_share_x_1="along",
                 noise_share_z_1="yaw",
             ),
-            wild_view(
+            outlier_view(
                 "Predicted standard deviation of the mass", "gate", "predicted_std_x", "predicted"
             ),
-            wild_view(
+            outlier_view(
                 "Predicted standard deviation of the inertia",
                 "gate",
                 "predicted_std_z",
@@ -153,9 +153,9 @@ TABS: Final = (
     Tab(
         "Residuals",
         (
-            wild_view("Residual r.m.s.", "estimates", "residual_rms_N"),
-            wild_view("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
-            wild_view("Condition number", "estimates", "condition_1"),
+            outlier_view("Residual r.m.s.", "estimates", "residual_rms_N"),
+            outlier_view("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
+            outlier_view("Condition number", "estimates", "condition_1"),
         ),
         methods=MethodLayout.ROWS,
     ),

@@ -88,7 +88,7 @@ def line_view(name: str, frame: str, threshold: str | None = None, /, **series: 
     return View(name, ViewKind.LINES, drawn, threshold)
 
 
-def wild_view(name: str, frame: str, column: str, label: str = "") -> View:
+def outlier_view(name: str, frame: str, column: str, label: str = "") -> View:
     """View of a column with outliers, which are cut off."""
     return View(name, ViewKind.LINES, (ViewSeries(frame, column, label),), wild=True)
 

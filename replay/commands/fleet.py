@@ -209,7 +209,7 @@ def compare_command(
 ) -> None:
     """Show whether other settings would have changed the tonnes, where, and by how much.
 
-    Exit status 1 if they would.
+    Exit status 1 if they would have.
     """
     from replay.commands.print_tables import print_json
     from replay.fleet.compare_results import fleet_compare

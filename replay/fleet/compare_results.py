@@ -95,7 +95,7 @@ class OtherSettings:
 
 @cache
 def _lenient_machine_setups(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
-    """Setups of a machine without evidence of other settings, read once."""
+    """Setups of a machine, read once; evidence made with other settings is skipped."""
     return machine_setups(machine, files, lenient=True)
 
 

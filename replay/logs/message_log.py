@@ -100,13 +100,13 @@ class MessageLog(Log):
     def _scan(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[pl.DataFrame]:
-        from replay.logs.decoding.batch_stream import drain_all
+        from replay.logs.decoding.batch_stream import feed_and_drain_streams
 
         stream = self._begin_reading(topic, fields)
         streams = {connection.id: stream for connection in self._topics[topic].connections}
         groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
         try:
-            for _, rows in drain_all(groups, streams):
+            for _, rows in feed_and_drain_streams(groups, streams):
                 yield rows
         except GeneratorExit:  # the rest is not requested
             self._note_losses(topic, stream.tally)
@@ -120,13 +120,13 @@ class MessageLog(Log):
         start_ns: int | None,
         end_ns: int | None,
     ) -> Iterator[tuple[str, pl.DataFrame]]:
-        from replay.logs.decoding.batch_stream import drain_all
+        from replay.logs.decoding.batch_stream import feed_and_drain_streams
 
         readings = {topic: self._begin_reading(topic, names) for topic, names in fields.items()}
         topics = {stream: topic for topic, stream in readings.items()}
         streams = {c.id: s for t, s in readings.items() for c in self._topics[t].connections}
         groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
-        for stream, rows in drain_all(groups, streams):
+        for stream, rows in feed_and_drain_streams(groups, streams):
             yield topics[stream], rows
         for topic, stream in readings.items():
             fault = self._describe_unreadable(topic, stream.tally)
@@ -175,9 +175,9 @@ class MessageLog(Log):
         self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "TopicStream"]
     ) -> None:
         # numba is slow to import, and a log can be described without it
-        from replay.logs.decoding.batch_stream import take_all
+        from replay.logs.decoding.batch_stream import feed_streams
 
-        take_all(groups, streams)
+        feed_streams(groups, streams)
 
     def _finish_reading(self, topic: str, stream: "TopicStream") -> pl.DataFrame:
         frame = stream.finish()

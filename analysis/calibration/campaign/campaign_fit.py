@@ -17,7 +17,7 @@ from analysis.calibration.use.error_limits import (
     DecisionRule,
     ErrorLimits,
     error_limit_kg,
-    error_limits,
+    judge_error_limits,
 )
 from analysis.model.machine import Body
 from estimators.errors import CampaignError, DataError
@@ -93,7 +93,7 @@ def fit_campaign(
     except DataError as fault:
         no_fit = str(fault).removeprefix("calibration: ")
         return CampaignFit(None, no_fit, points_outside_fit(readings, known), None)
-    limits = None if rule is None else error_limits(fitted, rule)
+    limits = None if rule is None else judge_error_limits(fitted, rule)
     return CampaignFit(fitted, "", fitted.points, limits)
 
 

@@ -119,7 +119,7 @@ def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
     return _R51_LIMITS_E[rule.in_service][step] * e_kg
 
 
-def error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
+def judge_error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
     """Judge later masses at each load of the campaign.
 
     A later mass is assumed to err by the mean leave-one-out error of its load, and by the

@@ -273,7 +273,7 @@ def estimate_covariances(
         of = how.derivative_of
         if of >= 0 and not (live[column] and live[of]):
             shared = np.sqrt(np.maximum(spectra[column, column] * spectra[of, of], 0.0))
-            slope = how.slope(at)
+            slope = how.derivative_response(at)
             turn = slope / np.maximum(np.abs(slope), np.finfo(float).tiny)
             spectra[of, column] = shared * turn
             spectra[column, of] = shared * turn.conj()

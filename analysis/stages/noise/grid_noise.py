@@ -75,7 +75,7 @@ class ColumnResponse:
             power = power * filters.low_pass_power_gain(at / self.cutoff, causal=self.causal)
         return power
 
-    def slope(self, at: Floats) -> Complexes:
+    def derivative_response(self, at: Floats) -> Complexes:
         """Transfer function of one derivative, at frequencies over the rate."""
         if self.causal:
             return np.asarray(self.rate_hz * (1.0 - np.exp(-2j * np.pi * at)), np.complex128)

@@ -110,7 +110,7 @@ class TopicStream:
         self._begun.append(self._decoder.begin(sorted_batch(batch), submit))
 
 
-def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicStream]) -> None:
+def feed_streams(groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicStream]) -> None:
     """Feed messages to streams; compiled work runs in other threads.
 
     Args:
@@ -125,7 +125,7 @@ def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicStream
                 stream.settle()
 
 
-def drain_all(
+def feed_and_drain_streams(
     groups: Iterable[tuple[list[RawBatch], int]], streams: Mapping[int, TopicStream]
 ) -> Iterator[tuple[TopicStream, pl.DataFrame]]:
     """Decode like `take_all`, and yield rows of each stream once their order is final.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from estimators.arrays import Bytes, Ints
 from estimators.interpreted import uncounted
 from replay.logs.decoding.direct_fields import Gathering
-from replay.logs.decoding.gather_values import copy_equal, load, make_string_view
+from replay.logs.decoding.gather_values import copy_equal, load_column_values, make_string_view
 from replay.logs.decoding.walk_program import (
     EncodedMessages,
     Encoding,
@@ -106,7 +106,9 @@ def _gather(
     for k in range(value_marks.size):
         base = table[value_marks[k], 1]
         positions = marks[base + first : base + end]
-        load(data, positions, value_offsets[k], value_loads[k], swap, values[k, first:end])
+        load_column_values(
+            data, positions, value_offsets[k], value_loads[k], swap, values[k, first:end]
+        )
     rows = values.shape[1]
     above = 0
     for k in range(array_marks.size):

@@ -155,9 +155,9 @@ class McapFile(BlockFile):
         self._compare(walk.chunks(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
             self._store.damage.note("its records do not connect its data with its footer")
-        return self._store.crcs + self._is_sealed + self._is_data_sealed(walk.data_end)
+        return self._store.crcs + self._is_sealed + self._does_data_crc_agree(walk.data_end)
 
-    def _is_data_sealed(self, end: int) -> bool:
+    def _does_data_crc_agree(self, end: int) -> bool:
         """Whether the data up to `end` have a CRC that agrees."""
         said = int.from_bytes(self._file.read(end + RECORD_HEAD.size, 4), "little") if end else 0
         if not said:  # 0 says that the writer computed none
@@ -199,7 +199,7 @@ class McapFile(BlockFile):
         self._store.add_unindexed(walk.chunks())
         if not self._store.damage:
             # messages outside chunks have no CRC but that of all data together
-            self._is_data_sealed(walk.data_end)
+            self._does_data_crc_agree(walk.data_end)
         return walk
 
     def _note_missing_end(self, walk: McapWalk, fault: str) -> None:

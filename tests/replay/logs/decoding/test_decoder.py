@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from replay import open_log
 from replay.commands.info import show
 from replay.init.describe_log import describe_log
-from replay.logs.decoding.batch_stream import TopicStream, take_all
+from replay.logs.decoding.batch_stream import TopicStream, feed_streams
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder import frame_schema_of_fields
 from replay.logs.decoding.decoder_choice import PerMessageDecoder, decoder_name, make_decoder
@@ -108,7 +108,7 @@ def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
 
     fields = [resolve("effort[left]", kind.record)]
     stream = TopicStream(make_decoder(kind, fields), frame_schema_of_fields(fields))
-    take_all(([batch] for batch in batches()), {0: stream})
+    feed_streams(([batch] for batch in batches()), {0: stream})
     frame, tally = stream.finish(), stream.tally
     assert frame["log_time_ns"].to_list() == [0, 2, 5, *range(6, 5007 + 2 * BATCH_ROWS + 1)]
     assert set(frame["effort[left]"]) == {0.5}
