@@ -27,7 +27,7 @@ from benchmarks.kept_trials import read_rows, run_trials
 from benchmarks.page import markdown
 from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log
 from estimators.errors import PayscopeError
-from replay.explain.try_proposals import Replays, try_all_proposals
+from replay.explain.try_proposals import ProposalReplays, try_all_proposals
 from replay.inputs.cached_log import CachedLog
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.logs import Log
@@ -94,7 +94,7 @@ def applied(fault: Fault | Unlisted, seed: int) -> Applied:
         before = run(log, machine)
     except PayscopeError:
         return Applied(fault.name, seed, true_kg, None, None, (), ())
-    found = try_all_proposals(before, Replays(log, text, load, Path("machine.toml")))
+    found = try_all_proposals(before, ProposalReplays(log, text, load, Path("machine.toml")))
     return Applied(
         fault.name,
         seed,

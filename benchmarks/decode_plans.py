@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.decode_log import CUSTOM_TYPE, store, value
-from replay.logs.decoding.decode_plan import Plan
+from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.message_definitions import compile_type
 from replay.logs.messages.message_fields import resolve
 from replay.logs.messages.message_types import iter_leaf_names
@@ -48,7 +48,7 @@ def main() -> None:
         stored = [bytes(types.serialize_cdr(value(types, name, rng), name)) for _ in range(rows)]
         batch = join_messages(0, range(len(stored)), stored)
         batches = [batch] * (MESSAGES // rows)
-        plan = Plan(kind.record, ros1=False, fields=fields)
+        plan = DecodePlan(kind.record, ros1=False, fields=fields)
         by_rosbags = _best(partial(_rosbags, kind.decode, stored)) / rows
         by_plan = _best(partial(_plan, plan, batches)) / (len(batches) * rows)
         each = np.array([by_rosbags, by_plan]) * 1e9
@@ -67,7 +67,7 @@ def _rosbags(decode: Callable[[bytes], Any], stored: list[bytes]) -> None:
         decode(data)
 
 
-def _plan(plan: Plan, batches: list[RawBatch]) -> None:
+def _plan(plan: DecodePlan, batches: list[RawBatch]) -> None:
     for batch in batches:
         assert plan.decode(batch).undecodable == 0
 

@@ -72,9 +72,9 @@ def same_results(a: Path, b: Path, apart: Sequence[str] = ()) -> tuple[int, list
                 differ.append(f"other row: {name}")
         elif (a / name).read_bytes() != (b / name).read_bytes():
             differ.append(f"other bytes: {name}")
-    from replay.fleet.object_store import Store
+    from replay.fleet.object_store import ObjectStore
 
-    names = FleetResults(Store(str(b))).names
+    names = FleetResults(ObjectStore(str(b))).names
     return sum(map(len, names.values())), differ
 
 

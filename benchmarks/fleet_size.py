@@ -24,7 +24,7 @@ from analysis.model.schema import QUALITY
 from benchmarks.fleet_logs import told
 from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.last_run import CurrentMachine, LastRun, NamedFiles
-from replay.fleet.object_store import Store
+from replay.fleet.object_store import ObjectStore
 from replay.fleet.results_layout import ResultName, write_result
 
 _SEED: Final = 5
@@ -39,7 +39,7 @@ _SQL: Final = (
 
 def make(destination: Path, machines: int, days: int) -> None:
     """Write the results of so many machines and days."""
-    store = Store(str(destination))
+    store = ObjectStore(str(destination))
     for number in range(machines):
         draw = np.random.default_rng([_SEED, number])
         for day in range(days):
@@ -51,7 +51,9 @@ def make(destination: Path, machines: int, days: int) -> None:
     results.gather()
 
 
-def _result(store: Store, machine: str, day: int, number: int, draw: np.random.Generator) -> None:
+def _result(
+    store: ObjectStore, machine: str, day: int, number: int, draw: np.random.Generator
+) -> None:
     at = _FIRST + dt.timedelta(days=day)
     name = ResultName(
         machine, str(at.date()), hashlib.sha256(f"{number} {day}".encode()).hexdigest()[:32]

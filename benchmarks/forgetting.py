@@ -17,8 +17,8 @@ from analysis.calibration.campaign.method_errors import rms_errors
 from analysis.model.axes import straight_regressor
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import gate
+from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.gating.gate import gate_windows
 from benchmarks.page import markdown, put
 from benchmarks.simulated import excitation, joined, scenario
 from estimators.methods import rls
@@ -36,11 +36,11 @@ Found = dict[tuple[float, bool], list[float]]
 def estimates_of(replayed: Run, runs: pl.DataFrame) -> dict[tuple[float, bool], pl.DataFrame]:
     """What each run's last state says, by λ and kind of forgetting."""
     frame = replayed.frames["excitation"]
-    gated = gate(frame, MACHINE.settings)
+    gated = gate_windows(frame, MACHINE.settings)
     found: dict[tuple[float, bool], pl.DataFrame] = {}
     for forgetting, directional in OPTIONS:
         change = {"trace.forgetting": forgetting, "trace.directional_forgetting": directional}
-        traced = trace(frame, gated, MACHINE.settings.with_changes(change))
+        traced = trace_estimates(frame, gated, MACHINE.settings.with_changes(change))
         whole = Run({"estimates/rls": traced["rls"]}, replayed.provenance)
         found[forgetting, directional] = masses_by_method_and_run(whole, runs)
     return found
@@ -87,7 +87,7 @@ def cruise(seeds: int) -> tuple[Found, Found]:
         # until the brakes act: 0.1 s before, the mean looks back only
         driven = frame["t_ns"].to_numpy() < log.trials["braking_ns"][0] - log.trials["start_ns"][0]
         complete = np.arange(f.size) >= window - 1 + np.argmax(np.isfinite(A).all(axis=1))
-        chosen = gate(frame, MACHINE.settings)["accepted_x"].to_numpy()
+        chosen = gate_windows(frame, MACHINE.settings)["accepted_x"].to_numpy()
         for option in OPTIONS:
             for values, used in ((ungated, complete), (gated, chosen)):
                 traced = rls.trace(A, f, window, used & driven, rls.RlsOptions(*option))

@@ -20,8 +20,8 @@ from analysis.calibration.campaign.method_errors import rms_errors
 from analysis.model.axes import straight_regressor
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
-from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import gate
+from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.gating.gate import gate_windows
 from benchmarks.page import markdown, put
 from benchmarks.simulated import joined, scenario
 from estimators.methods import ls
@@ -93,8 +93,8 @@ def one_seed(parts: tuple[dict[str, object], ...], seed: int) -> dict[tuple[str,
     plans = [scenario(seed + 1000 * k, loads_kg=loads_kg, **p) for k, p in enumerate(parts)]
     replayed, runs = joined(*plans, machine=MACHINE)
     frame = replayed.frames["excitation"]
-    gated = gate(frame, MACHINE.settings)
-    either_sign = gate(frame, MACHINE.settings.with_changes({"gate.index": "gaussian"}))
+    gated = gate_windows(frame, MACHINE.settings)
+    either_sign = gate_windows(frame, MACHINE.settings.with_changes({"gate.index": "gaussian"}))
     truth = frame.select("t_ns").join_asof(
         runs.select(pl.col("start_ns").alias("t_ns"), "mass_kg"), on="t_ns"
     )
@@ -102,7 +102,7 @@ def one_seed(parts: tuple[dict[str, object], ...], seed: int) -> dict[tuple[str,
     chosen = chosen_windows(gated, either_sign["accepted_x"].to_numpy())
     for which, (accepted, candidates) in chosen.items():
         judged = gated.with_columns(accepted_x=accepted)
-        estimates = trace(frame, judged, MACHINE.settings)
+        estimates = trace_estimates(frame, judged, MACHINE.settings)
         windows = estimates["ls"].join(truth, on="t_ns", suffix="_true").drop_nulls("mass_kg")
         error = (windows["mass_kg"] - windows["mass_kg_true"]).to_numpy()
         named = {f"estimates/{method}": table for method, table in estimates.items()}

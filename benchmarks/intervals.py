@@ -16,8 +16,8 @@ from analysis import Machine
 from analysis.model.axes import straight_regressor
 from analysis.simulation import simulate_campaign
 from analysis.stages.estimation.masses import summarise_masses
-from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import gate
+from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pooled_samples
 from analysis.stages.motion.smooth import trailing_mean
 from benchmarks.page import markdown, put
@@ -63,13 +63,13 @@ def of_others(A: np.ndarray, f: np.ndarray, ids: np.ndarray) -> tuple[np.ndarray
 def one_log(frame: pl.DataFrame, machine: Machine) -> dict[str, np.ndarray]:
     """Masses and deviations (rows, 2) of everything that the log gives."""
     settings = machine.settings
-    gated = gate(frame, settings)
+    gated = gate_windows(frame, settings)
     ids = pooled_samples(frame, gated, settings)
     A, f = straight_regressor(frame, settings)
     segments = pooled.trace(A, f, ids)
     mass = segments.theta[:, 0]
     textbook, newey_west = of_others(A, f, ids)
-    estimates = trace(frame, gated, settings)
+    estimates = trace_estimates(frame, gated, settings)
     out = {
         "segments": np.c_[mass, segments.std[:, 0]],
         "textbook": np.c_[mass, textbook],

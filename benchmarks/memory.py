@@ -25,8 +25,8 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.simulation import Scenario
 from analysis.stages.estimation.masses import summarise_masses
-from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import gate
+from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
@@ -72,10 +72,10 @@ def worker(hours: float, folder: Path, *, every_window: bool) -> None:
     peak(f"aligned, {aligned.height:,} rows")
     excitation = compute_excitation(smooth(aligned, settings.smooth), machine)
     peak("excitation")
-    gated = gate(excitation, settings)
+    gated = gate_windows(excitation, settings)
     accepted = int(gated["accepted_x"].sum())
     peak(f"gate, {accepted / excitation.height:.0%} of the windows accepted")
-    estimates = trace(excitation, gated, settings)
+    estimates = trace_estimates(excitation, gated, settings)
     peak(f"trace, {len(METHODS)} methods")
     table = pool_by_manoeuvre(excitation, gated, settings)
     judged = judge_checks(CheckInputs(excitation, gated, machine))

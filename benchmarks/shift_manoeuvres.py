@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from analysis.cycles.cycles import weigh_cycles
 from analysis.cycles.load_passes import Passes, find_load_passes
 from analysis.cycles.shift_totals import sum_shift
-from analysis.model.schema import build
+from analysis.model.schema import build_frame
 from analysis.model.verdict import Verdict
 from analysis.weighing.fit_columns import PreviousEstimates
 from analysis.weighing.growing_load import LoadFilling
 from analysis.weighing.joint_result import JointFit, PriorMeans
 from analysis.weighing.load_states import LoadStates, find_load_states
 from analysis.weighing.nuisances import NUISANCES
-from analysis.weighing.weigh import Curvature, Weighing
+from analysis.weighing.weigh import ForceCurvature, Weighing
 from estimators.arrays import Floats, Ints
 from estimators.joint.group_effects import GroupEffects
 from estimators.joint.prior_fit import MapFit
@@ -248,7 +248,7 @@ def _weighing(truth: DrawnShift, states: LoadStates) -> tuple[Weighing, Floats]:
     )  # fmt: skip
     masses = theta[:count]
     weighing = Weighing(
-        joint, masses, masses, float("nan"), False, False, Curvature(0.0, 0.0, 1.0),
+        joint, masses, masses, float("nan"), False, False, ForceCurvature(0.0, 0.0, 1.0),
         LoadFilling(0.0, 0.0), (),
     )  # fmt: skip
     return weighing, hat[count:]
@@ -276,7 +276,7 @@ def _frames(truth: DrawnShift, states: LoadStates, hat: Floats) -> dict[str, pl.
     for at in truth.dump_s:
         still[np.searchsorted(t_ns, (at - 4.0) * _NS) : np.searchsorted(t_ns, (at + 4.0) * _NS)] = 1
     return {
-        "manoeuvres": build(
+        "manoeuvres": build_frame(
             "manoeuvres",
             {
                 "load_id": states.membership,
@@ -294,7 +294,7 @@ def _frames(truth: DrawnShift, states: LoadStates, hat: Floats) -> dict[str, pl.
                 "withheld_for": "",
             }
         ),
-        "digging": build("digging", {"start_t_ns": dug, "end_t_ns": dug + 4 * _NS}),
+        "digging": build_frame("digging", {"start_t_ns": dug, "end_t_ns": dug + 4 * _NS}),
         "excitation": pl.DataFrame(
             {"t_ns": t_ns, "phase": np.where(still, "standstill", "cruising")}
         ),

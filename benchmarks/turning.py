@@ -23,7 +23,7 @@ from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import fit_planar
-from analysis.stages.gating.gate import gate
+from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
@@ -75,8 +75,8 @@ def planar_of(log: TurnLog) -> pl.DataFrame:
     aligned, _ = align(channels, machine)
     excitation = compute_excitation(smooth(aligned, settings.smooth), machine)
     noise = channel_noise(aligned, excitation, machine)
-    gated = gate(excitation, settings, noise)
-    opinion = Verdict.of(judge_checks(CheckInputs(excitation, gated, machine)))
+    gated = gate_windows(excitation, settings, noise)
+    opinion = Verdict.from_frame(judge_checks(CheckInputs(excitation, gated, machine)))
     return fit_planar(excitation, gated, opinion, machine, noise)[0]
 
 

@@ -85,6 +85,7 @@ def _describe_cache_state() -> str:
 
 
 def _has_loops(source: Path) -> bool:
+    """Whether a module of this repository contains compiled loops."""
     inside = source.relative_to(_HOUSE).parts[0]
     return (_HOUSE / inside / "__init__.py").exists() and bool(_LOOPS.search(source.read_bytes()))
 
@@ -116,7 +117,7 @@ def _make_temporary_folder() -> Path:
 
 
 class _Source(NamedTuple):
-    """A module as it goes into the name of a folder."""
+    """Digest of a module's source, and the files that it imports; it names the cache folder."""
 
     #: of its file, from the packages' folder
     name: str

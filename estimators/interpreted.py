@@ -92,7 +92,7 @@ class Loop:
             at_first: whether to interpret little work even if a compiled form is cached.
         """
         self._function, self._how = cast("FunctionType", function), how
-        self._turns = turns or longest_index
+        self._turns = turns or longest_integer_array
         self._by_arrays, self._at_first = by_arrays, at_first
         self._most_cold = MOST_COLD_TURNS if at_first else MOST_COLD_ROWS
         self._cold_seconds = MOST_COLD_SECONDS
@@ -204,13 +204,13 @@ def compiled_by_turns(turns: Callable[..., int]) -> Callable[[F], F]:
 
 def compiled_ahead(function: F) -> F:
     """Like `compiled`, but interpreted only for a short log without a cached form."""
-    return cast("F", Loop(function, _COMPILED, largest_shape, at_first=False))
+    return cast("F", Loop(function, _COMPILED, largest_dimension, at_first=False))
 
 
 def compiled_beside(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
     """Like `compiled_ahead`, with whole-array operations for the interpreter."""
     return lambda function: cast(
-        "F", Loop(function, _COMPILED, largest_shape, by_arrays, at_first=False)
+        "F", Loop(function, _COMPILED, largest_dimension, by_arrays, at_first=False)
     )
 
 
@@ -223,18 +223,18 @@ def _convert_to_python(result: Any) -> Any:
     return result
 
 
-def largest_shape(*arguments: Any) -> int:
+def largest_dimension(*arguments: Any) -> int:
     """Largest dimension of any array among the arguments."""
     sizes = [0]
     for each in arguments:
         if isinstance(each, np.ndarray):
             sizes.append(max(each.shape, default=0))
         elif isinstance(each, tuple):
-            sizes.append(largest_shape(*each))
+            sizes.append(largest_dimension(*each))
     return max(sizes)
 
 
-def longest_index(*arguments: Any) -> int:
+def longest_integer_array(*arguments: Any) -> int:
     """Length of the longest integer array among the arguments, including those in tuples."""
     sizes = [0]
     for each in arguments:
@@ -242,5 +242,5 @@ def longest_index(*arguments: Any) -> int:
             if each.dtype == np.int64 and each.ndim:
                 sizes.append(each.shape[-1])
         elif isinstance(each, tuple):
-            sizes.append(longest_index(*each))
+            sizes.append(longest_integer_array(*each))
     return max(sizes)

@@ -13,9 +13,9 @@ def resolve_late(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]
         homes: module of each public name.
     """
 
-    def resolve(name: str) -> Any:
+    def import_late(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module '{package}' has no attribute '{name}'")
         return getattr(import_module(homes[name]), name)
 
-    return resolve
+    return import_late

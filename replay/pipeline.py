@@ -10,9 +10,9 @@ from analysis.cycles.cycles import weigh_cycles
 from analysis.cycles.shift_totals import sum_shift
 from analysis.diagnosis import (
     CheckInputs,
+    collect_raw_signals,
     compare_methods_with_joint_fit,
     judge_checks,
-    measured_signals,
     refit_without_stretches,
     withhold_by_findings,
 )
@@ -33,13 +33,13 @@ from analysis.stages.estimation.masses import (
     summarise_masses,
     withhold_masses,
 )
-from analysis.stages.estimation.trace import trace
+from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.digging import (
     add_digs_column,
     find_digging_starts,
     refuse_windows_that_dig,
 )
-from analysis.stages.gating.gate import gate
+from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
@@ -155,7 +155,7 @@ def run(
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
     causes = _find_causes(seen, raw, machine)
     judged = withhold_by_findings(seen.case.judged, causes, machine)
-    opinion = Verdict.of(judged)
+    opinion = Verdict.from_frame(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
     plane, plane_budget = fit_planar(
         excitation, seen.frames["gate"], opinion, machine, seen.frames["noise"]
@@ -226,11 +226,11 @@ def _run_stages(
     noise = channel_noise(aligned, excitation, machine, read)
     notes += noise_notes(noise)
     on_stage("gate")  # the index (11) over each window, and a reason for each
-    gated = gate(excitation, settings, noise)
+    gated = gate_windows(excitation, settings, noise)
     digs = find_digging_starts(excitation, machine)  # what pushes back is no mass
     gated = refuse_windows_that_dig(gated, excitation, digs, machine)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
-    seen = measured_signals(raw, read)
+    seen = collect_raw_signals(raw, read)
     told = (
         refit_without_stretches(  # nor is what repeats itself, if the answer is the same without it
             seen,
@@ -244,7 +244,7 @@ def _run_stages(
     on_stage("segments")  # pooled over each manoeuvre
     table = pool_by_manoeuvre(excitation, gated, settings, noise)
     on_stage("trace")  # the estimators over the accepted windows; recursions load by load
-    estimates = trace(excitation, gated, settings, noise, make_load_change_rows(weighing))
+    estimates = trace_estimates(excitation, gated, settings, noise, make_load_change_rows(weighing))
     on_stage("verdict")  # what the ungated log, and that fit, say of all this
     everything = summarise_masses(excitation, gated, estimates, machine, noise)
     evidence = CheckInputs(
@@ -288,7 +288,7 @@ def _find_causes(
     """Find the causes of the log, and those behind a cause that masks the others."""
     part = findings_of_first_hour(raw)
 
-    def look(changed: Machine) -> pl.DataFrame | None:
+    def find_causes_with(changed: Machine) -> pl.DataFrame | None:
         try:
             placed = _TopicChannels.from_topics(part, changed)
             return find_causes(_run_stages(part, placed, changed, lambda _: None).case)
@@ -296,4 +296,4 @@ def _find_causes(
             return None
 
     whole = all(part[topic].height == frame.height for topic, frame in raw.items())
-    return add_masked_findings(find_causes(stages.case), machine, look, whole=whole)
+    return add_masked_findings(find_causes(stages.case), machine, find_causes_with, whole=whole)

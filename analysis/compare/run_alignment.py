@@ -55,6 +55,7 @@ def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
 
 
 def _cost_of_each_pair(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
+    """Cost (a, b) of matching two manoeuvres; infinite for different phases."""
     lengths = [
         np.log(np.maximum((each["end_t_ns"] - each["start_t_ns"]).to_numpy(), 1)) for each in (a, b)
     ]
@@ -110,6 +111,7 @@ def manoeuvre_reach(table: pl.DataFrame) -> list[tuple[int, int]]:
 def _shift_frame_times(
     frame: pl.DataFrame, zones: pl.DataFrame | None, offset_ns: int
 ) -> pl.DataFrame:
+    """Shift the times of a frame, by zone or by one offset."""
     times = [name for name in ("t_ns", "start_t_ns", "end_t_ns") if name in frame.columns]
     if not times:
         return frame
@@ -148,6 +150,7 @@ def subtract_run(a: Run, b: Run) -> Run:
 
 
 def _subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.DataFrame:
+    """B minus A in the rows that both frames share."""
     shared = [name for name in a.columns if name in b.columns]
     numbers = [name for name in shared if a.schema[name].is_float() and b.schema[name].is_float()]
     by = [name for name in ("axis", "kind") if name in shared]
@@ -177,6 +180,7 @@ def _subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.D
 
 
 def _add_row_key(frame: pl.DataFrame, at: pl.Expr, key_columns: Sequence[str]) -> pl.DataFrame:
+    """Sort a frame by time, with row number and key columns as text."""
     texts = [pl.col(name).cast(pl.String) for name in key_columns]
     return frame.with_row_index(_ROW).with_columns(at, *texts).drop_nulls("_at").sort("_at")
 

@@ -247,15 +247,16 @@ def differing_estimates(
         if not _is_equal(a.get(name), b.get(name), rtol)
     ]
 
-    def moved(each: EstimateChange) -> float:
+    def size_of_change(each: EstimateChange) -> float:
         if each.change is None:
             return float("inf")
         return abs(each.change if each.change_in_stds is None else each.change_in_stds)
 
-    return tuple(sorted(changes, key=moved, reverse=True))
+    return tuple(sorted(changes, key=size_of_change, reverse=True))
 
 
 def _is_equal(a: float | None, b: float | None, rtol: float) -> bool:
+    """Whether two values agree within a relative tolerance, or are both missing."""
     if a is None or b is None:
         return a is b
     return a == b or abs(a - b) <= rtol * max(abs(a), abs(b))

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from estimators.arrays import Bools, Floats, Ints
 
 Span = tuple[int, int]
@@ -82,7 +82,7 @@ def find_boom_dumps(
         unloading_spans: spans that each contain a dump according to the masses; None if unknown,
             and the boom dumps where it reaches up.
     """
-    t_ns, boom = excitation["t_ns"].to_numpy(), values(aligned, "boom_rad")
+    t_ns, boom = excitation["t_ns"].to_numpy(), column_values(aligned, "boom_rad")
     slow = is_creeping(excitation)
     whole = np.isfinite(boom)
     driving = whole & ~slow
@@ -105,10 +105,10 @@ def find_boom_dumps(
     stands = out & find_standing_samples(excitation)
     inside_ns = t_ns[whole & ~out]
     spans = [
-        _trim_to_stands(span, t_ns[stands], reach[stands])
+        _trim_to_standstills(span, t_ns[stands], reach[stands])
         for span in join_dumps(t_ns[out & slow], inside_ns)
     ]
-    spans = _drop_cut_short(spans, inside_ns, int(t_ns[-1]))
+    spans = _drop_truncated_dump(spans, inside_ns, int(t_ns[-1]))
     if (
         np.mean(reached / typical_rad > LIMITS.boom_out_fraction) < LIMITS.boom_change_fraction
         or len(spans) < LIMITS.boom_min_changes
@@ -121,7 +121,7 @@ def find_boom_dumps(
 def is_creeping(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands or creeps, (n,)."""
     stands = find_standing_samples(excitation)
-    speed = np.abs(values(excitation, "speed_x_m_s"))
+    speed = np.abs(column_values(excitation, "speed_x_m_s"))
     moving = speed[np.isfinite(speed) & ~stands]
     if not moving.size:
         return stands
@@ -185,7 +185,7 @@ def join_dumps(when: Ints, inside_ns: Ints) -> list[Span]:
     return [(int(part[0]), int(part[-1])) for part in parts]
 
 
-def _drop_cut_short(spans: list[Span], inside_ns: Ints, ends_ns: int) -> list[Span]:
+def _drop_truncated_dump(spans: list[Span], inside_ns: Ints, ends_ns: int) -> list[Span]:
     """Drop the last dump where the recording ends before its bucket is half empty."""
     if not spans or (inside_ns.size and inside_ns[-1] > spans[-1][1]):
         return spans
@@ -194,7 +194,7 @@ def _drop_cut_short(spans: list[Span], inside_ns: Ints, ends_ns: int) -> list[Sp
     return spans if half_empty else spans[:-1]
 
 
-def _trim_to_stands(span: Span, stands_ns: Ints, reach: Floats) -> Span:
+def _trim_to_standstills(span: Span, stands_ns: Ints, reach: Floats) -> Span:
     """First to last standstill with the boom up within a span; the whole span if there is none.
 
     The boom may be out long before, on the way to the dump; a machine that stands then dumps while

@@ -11,7 +11,7 @@ from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.mass_differences import difference_on_line
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.cycles.haul_spillage import subtract_spillage_from_payloads
-from analysis.model.schema import MOVED, QUALITY, conform, values
+from analysis.model.schema import MOVED, QUALITY, column_values, conform_to_schema
 from estimators.errors import DataError, nearest
 
 #: Lines whose estimate is the mass of a state, and lines of a difference of two.
@@ -45,16 +45,16 @@ def calibrate_cycles(
             f"{nearest(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
         )
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
-    scale_1 = values(cycles, "scale_1")
-    payload_kg = values(cycles, "payload_kg") / scale_1
+    scale_1 = column_values(cycles, "scale_1")
+    payload_kg = column_values(cycles, "payload_kg") / scale_1
     on_line = difference_on_line(calibration, shared_errors, numbers, payload_kg)
     common, shared = (
-        on_line.common_kg_beside_line(values(cycles, f"own_u_{n}_kg")) for n in _COMMON
+        on_line.common_kg_beside_line(column_values(cycles, f"own_u_{n}_kg")) for n in _COMMON
     )
     shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
     common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
     common_kg = np.maximum(common_kg, shared_kg)
-    random_kg = values(cycles, "payload_u_random_kg") / scale_1 / on_line.size_1
+    random_kg = column_values(cycles, "payload_u_random_kg") / scale_1 / on_line.size_1
     found = {
         "payload_kg": on_line.payload_kg,
         "payload_u_random_kg": random_kg,
@@ -66,7 +66,7 @@ def calibrate_cycles(
     on_scale = subtract_spillage_from_payloads(
         cycles.with_columns(pl.Series(name, each).fill_nan(None) for name, each in found.items())
     )
-    if is_ticket_better(cycles, on_scale, tuple(found)):
+    if is_empty_mass_scale_better(cycles, on_scale, tuple(found)):
         return cycles
     off_kg, u_kg = _distance_from_line(calibration, shared_errors)
     reasons = pl.Series(
@@ -79,7 +79,7 @@ def calibrate_cycles(
         counted=pl.col("counted") & ~refused,
         withheld_for=pl.when(refused).then("reason").otherwise("withheld_for"),
     )
-    return conform(
+    return conform_to_schema(
         "cycles",
         said.drop("reason").with_columns(
             scale_from=pl.when(pl.col("payload_kg").is_not_null()).then(pl.lit(BY_CALIBRATION))
@@ -87,7 +87,9 @@ def calibrate_cycles(
     )
 
 
-def is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequence[str]) -> bool:
+def is_empty_mass_scale_better(
+    cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequence[str]
+) -> bool:
     """Whether the empty machine gives the sum of payloads a smaller uncertainty than the line.
 
     Args:
@@ -99,13 +101,13 @@ def is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequenc
     if not counted.any() or (cycles["scale_from"].drop_nulls() != BY_EMPTY_MACHINE).any():
         return False
 
-    def relative(table: pl.DataFrame) -> float:
-        sums = {name: values(table, name)[counted] for name in names}
+    def relative_u_of_sum(table: pl.DataFrame) -> float:
+        sums = {name: column_values(table, name)[counted] for name in names}
         shared = sums["payload_u_shared_kg"].sum()
         random = np.linalg.norm(sums["payload_u_random_kg"])
         return float(np.hypot(shared, random) / abs(sums["payload_kg"].sum()))
 
-    return relative(cycles) < relative(on_line)
+    return relative_u_of_sum(cycles) < relative_u_of_sum(on_line)
 
 
 def _distance_from_line(

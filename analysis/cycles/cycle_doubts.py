@@ -9,7 +9,7 @@ from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.uncertainty_sources import STD_OF_MAD
 
 
-def doubt_counted_cycles(cycles: pl.DataFrame) -> list[str]:
+def list_cycle_doubts(cycles: pl.DataFrame) -> list[str]:
     """Doubts about each cycle, joined by semicolons; empty without doubts or payload.
 
     Args:
@@ -24,6 +24,7 @@ def doubt_counted_cycles(cycles: pl.DataFrame) -> list[str]:
 
 
 def _row_doubts(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) -> str:
+    """Doubts about one cycle, joined by semicolons."""
     payload_kg, u_kg = row["payload_kg"], row["payload_u_kg"]
     if payload_kg is None or not row["counted"]:
         return ""

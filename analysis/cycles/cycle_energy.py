@@ -23,7 +23,7 @@ from analysis.cycles.energy_integrals import (
     Floats,
     PhaseIntegrals,
     PhaseSpan,
-    shift_drive_in_time,
+    delay_drive,
     sum_fuel_litres,
 )
 from analysis.cycles.energy_terms import (
@@ -146,7 +146,7 @@ def _common_phase_changes(
     moved = [replace(drive, errors=each) for each in change_each_term(drive.errors, drive.errors_u)]
     earlier, later = (
         _split_energy_by_phase(replace(drive, samples=each).integrate(spans), model) - value
-        for each in (shift_drive_in_time(drive.samples, way * drive.move_rows) for way in (-1, 1))
+        for each in (delay_drive(drive.samples, way * drive.move_rows) for way in (-1, 1))
     )
     return [
         *(_split_energy_by_phase(integrals, each) - value for each in forces),
@@ -193,17 +193,17 @@ def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
 def _split_energy_by_phase(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Energy by phase and part, (phases, parts) in J."""
     drive, dig, slow = integrals.drive, integrals.dig, integrals.slow
-    straight = _integrate_drive_work(drive, model)
+    straight = _corrected_drive_work(drive, model)
     work = straight + integrals.turning_J
     slope = drive["mass"] - integrals.kinetic_J + model.acting_constant_force * drive["offset"]
-    digging = _integrate_drive_work(dig, model) - _work_against_friction(dig, model)
+    digging = _corrected_drive_work(dig, model) - _work_against_friction(dig, model)
     friction = work - integrals.kinetic_J - slope - digging
     braking = -_mass_and_friction_work(slow, model)
     return np.stack([work, integrals.kinetic_J, slope, friction, digging, braking], axis=1)
 
 
-def _integrate_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
-    """Work of the measured force, corrected for its errors, (phases,) in J."""
+def _corrected_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
+    """Work of the drive: measured work less the work of force errors, (phases,) in J."""
     return (
         integrals["force"]
         - model.transfer * integrals["transfer"]
@@ -274,7 +274,7 @@ def _misfit_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) ->
 def _unexplained_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """Work not explained by masses, fitted friction or digging, (phases,) in J."""
     explained = _work_against_friction(integrals.drive, model) + value[:, PARTS.index("digging")]
-    return _integrate_drive_work(integrals.drive, model) - explained
+    return _corrected_drive_work(integrals.drive, model) - explained
 
 
 def _work_change_by_mass(integrals: PhaseIntegrals) -> Floats:
@@ -317,7 +317,7 @@ def _make_energy_rows(
     cycle = np.array([span.cycle for span in spans])
     phase = np.array([span.phase for span in spans])
 
-    def row(cycle_number: int | None, name: str) -> EnergyRow:
+    def make_row(cycle_number: int | None, name: str) -> EnergyRow:
         of = (phase == name) if name != WHOLE else np.ones(cycle.size, np.bool_)
         if cycle_number is not None:
             of = of & (cycle == cycle_number)
@@ -339,9 +339,12 @@ def _make_energy_rows(
             cycle_number, name, work, kinetic, slope, friction, digging, braking, burnt_L
         )
 
-    shift = [row(None, name) for name in (WHOLE, *PHASES)]
+    shift = [make_row(None, name) for name in (WHOLE, *PHASES)]
     own: list[EnergyRow] = []
     for number in np.unique(cycle).tolist():
         mine = phase[cycle == number].tolist()
-        own += [row(number, WHOLE), *(row(number, name) for name in mine if name != WHOLE)]
+        own += [
+            make_row(number, WHOLE),
+            *(make_row(number, name) for name in mine if name != WHOLE),
+        ]
     return (*shift, *own)

@@ -17,7 +17,7 @@ from analysis.cycles.boom_dumps import (
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.load_passes import Passes
 from analysis.model.physical_units import NS_PER_S
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.model.windows import runs_of_flagged_samples
 from estimators.arrays import Bools, Floats, Ints
 
@@ -74,7 +74,7 @@ class _DriveSamples(NamedTuple):
         return cls(
             t_ns,
             np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s),
-            np.abs(values(excitation, "speed_x_m_s")),
+            np.abs(column_values(excitation, "speed_x_m_s")),
             find_standing_samples(excitation),
             excitation["phase"].is_not_null().to_numpy(),
         )
@@ -200,7 +200,7 @@ def add_dump_times(
     """
     t_ns = excitation["t_ns"].to_numpy()
     stands, stops = find_standing_samples(excitation), is_creeping(excitation)
-    boom = values(aligned, "boom_rad")
+    boom = column_values(aligned, "boom_rad")
     for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
         ready = _when_last_loaded_ns(cycle, passes)
         over = [int(ns) for ns in passes.start_ns[np.searchsorted(passes.start_ns, ready) :][:1]]
@@ -218,7 +218,7 @@ def add_dump_times(
         first, last = np.searchsorted(t_ns, [ready, empty])
         part = slice(first, last + 1)
         if dumped:
-            cycle.dump_ns = _extend_to_stands(dumped[0][:2], stands[part], t_ns[part])
+            cycle.dump_ns = _extend_to_standstills(dumped[0][:2], stands[part], t_ns[part])
             cycle.dumped_ns = dumped[0].dumped_ns
             continue
         stand = _boom_stand(stands[part], boom[part], t_ns[part])
@@ -239,7 +239,7 @@ def _when_last_loaded_ns(cycle: CycleParts, passes: Passes) -> int:
     return cycle.dig_ns[1]
 
 
-def _extend_to_stands(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple[int, int]:
+def _extend_to_standstills(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple[int, int]:
     """Extend a span to include the standstills at its ends."""
     first, last = (int(k) for k in np.searchsorted(t_ns, span))
     last = min(last, t_ns.size - 1)
@@ -340,7 +340,7 @@ def summarise_shift_motion(
     )
 
 
-def find_idle_stands(excitation: pl.DataFrame) -> list[tuple[int, int]]:
+def find_idle_standstills(excitation: pl.DataFrame) -> list[tuple[int, int]]:
     """Stands longer than `IDLE_S`: first and last sample in ns, in order of time."""
     if excitation.is_empty():
         return []

@@ -30,10 +30,10 @@ from analysis.cycles.haul_spillage import subtract_spillage
 from analysis.cycles.load_passes import NO_PASSES, Passes, find_load_passes
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
-from analysis.model.schema import FRAMES, build
-from analysis.model.uncertainty_sources import combine, unknown_scale
+from analysis.model.schema import FRAMES, build_frame
+from analysis.model.uncertainty_sources import combined_u, unknown_scale
 from analysis.model.verdict import Verdict
-from analysis.weighing.empty_mass_datum import Datum, EmptyMachine, payload_sources
+from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine, payload_sources
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Floats
 
@@ -124,8 +124,8 @@ def weigh_cycles(
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
     empty = empty_machine(weighing, machine, found)
     withheld = withheld or (empty.contradiction if empty else "")
-    share = _tare_share(found)
-    worth = shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
+    share = _weight_of_tare_before(found)
+    worth = shared_uncertainty(weighing, machine, found, _total_weights(found, parts, share), empty)
     clean = clean_bucket_mass_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
@@ -158,7 +158,7 @@ def _cycle_frame(rows: list[dict[str, object]]) -> pl.DataFrame:
     columns = {
         c.name: pl.Series([row.get(c.name) for row in rows], dtype=c.dtype) for c in declared
     }
-    return build("cycles", columns)
+    return build_frame("cycles", columns)
 
 
 def _list_cycle_times(part: CycleParts, ready_ns: int) -> dict[str, object]:
@@ -223,7 +223,7 @@ def _make_payload_row(
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
     weights = pass_weights(part, share, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
-    random_kg = float(np.sqrt(weights**2 @ passes.u_kg**2 + _carried_kg2(part, passes, share)))
+    random_kg = float(np.sqrt(weights**2 @ passes.u_kg**2 + _carry_back_kg2(part, passes, share)))
     row |= {
         "tare_before_1": 0.0 if part.before is None else -float(weights[part.before]),
         "payload_kg": payload_kg,
@@ -283,7 +283,7 @@ def pass_weights(part: CycleParts, share: Floats, count: int) -> Floats:
     return weights
 
 
-def _tare_share(passes: Passes) -> Floats:
+def _weight_of_tare_before(passes: Passes) -> Floats:
     """Minimum-variance weight of the empty pass before each loaded pass, (passes,)."""
     share = np.full(passes.mass_kg.size, 0.5)
     empties = np.flatnonzero(~passes.loaded)
@@ -296,7 +296,7 @@ def _tare_share(passes: Passes) -> Floats:
     return share
 
 
-def _carried_kg2(part: CycleParts, passes: Passes, share: Floats) -> float:
+def _carry_back_kg2(part: CycleParts, passes: Passes, share: Floats) -> float:
     """Variance of a payload due to a different carry-back before it, in kg²."""
     variance = 2.0 * carry_back_variance(passes)
     if part.loaded is None:
@@ -308,7 +308,7 @@ def _carried_kg2(part: CycleParts, passes: Passes, share: Floats) -> float:
     return variance * (before**2 + after**2)
 
 
-def _sum_weights(passes: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
+def _total_weights(passes: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
     """Weights of the passes in the sum of all payloads, (passes,)."""
     whole = [p for p in parts if p.loaded is not None and (p.before, p.after) != (None, None)]
     weights = [pass_weights(part, tare, passes.mass_kg.size) for part in whole]
@@ -368,7 +368,7 @@ def shared_uncertainty(
 
 
 def common_uncertainty(
-    weighing: Weighing, machine: Machine, passes: Passes, weights: Floats, datum: Datum | None
+    weighing: Weighing, machine: Machine, passes: Passes, weights: Floats, datum: EmptyDatum | None
 ) -> _CommonUncertainty:
     """Uncertainty common to the uncalibrated payloads, with the fit's correlations.
 
@@ -381,8 +381,8 @@ def common_uncertainty(
     sources = payload_sources(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
     total_kg = max(abs(float(weights @ passes.mass_kg)), 1e-9)
-    kept = (combine(sources, "random") / by_1) ** 2 - float(weights**2 @ passes.u_kg**2)
-    common = combine(sources, "common", "scale") / by_1
+    kept = (combined_u(sources, "random") / by_1) ** 2 - float(weights**2 @ passes.u_kg**2)
+    common = combined_u(sources, "common", "scale") / by_1
     names = {term.source or term.name for term in fit.terms}
     other = [s for s in sources if s.kind != "random" and s.name not in names]
     masses = slice(0, fit.count)
@@ -393,7 +393,7 @@ def common_uncertainty(
         empty = -datum.by_kg * share / share.sum()
     return _CommonUncertainty(
         float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,
-        combine(other) / by_1 / total_kg,
+        combined_u(other) / by_1 / total_kg,
         fit.term_responses @ of_states,
         covariance - np.diag(passes.u_kg**2),
         empty,

@@ -13,7 +13,7 @@ import polars as pl
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.machine import Body, Machine
 from analysis.model.physical_units import NS_PER_S
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
 from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import rolling_fraction
@@ -75,7 +75,7 @@ class EnergySamples:
     fuel_L_h: Floats | None = None
 
 
-def energy_samples(
+def collect_energy_samples(
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
     digging: pl.DataFrame,
@@ -97,7 +97,7 @@ def energy_samples(
     t_ns = aligned["t_ns"].to_numpy()
     step_s = np.diff(t_ns, append=t_ns[-1:]) / NS_PER_S
     step_s = np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s)
-    speed = values(aligned, "speed_x_m_s")
+    speed = column_values(aligned, "speed_x_m_s")
     force = longitudinal_force(aligned, machine.machine)
     acceleration = regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
@@ -132,7 +132,7 @@ def energy_samples(
         drives,
         drives & digs,
         moves & ~drives & ~turns & ~digs,
-        values(aligned, "fuel_rate_L_h") if "fuel_rate_L_h" in aligned.columns else None,
+        column_values(aligned, "fuel_rate_L_h") if "fuel_rate_L_h" in aligned.columns else None,
     )
 
 
@@ -182,14 +182,14 @@ def subtract_braked_drive(
     return replace(samples, drives=samples.drives & ~braked, slows=samples.slows | braked)
 
 
-def undelayed_drive(samples: EnergySamples, force_late_s: float) -> EnergySamples:
+def advance_drive(samples: EnergySamples, force_late_s: float) -> EnergySamples:
     """Shift the driving stretches from the time of measurement to the time of action."""
     sampled = samples.step_s[samples.step_s > 0.0]
     rows = round(force_late_s / float(np.median(sampled))) if sampled.size else 0
-    return shift_drive_in_time(samples, -rows)
+    return delay_drive(samples, -rows)
 
 
-def shift_drive_in_time(samples: EnergySamples, rows: int) -> EnergySamples:
+def delay_drive(samples: EnergySamples, rows: int) -> EnergySamples:
     """Delay the driving stretches by a number of rows.
 
     A motor releases gradually, so the end of its force is known to half the moving mean at best.
@@ -209,7 +209,7 @@ def centred_motion(excitation: pl.DataFrame, machine: Machine) -> tuple[Floats, 
 
 def _centred_mean(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
     """Column after the trailing mean, advanced by half its length, (n,); 0 where unknown."""
-    return np.roll(np.nan_to_num(values(excitation, name)), -excitation_delay_rows(machine))
+    return np.roll(np.nan_to_num(column_values(excitation, name)), -excitation_delay_rows(machine))
 
 
 def _mark_phase(excitation: pl.DataFrame, name: str, machine: Machine, *, unknown: bool) -> Bools:
@@ -228,7 +228,7 @@ def _turning_power(aligned: pl.DataFrame, body: Body) -> Floats:
     torque = yaw_torque(aligned, body)
     if torque is None or "yaw_rate_rad_s" not in aligned.columns:
         return np.zeros(aligned.height)
-    return np.nan_to_num(torque * values(aligned, "yaw_rate_rad_s"))
+    return np.nan_to_num(torque * column_values(aligned, "yaw_rate_rad_s"))
 
 
 #: Seconds of an hour: fuel rates are by the hour.
@@ -327,19 +327,21 @@ def integrate_phases(
     }
     edges = rows_of_each_phase(samples, spans)
 
-    def over(x: Floats, samples_of_set: Bools) -> Floats:
+    def integrate_samples(x: Floats, samples_of_set: Bools) -> Floats:
         total = np.append(0.0, np.cumsum(np.where(samples_of_set, x, 0.0)))
         return total[edges[:, 1]] - total[edges[:, 0]]
 
-    def integrals(samples_of_set: Bools) -> EnergyIntegrals:
-        return EnergyIntegrals({name: over(by_term[name], samples_of_set) for name in _TERMS})
+    def integrate_terms(samples_of_set: Bools) -> EnergyIntegrals:
+        return EnergyIntegrals(
+            {name: integrate_samples(by_term[name], samples_of_set) for name in _TERMS}
+        )
 
     return PhaseIntegrals(
-        integrals(samples.drives),
-        integrals(samples.digs),
-        integrals(samples.slows),
-        over((mass_kg + rotating_kg) * gained, samples.drives),
-        over(samples.turning_W * step_s, samples.drives),
+        integrate_terms(samples.drives),
+        integrate_terms(samples.digs),
+        integrate_terms(samples.slows),
+        integrate_samples((mass_kg + rotating_kg) * gained, samples.drives),
+        integrate_samples(samples.turning_W * step_s, samples.drives),
     )
 
 

@@ -11,7 +11,7 @@ from analysis.cycles.boom_dumps import find_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.energy_integrals import MotionErrors
 from analysis.model.machine import Machine
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.model.settings import PriorSettings
 from analysis.model.windows import runs_of_flagged_samples
 from analysis.weighing.friction_warming import WARMING
@@ -67,12 +67,12 @@ def fitted_force(
     rows = frames["nuisances"].select("term", "posterior", "posterior_std", "prior_std")
     term = {name: (value, std, prior) for name, value, std, prior in rows.iter_rows()}
 
-    def of(name: str) -> tuple[float, float]:
+    def term_value_and_std(name: str) -> tuple[float, float]:
         value, std, _ = term.get(name, (0.0, 0.0, 0.0))
         return value, std
 
-    const, const_u = of("const")
-    offset, offset_u = of("offset")
+    const, const_u = term_value_and_std("const")
+    offset, offset_u = term_value_and_std("offset")
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
     wrong_N = priors.const_share * _find_largest_force(excitation)
@@ -82,22 +82,22 @@ def fitted_force(
     # none of them has what grows with the load, which is therefore uncertain
     loaded_1 = float(np.quantile(mass_kg, 0.9) / np.quantile(mass_kg, 0.1)) - 1.0
     const_u, direction_u, viscous_u = (
-        float(np.hypot(std, loaded_1 * np.hypot(*of(f"weight_{name}"))))
+        float(np.hypot(std, loaded_1 * np.hypot(*term_value_and_std(f"weight_{name}"))))
         for name, std in (
             ("const", const_u),
-            ("direction", of("direction")[1]),
+            ("direction", term_value_and_std("direction")[1]),
             ("viscous", viscous[1]),
         )
     )
     pairs = {
-        "transfer": of("load_transfer"),
-        "gain_drift": of("gain_drift"),
+        "transfer": term_value_and_std("load_transfer"),
+        "gain_drift": term_value_and_std("gain_drift"),
         "const": (const, const_u),
         "offset": _combine_offsets((wrong_1 * const + offset, offset_u), excitation, mass_kg),
         "viscous": (viscous[0], viscous_u),
-        **{name: of(name) for name in WARMING},
-        "direction": (of("direction")[0], direction_u),
-        "quadratic": of("quadratic"),
+        **{name: term_value_and_std(name) for name in WARMING},
+        "direction": (term_value_and_std("direction")[0], direction_u),
+        "quadratic": term_value_and_std("quadratic"),
     }
     value = ForceModel(**{name: pair[0] for name, pair in pairs.items()})
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
@@ -123,7 +123,7 @@ def undetermined_coulomb(
 def _find_largest_force(excitation: pl.DataFrame) -> float:
     """Large quantile of the log's force, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
-    pushed_N = np.abs(values(driving, "force_x_N"))
+    pushed_N = np.abs(column_values(driving, "force_x_N"))
     return float(np.nanquantile(pushed_N, 0.95)) if pushed_N.size else 0.0
 
 
@@ -155,7 +155,7 @@ def standing_offset(excitation: pl.DataFrame, mass_kg: Floats) -> tuple[float, f
         None if there are too few standstills.
     """
     force, acceleration = (
-        values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
+        column_values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
     )
     means: list[tuple[float, float]] = []
     for begin, end in zip(*runs_of_flagged_samples(find_standing_samples(excitation)), strict=True):
@@ -195,11 +195,12 @@ def fitted_motion_errors(
     return MotionErrors(*(v for v, _ in pairs)), MotionErrors(*(u for _, u in pairs))
 
 
-def change_each_term(values: Terms, stds: Terms) -> list[Terms]:
+def change_each_term(column_values: Terms, stds: Terms) -> list[Terms]:
     """Copies of the values, each with one term changed by its standard uncertainty."""
-    names = [each.name for each in fields(values) if getattr(stds, each.name)]
+    names = [each.name for each in fields(column_values) if getattr(stds, each.name)]
     return [
-        replace(values, **{name: getattr(values, name) + getattr(stds, name)}) for name in names
+        replace(column_values, **{name: getattr(column_values, name) + getattr(stds, name)})
+        for name in names
     ]
 
 

@@ -12,12 +12,12 @@ from analysis.cycles.energy_integrals import (
     MotionErrors,
     PhaseIntegrals,
     PhaseSpan,
+    advance_drive,
     centred_motion,
-    energy_samples,
+    collect_energy_samples,
     excitation_delay_rows,
     integrate_phases,
     subtract_braked_drive,
-    undelayed_drive,
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
@@ -83,12 +83,12 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
     """Collect samples, masses and force of a log from the joint fit."""
     grids = frames["aligned"], frames["excitation"], frames["digging"]
     cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
-    mass_kg = _machine_and_load_mass_kg(energy_samples(*grids, machine), cycles, manoeuvres)
+    mass_kg = _machine_and_load_mass_kg(collect_energy_samples(*grids, machine), cycles, manoeuvres)
     model, model_u = fitted_force(frames, mass_kg, machine.settings.priors)
     errors, errors_u = fitted_motion_errors(frames["nuisances"], model, machine)
-    samples = energy_samples(*grids, machine, model.offset)
+    samples = collect_energy_samples(*grids, machine, model.offset)
     mass_kg = _machine_and_load_mass_kg(samples, cycles, manoeuvres)
-    samples = undelayed_drive(samples, errors.force_late_s)
+    samples = advance_drive(samples, errors.force_late_s)
     friction = model.viscous, model.direction
     by_accelerometer = machine.settings.forces.acceleration == "specific_force"
     return FittedDrive(

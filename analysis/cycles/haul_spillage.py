@@ -15,7 +15,7 @@ from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
 from analysis.model.machine import Body
-from analysis.model.schema import conform, values
+from analysis.model.schema import column_values, conform_to_schema
 from estimators.arrays import Floats
 
 #: Columns that are in proportion to the payload.
@@ -84,7 +84,7 @@ def subtract_spillage_from_payloads(cycles: pl.DataFrame) -> pl.DataFrame:
         (common**2 + added_kg**2).sqrt(), (shared**2 + added_kg**2).sqrt()
     )
     u_kg = (pl.col("payload_u_random_kg") ** 2 + common**2).sqrt()
-    return conform("cycles", widened.with_columns(payload_u_kg=u_kg))
+    return conform_to_schema("cycles", widened.with_columns(payload_u_kg=u_kg))
 
 
 def _weighing_progress(
@@ -98,7 +98,7 @@ def _weighing_progress(
     t_ns = excitation["t_ns"].to_numpy()
     moves = (excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     driven = np.cumsum(moves).astype(np.float64)
-    weight = np.square(np.nan_to_num(values(excitation, "regressor_acc_x_m_s2")))
+    weight = np.square(np.nan_to_num(column_values(excitation, "regressor_acc_x_m_s2")))
     sums, moments = (np.append(0.0, np.cumsum(x)) for x in (weight, weight * driven))
     first, last = (
         np.searchsorted(t_ns, manoeuvres[name].to_numpy()) for name in ("start_t_ns", "end_t_ns")

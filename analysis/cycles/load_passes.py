@@ -96,16 +96,16 @@ def find_load_passes(
         of_state = _reclassify_at_dumps(of_state, begin, end, digs, dumps)
     one_filling_ns = _longest_filling_step_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
-    parts[_refill_places(of_state, begin, end, digs, dumps, one_filling_ns)] = True
+    parts[_find_refill_borders(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
-        parts[_dump_places(of_state, begin, end, dumps)] = True
+        parts[_find_dump_borders(of_state, begin, end, dumps)] = True
     hauls_nothing = find_short_hauls(of_state, parts, begin, end, digs)
     of_state = of_state & ~hauls_nothing
     parts = (np.diff(of_state) != 0) | (parts & of_state[1:])
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
-    dumping = _is_dumping(begin, end, dumps)
+    dumping = _mark_creeping_dumps(begin, end, dumps)
     spilled = carries_spilled_load(of_state & ~dumping, of, state, mass_kg, u_kg)
     no_mass = dumping | spilled | hauls_nothing | ~are_masses_possible(mass_kg)[state]
     left = np.where(no_mass, 0.0, weight)
@@ -174,7 +174,7 @@ def _longest_filling_step_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.Dat
     return min(LIMITS.one_filling_ns, int(LIMITS.one_filling_cycles * float(np.median(apart))))
 
 
-def _refill_places(
+def _find_refill_borders(
     loaded: Bools,
     begin: Ints,
     end: Ints,
@@ -227,7 +227,7 @@ def _reclassify_at_dumps(
     return moved
 
 
-def _dump_places(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> list[int]:
+def _find_dump_borders(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> list[int]:
     """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""
     return [
         k
@@ -236,7 +236,7 @@ def _dump_places(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> lis
     ]
 
 
-def _is_dumping(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
+def _mark_creeping_dumps(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
     """Mark manoeuvres that creep while dumping, (manoeuvres,); a changing load has no mass."""
     dumped = np.array([each.dumped_ns for each in dumps.dumps], np.int64)
     return np.searchsorted(dumped, begin) < np.searchsorted(dumped, end, "right")

@@ -20,7 +20,7 @@ from analysis.cycles.cycles_without_mass import (
 )
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.model.physical_units import NS_PER_S
-from analysis.model.schema import FRAMES, build
+from analysis.model.schema import FRAMES, build_frame
 from analysis.model.windows import runs_of_flagged_samples
 
 _NO_SCALE: Final = ShiftScale()
@@ -90,7 +90,7 @@ def sum_shift(
     }
     row |= total_payload(row)
     declared = FRAMES["shift"].columns
-    return build("shift", {c.name: pl.Series([row[c.name]], dtype=c.dtype) for c in declared})
+    return build_frame("shift", {c.name: pl.Series([row[c.name]], dtype=c.dtype) for c in declared})
 
 
 def recount_shift(

@@ -14,11 +14,11 @@ import numpy as np
 import polars as pl
 
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
-from analysis.diagnosis.measured_channels import Signals
+from analysis.diagnosis.measured_channels import RawSignals
 from analysis.diagnosis.side_comparison import SideDifference, side_differences
 from analysis.model.axes import Z, available_axes, spin_regressor, straight_regressor
 from analysis.model.machine import Machine
-from analysis.model.uncertainty_sources import combine
+from analysis.model.uncertainty_sources import combined_u
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import yaw_speeding_sign
 from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, factors_without_uncertainty
@@ -84,7 +84,9 @@ class EmptyMassDifference:
     def text(self) -> str:
         """The factor and its possible causes, as text."""
         scale = (
-            "" if self.scale_known else ", with 10 % for a scale that the machine file leaves open"
+            ""
+            if self.scale_known
+            else ", with 10 % for the scale, whose uncertainty the machine file does not state"
         )
         payload = "" if self.difference_in_u < 0.0 or self.empty_known else "a payload, or "
         return (
@@ -172,7 +174,7 @@ class CheckInputs:
     gated: pl.DataFrame
     machine: Machine
     weighing: Weighing | None = None
-    signals: Signals | None = None
+    signals: RawSignals | None = None
     totals: pl.DataFrame | None = None
     t0_unix_ns: int = 0
     noise: pl.DataFrame | None = None
@@ -255,11 +257,11 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
     mass_kg = float(fit.masses_kg[lightest])
     unknown = bool(factors_without_uncertainty(sources))
     scale_kg = UNKNOWN_SCALE * abs(mass_kg) if unknown else 0.0
-    u_kg = float(np.linalg.norm([combine(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
+    u_kg = float(np.linalg.norm([combined_u(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:
         return None
     # the lightest of several is light by chance as well
-    by_chance_kg = combine(sources, "random") * float(np.sqrt(2.0 * np.log(fit.count)))
+    by_chance_kg = combined_u(sources, "random") * float(np.sqrt(2.0 * np.log(fit.count)))
     named = machine.settings.loads.empty_from_s is not None
     return EmptyMassDifference(
         mass_kg + by_chance_kg - body.rotating_mass_kg,

@@ -17,7 +17,7 @@ from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.model.axes import X
 from analysis.model.machine import Machine
-from analysis.model.schema import build, values
+from analysis.model.schema import build_frame, column_values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
@@ -47,16 +47,22 @@ def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
     judged = [(row, motion) for row in CHECKS if (motion := motions[row.about]) is not None]
     limits = machine.settings.verdict.model_dump()
 
-    def numbers(each: list[float | None]) -> pl.Series:
+    def float_series(each: list[float | None]) -> pl.Series:
         return pl.Series(each, dtype=pl.Float64)
 
     frame = pl.DataFrame(
         {
             "check": [row.name for row, _ in judged],
             "about": [row.about for row, _ in judged],
-            "value": numbers([row.number(inputs, motion) for row, motion in judged]).fill_nan(None),
-            "minimum": numbers([limits[row.minimum] if row.minimum else None for row, _ in judged]),
-            "maximum": numbers([limits[row.maximum] if row.maximum else None for row, _ in judged]),
+            "value": float_series([row.number(inputs, motion) for row, motion in judged]).fill_nan(
+                None
+            ),
+            "minimum": float_series(
+                [limits[row.minimum] if row.minimum else None for row, _ in judged]
+            ),
+            "maximum": float_series(
+                [limits[row.maximum] if row.maximum else None for row, _ in judged]
+            ),
             "meaning": [row.describe_number(inputs, motion) for row, motion in judged],
             "consequence": [row.consequence_in_log(inputs, motion) for row, motion in judged],
             "remedy": [row.remedy for row, _ in judged],
@@ -69,7 +75,7 @@ def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
     optional = pl.Series([row.optional for row, _ in judged], dtype=pl.Boolean)
     told = frame["value"].is_finite().fill_null(value=False)
     passed = pl.when(applies & (told | ~optional)).then(inside.fill_null(False))
-    return build("verdict", frame.with_columns(passed=passed).to_dict())
+    return build_frame("verdict", frame.with_columns(passed=passed).to_dict())
 
 
 def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
@@ -77,6 +83,7 @@ def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
 
 
 def _correlation_while_driving(inputs: CheckInputs, motion: AxisMotion) -> float:
+    """Partial correlation; NaN if the machine moves too briefly."""
     rate_hz = inputs.machine.settings.align.rate_hz
     fewest = rows_in_duration(_SHORTEST_MOVING_S, rate_hz, FEWEST_READINGS)
     few = np.count_nonzero(motion.moving) < fewest
@@ -93,19 +100,21 @@ def _explained_force_variance(_: CheckInputs, motion: AxisMotion) -> float:
 
 
 def _opposing_share(_: CheckInputs, motion: AxisMotion) -> float:
+    """Fraction of decelerating samples whose force opposes the motion."""
     return 1.0 - fit_quality.share_along_motion(motion.speed, motion.f, motion.braking)
 
 
 def _driving_share(_: CheckInputs, motion: AxisMotion) -> float:
+    """Fraction of accelerating samples whose force acts along the motion."""
     return fit_quality.share_along_motion(motion.speed, motion.f, motion.speeding)
 
 
 def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Slope of the accelerometer against the wheels' acceleration in straight motion."""
     used = motion.known & inputs.is_phase("accelerating", "cruising", "braking")
-    measured = values(inputs.excitation, "specific_force_x_m_s2")
+    measured = column_values(inputs.excitation, "specific_force_x_m_s2")
     imu = average_like_speed_rate(measured, inputs.machine.settings)
-    rate = values(inputs.excitation, "speed_rate_x_m_s2")
+    rate = column_values(inputs.excitation, "speed_rate_x_m_s2")
     return fit_quality.regression_slope(rate, imu, used, rate_noise_variance(inputs))
 
 
@@ -131,11 +140,13 @@ def _empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
 
 
 def _empty_mass_shortfall_u(inputs: CheckInputs, _: AxisMotion) -> float:
+    """How far the lightest load is below the empty mass, in u."""
     found = inputs.empty_mass
     return np.nan if found is None else -found.difference_in_u
 
 
 def _empty_mass_difference_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
+    """Distance from the empty mass in u; NaN if another check covers it."""
     found = inputs.empty_mass
     if found is None or not found.can_test_scale:
         return np.nan
@@ -145,6 +156,7 @@ def _empty_mass_difference_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
 
 
 def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
+    """Text on the ratio to the empty mass, if it is beyond its limit."""
     found = inputs.empty_mass
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
     far = found is not None and found.can_test_scale and abs(found.difference_in_u) > limit_u
@@ -152,12 +164,12 @@ def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
 
 
 def _spin_centre(inputs: CheckInputs, motion: AxisMotion) -> float:
-    x, y = (values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
+    x, y = (column_values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
     return fit_quality.centre_offset(x, y, motion.speed, motion.A[:, 0], motion.known)
 
 
 @dataclass(frozen=True, slots=True)
-class AxisWords:
+class AxisQuantityNames:
     """Names of an axis' quantities in the texts of its checks."""
 
     prefix: str
@@ -168,7 +180,7 @@ class AxisWords:
     moves: str
 
 
-def model_checks(about: EvidenceSubject, words: AxisWords) -> tuple[CheckRow, ...]:
+def model_checks(about: EvidenceSubject, words: AxisQuantityNames) -> tuple[CheckRow, ...]:
     """Checks of every axis: whether its model fits the moving samples."""
     force, moves = words.force, words.moves
     return (
@@ -227,7 +239,9 @@ CHECKS: Final = (
         optional=True,
         remedy="the sign is inverted: scale = -1 in channels.force_x_N, or of both torques",
     ),
-    *model_checks("mass", AxisWords("", "acceleration", "speed", "mass", "force", "motion")),
+    *model_checks(
+        "mass", AxisQuantityNames("", "acceleration", "speed", "mass", "force", "motion")
+    ),
     CheckRow(
         "acceleration_gain",
         "mass",
@@ -280,7 +294,7 @@ CHECKS: Final = (
     *SIGNAL_CHECKS,
     *model_checks(
         "inertia",
-        AxisWords("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin"),
+        AxisQuantityNames("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin"),
     ),
     CheckRow(
         "spin_centre",
@@ -310,7 +324,7 @@ def withhold_by_findings(
         `verdict` with one more row, after those of the mass.
     """
     # a cause of what is withheld already is said once, by its finding
-    is_open = Verdict.of(judged).can_weigh
+    is_open = Verdict.from_frame(judged).can_weigh
     grave = findings.filter(pl.col("severity") == "withhold", pl.lit(is_open))
     most = machine.settings.verdict.causes_max
     names = ", ".join(name.replace("_", " ") for name in grave["cause"])
@@ -330,4 +344,4 @@ def withhold_by_findings(
     of_mass = judged.filter(pl.col("about") == "mass").height
     parts = [judged.head(of_mass), row.select(judged.columns), judged.tail(judged.height - of_mass)]
     cast = [part.cast(dict(judged.schema)) for part in parts]  # type: ignore[arg-type]
-    return build("verdict", pl.concat(cast).to_dict())
+    return build_frame("verdict", pl.concat(cast).to_dict())

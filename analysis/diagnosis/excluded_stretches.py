@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis.measured_channels import Signals, Spans
+from analysis.diagnosis.measured_channels import RawSignals, Spans
 from analysis.model.machine import Machine
 from analysis.model.verdict_limits import VerdictLimits
 from analysis.model.windows import flagged_windows
@@ -74,7 +74,7 @@ class RefitWithoutStretches:
 
 
 def refit_without_stretches(
-    signals: Signals,
+    signals: RawSignals,
     grid: tuple[pl.DataFrame, int],
     gated: pl.DataFrame,
     machine: Machine,
@@ -115,13 +115,13 @@ def refit_without_stretches(
 
 
 def _stretches_of_failing_checks(
-    signals: Signals, limits: VerdictLimits
+    signals: RawSignals, limits: VerdictLimits
 ) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
     """Name, stretches by channel, and rejection reason of each failing check."""
     if signals.frozen_s > limits.frozen_max_s:
-        yield "frozen", signals.frozen, "gap"  # what is frozen was not measured
+        yield "frozen", signals.frozen_spans, "gap"  # what is frozen was not measured
     if signals.clipped_share > limits.clipped_max:
-        yield "clipped", signals.at_limit, "saturated"
+        yield "clipped", signals.clipped_spans, "saturated"
 
 
 def _is_weighed(weighing: Weighing) -> Bools:
@@ -131,6 +131,7 @@ def _is_weighed(weighing: Weighing) -> Bools:
 
 
 def _mass_shift_u(whole: Weighing, without: Weighing | None) -> float:
+    """Change of the mass without the stretches, in its uncertainty."""
     if without is None:
         return np.inf
     moved_u = abs(mean_difference_kg(without.fit, whole.fit)) / without.fit.u_kg

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.method_disagreement import compare_methods_with_joint_fit
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.weighing.mass_budget import relative_u
 from analysis.weighing.other_motion import wheel_imu_disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
@@ -18,6 +18,8 @@ from analysis.weighing.wheel_kinematics import WheelKinematics
 def _make_weighing_value(
     quantity: Callable[[Weighing], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
+    """Number of a check, computed from the joint fit; NaN without one."""
+
     def compute_value(inputs: CheckInputs, _: AxisMotion) -> float:
         return np.nan if inputs.weighing is None else quantity(inputs.weighing)
 
@@ -27,6 +29,8 @@ def _make_weighing_value(
 def _make_wheel_value(
     quantity: Callable[[WheelKinematics], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
+    """Number of a check, computed from wheels against accelerometer."""
+
     def compute_value(inputs: CheckInputs, _: AxisMotion) -> float:
         wheels = None if inputs.weighing is None else inputs.weighing.fit.kinematics
         return np.nan if wheels is None else quantity(wheels)
@@ -65,20 +69,24 @@ def _name_farthest_term(inputs: CheckInputs, _: AxisMotion) -> str:
 
 
 def _friction_t_value(weighing: Weighing) -> float:
+    """Viscous friction over its standard deviation."""
     value, std = weighing.fit.friction
     return value / std
 
 
 def _braking_mass_share(weighing: Weighing) -> float:
+    """Change of the mass by braking, over the mass."""
     return abs(weighing.braking_kg) / abs(weighing.fit.mass_kg)
 
 
 def _between_manoeuvre_scatter(weighing: Weighing) -> float:
+    """Scatter of manoeuvres over that which their noise explains."""
     states = weighing.fit.states
     return np.nan if states is None else states.birge_ratio
 
 
 def _mass_shift_by_other_motion_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
+    """Mass change if wheels and accelerometer swap roles, in u."""
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
     return None if other is None else other.mass_shift_u
@@ -102,7 +110,7 @@ def _gating_bias_u(inputs: CheckInputs, motion: AxisMotion) -> float:
     if inputs.totals is None or inputs.position_dependent_force is not None:
         return np.nan
     pooled = inputs.totals.filter(inputs.totals["method"] == "pooled")
-    mass_kg, std_kg = (values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
+    mass_kg, std_kg = (column_values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
     if not mass_kg.size:
         return np.nan
     mean_difference_kg = abs(mass_kg[0] - motion.fit.value)

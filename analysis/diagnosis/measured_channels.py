@@ -59,7 +59,7 @@ class RepeatedReading(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Signals:
+class RawSignals:
     """Raw channels.
 
     Attributes:
@@ -89,7 +89,7 @@ class Signals:
         }
 
     @cached_property
-    def limits(self) -> dict[str, dict[float, float]]:
+    def force_limits(self) -> dict[str, dict[float, float]]:
         """Limits of each force channel, and the fraction of its readings at each.
 
         Readings that accumulate at an extreme, or return to one value for long, indicate a clipping
@@ -105,13 +105,13 @@ class Signals:
         }
 
     @cached_property
-    def frozen(self) -> dict[str, Spans]:
+    def frozen_spans(self) -> dict[str, Spans]:
         """Spans in ns in which a force or motion channel is frozen, limits excluded, by channel."""
         return {
             name: [
                 (run.begin_ns, run.end_ns)
                 for run in runs
-                if run.value not in self.limits.get(name, {})
+                if run.value not in self.force_limits.get(name, {})
             ]
             for name, runs in self._repeated_readings.items()
         }
@@ -132,31 +132,31 @@ class Signals:
     @property
     def frozen_s(self) -> float:
         """Total duration in s of frozen force or motion channels."""
-        spans = self.frozen.values()
+        spans = self.frozen_spans.values()
         return max((sum(end - begin for begin, end in each) / 1e9 for each in spans), default=0.0)
 
     @cached_property
-    def clipped(self) -> dict[str, tuple[float, float]]:
+    def clipping(self) -> dict[str, tuple[float, float]]:
         """Largest fraction of readings at one limit, and that limit, by force channel."""
         nothing = (0.0, float("nan"))
         return {
             name: max(((share, at) for at, share in found.items()), default=nothing)
-            for name, found in self.limits.items()
+            for name, found in self.force_limits.items()
         }
 
     @cached_property
-    def at_limit(self) -> dict[str, Spans]:
+    def clipped_spans(self) -> dict[str, Spans]:
         """Spans in ns in which a force channel stays at a limit, by channel."""
         return {
             name: _find_spans_at_limits(list(found), *self.channels[name])
-            for name, found in self.limits.items()
+            for name, found in self.force_limits.items()
             if found
         }
 
     @property
     def clipped_share(self) -> float:
         """Largest fraction of a force channel's readings at its limit."""
-        return max((share for share, _ in self.clipped.values()), default=0.0)
+        return max((share for share, _ in self.clipping.values()), default=0.0)
 
     def interpolate_force_at(self, unix_ns: Ints) -> Floats | None:
         """Interpolate the unfiltered force, or the sum of both torques; None if it is derived."""
@@ -166,7 +166,9 @@ class Signals:
         return np.sum([_interpolate_at(*self.channels[name], unix_ns) for name in names], axis=0)
 
 
-def measured_signals(raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]) -> Signals:
+def collect_raw_signals(
+    raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]
+) -> RawSignals:
     """Collect the raw channels of a log.
 
     Args:
@@ -174,7 +176,7 @@ def measured_signals(raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Ser
         channels: readings as `analysis.stages.signals.derive.measured` returns them.
     """
     span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
-    return Signals(channels, relative_drift(clock_drifts(raw)), span_ns / 1e9)
+    return RawSignals(channels, relative_drift(clock_drifts(raw)), span_ns / 1e9)
 
 
 def _interpolate_at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
@@ -221,10 +223,11 @@ def _intersect_spans(some: Spans, others: Spans) -> Spans:
 
 
 def _find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
+    """Stretches in which a channel repeats itself while others change."""
     t, x = channels[name]
     runs, never = find_long_runs(t, x)
     if runs and float(np.ptp(x)) == 0.0:
-        return runs if _is_dead(name, channels) else []
+        return runs if _should_have_changed(name, channels) else []
     # a machine that stands has no speed, one that coasts no force
     runs = [run for run in runs if run.value != 0.0 or name == "specific_force_x_m_s2"]
     if not runs:
@@ -243,7 +246,7 @@ def _find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[R
     return runs if surely and never else surely
 
 
-def _is_dead(name: str, channels: Mapping[str, Series]) -> bool:
+def _should_have_changed(name: str, channels: Mapping[str, Series]) -> bool:
     """Whether a constant channel should have changed, since its own or the other side drives."""
     of_motion = name in _MOTION
     speeds = [x for key, (_, x) in channels.items() if key in _SPEEDS and key != name]
@@ -285,6 +288,7 @@ def _find_clipping_levels(runs: list[RepeatedReading], x: Floats) -> dict[float,
 
 
 def _find_spans_at_limits(limits: list[float], t: Ints, x: Floats) -> Spans:
+    """Spans in ns in which most readings are at a limit."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 
     near = max(round(_NEAR_S * 1e9 / period_ns(t)), _FEWEST_RUN)

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from analysis.diagnosis.check_inputs import CheckInputs
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 
 #: So many deviations of both together contradict a method, if it matters by this share.
 _CONTRADICTS: Final = 3.0
@@ -39,7 +39,11 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     shows = shows or bool(fit.fit.misfit.any())
     shows = shows or (fit.states is not None and fit.states.scatters)
     out: list[Disagreement] = []
-    columns = (totals["method"].to_list(), values(totals, "mass_kg"), values(totals, "mass_std_kg"))
+    columns = (
+        totals["method"].to_list(),
+        column_values(totals, "mass_kg"),
+        column_values(totals, "mass_std_kg"),
+    )
     for method, mass_kg, std_kg in zip(*columns, strict=True):
         if not np.isfinite(mass_kg):
             continue

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis.measured_channels import Signals
+from analysis.diagnosis.measured_channels import RawSignals
 from analysis.model.machine import Machine
 from analysis.stages.signals.grid_rate import rows_in_duration
 from estimators.arrays import Bools, Floats
@@ -80,7 +80,7 @@ class SideDifference:
 
 
 def side_differences(
-    excitation: pl.DataFrame, signals: Signals | None, machine: Machine, t0_unix_ns: int
+    excitation: pl.DataFrame, signals: RawSignals | None, machine: Machine, t0_unix_ns: int
 ) -> Mapping[str, SideDifference]:
     """Compare the sides of a log that measures both.
 
@@ -100,7 +100,7 @@ def side_differences(
     channels = signals.channels
     t_ns = excitation["t_ns"].to_numpy()[: count * size] + t0_unix_ns
 
-    def means(name: str) -> Floats | None:
+    def block_means(name: str) -> Floats | None:
         if name not in channels or not count:
             return None
         stamps, x = channels[name]
@@ -108,20 +108,20 @@ def side_differences(
         on_grid = np.interp((t_ns - origin).astype(float), (stamps - origin).astype(float), x)
         return on_grid.reshape(count, size).mean(axis=1)
 
-    def in_phase(*names: str) -> Bools:
+    def blocks_in_phase(*names: str) -> Bools:
         inside = excitation["phase"].is_in(names).fill_null(value=False).to_numpy()
         blocks = inside[: count * size].reshape(count, size)
         return np.asarray(blocks.all(axis=1), np.bool_)
 
-    turns = means(_YAW_RATE)
-    torques = [means(name) for name in TORQUES]
-    speeds = [means(name) for name in SPEEDS]
+    turns = block_means(_YAW_RATE)
+    torques = [block_means(name) for name in TORQUES]
+    speeds = [block_means(name) for name in SPEEDS]
     straight = np.ones(count, np.bool_) if turns is None else np.abs(turns) < _STRAIGHT_RAD_S
-    driving = in_phase("accelerating", "cruising") & straight
+    driving = blocks_in_phase("accelerating", "cruising") & straight
     found: dict[str, SideDifference | None] = {}
     if torques[0] is not None and torques[1] is not None:
         turning = [] if turns is None else [turns, np.clip(turns / _SCRUBS_RAD_S, -1.0, 1.0)]
-        stands = in_phase("standstill")
+        stands = blocks_in_phase("standstill")
         ahead = _driving_direction(speeds, torques)
         found["torque"] = _torque_difference(
             torques[0], torques[1], turning, ahead, driving, stands

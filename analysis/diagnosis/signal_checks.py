@@ -41,24 +41,24 @@ def _clock_distance_s(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if inputs.signals is None else inputs.signals.clock_distance_s
 
 
-def _mass_shift_u(check: str) -> Callable[[CheckInputs, AxisMotion], float | None]:
+def _make_mass_shift(check: str) -> Callable[[CheckInputs, AxisMotion], float | None]:
     """Make a function that returns the change of the answer without a check's stretches."""
 
-    def of(inputs: CheckInputs, _: AxisMotion) -> float | None:
+    def mass_shift_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
         found = inputs.left_out.get(check)
         return None if found is None else found.moved_u
 
-    return of
+    return mass_shift_u
 
 
 def _make_refit_outcome(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
     """Make a function that describes the refit without a check's stretches."""
 
-    def of(inputs: CheckInputs, _: AxisMotion) -> str:
+    def refit_outcome(inputs: CheckInputs, _: AxisMotion) -> str:
         found = inputs.left_out.get(check)
         return "" if found is None else found.text
 
-    return of
+    return refit_outcome
 
 
 def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
@@ -69,11 +69,13 @@ def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
 
 
 def _least_torque_difference(inputs: CheckInputs, _: AxisMotion) -> float:
+    """Lower bound of the sides' torque difference; NaN without two."""
     torque = inputs.side_differences.get("torque")
     return np.nan if torque is None else torque.least_difference_1
 
 
 def _name_unequal_quantity(inputs: CheckInputs, _: AxisMotion) -> str:
+    """Quantity in which the sides differ most: torque, speed or slip."""
     worst = max(
         inputs.side_differences.values(), key=lambda each: each.least_difference_1, default=None
     )
@@ -98,7 +100,7 @@ SIGNAL_CHECKS: Final = (
         maximum="frozen_max_s",
         applies=_has_signals,
         names=_make_refit_outcome("frozen"),
-        moved_u=_mass_shift_u("frozen"),
+        moved_u=_make_mass_shift("frozen"),
         remedy="leave the stretch out, or mend the sensor",
     ),
     CheckRow(
@@ -109,7 +111,7 @@ SIGNAL_CHECKS: Final = (
         maximum="clipped_max",
         applies=_has_signals,
         names=_make_refit_outcome("clipped"),
-        moved_u=_mass_shift_u("clipped"),
+        moved_u=_make_mass_shift("clipped"),
         remedy="settings.gate.saturation_force_N: the force where the sensor clips",
     ),
     CheckRow(

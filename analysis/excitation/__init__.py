@@ -1,5 +1,5 @@
 """Experiment design: which excitation makes the estimates of a simulated machine most precise."""
 
-from analysis.excitation.excitation_design import Design, Score, design_excitation
+from analysis.excitation.excitation_design import ExcitationDesign, WaveformScore, design_excitation
 
-__all__ = ["Design", "Score", "design_excitation"]
+__all__ = ["ExcitationDesign", "WaveformScore", "design_excitation"]

@@ -81,7 +81,7 @@ class Filters:
     rate_hz: float
 
     @property
-    def margin(self) -> int:
+    def margin_samples(self) -> int:
         """Samples that the filters need before and after a window, together."""
         return self.samples + 1
 
@@ -110,6 +110,7 @@ class Filters:
 
 
 def _filter_equation_columns(raw: Floats, weights: Floats) -> Floats:
+    """Apply filter weights to a raw channel, without its ends."""
     return np.convolve(raw, weights[::-1], "valid")
 
 
@@ -119,8 +120,8 @@ def window_system(
     """System of least squares: regressor (rows, p) and right side (rows,), over the noise.
 
     Args:
-        drive: which rows and columns are fitted.
-        filters: of every channel.
+        drive: axes that are fitted, which select rows and columns.
+        filters: moving mean and difference applied to every channel.
         raw: the channels, true or noisy.
         noise: noise of one sample; only that of force and torque is used.
     """
@@ -177,7 +178,7 @@ def predict_errors(
     """Predict the errors of the mass, the yaw inertia and the centre of mass that a drive fits.
 
     Args:
-        drive: which equations are fitted.
+        drive: axes whose equations are fitted.
         filters: filters applied to every channel.
         truth: (n + margin,) the noise-free channels of the window.
         body: the machine.

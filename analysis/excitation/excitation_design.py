@@ -56,7 +56,7 @@ _ASKED: Final[dict[Drive, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True)
-class Score:
+class WaveformScore:
     """Predicted errors of one waveform, from the window that determines the parameters least.
 
     Attributes:
@@ -111,15 +111,15 @@ class Score:
 
 
 @dataclass(frozen=True)
-class Design:
+class ExcitationDesign:
     """Scores of all waveforms, and the best one that fits the yard (None if none fits)."""
 
     drive: Drive
     response_s: Mapping[str, float]
     window_s: float
     accuracy: float
-    scores: Sequence[Score]
-    best: Score | None
+    scores: Sequence[WaveformScore]
+    best: WaveformScore | None
 
     @property
     def is_reached(self) -> bool:
@@ -194,6 +194,7 @@ def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) ->
 
 
 def _settling_time_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
+    """Time in which a step certainly settles, at most an hour."""
     if friction <= 0.0:
         raise DataError(f"machine.{key}: is 0, so that a step never settles; give a value above 0")
     return min(12.0 * (inertia / friction + scenario.campaign.valve_lag_s), 3600.0)
@@ -205,7 +206,7 @@ def design_excitation(
     accuracy: float = 0.01,
     window_s: float | None = None,
     yard_m: float | None = None,
-) -> Design:
+) -> ExcitationDesign:
     """Try each waveform one way and both ways at full throttle, and score it.
 
     Args:
@@ -238,10 +239,12 @@ def design_excitation(
         for shape in get_args(Shape)
         for ways in get_args(Ways)
     ]
-    return Design(drive, response_s, window_s, accuracy, scores, best_score(scores, yard_m))
+    return ExcitationDesign(
+        drive, response_s, window_s, accuracy, scores, best_score(scores, yard_m)
+    )
 
 
-def best_score(scores: Sequence[Score], yard_m: float | None) -> Score | None:
+def best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> WaveformScore | None:
     """Score with the smallest error that fits the yard; None if none fits."""
     fitting = [score for score in scores if yard_m is None or score.reach_m <= yard_m]
     return min(fitting, key=lambda score: score.relative_error, default=None)
@@ -284,13 +287,14 @@ def _score_shape(
     response_s: Mapping[str, float],
     window_s: float,
     accuracy: float,
-) -> Score:
+) -> WaveformScore:
+    """Drive a waveform, and predict the errors in its worst window."""
     load_kg = scenario.campaign.loads_kg[0]
     manoeuvre = _make_excite_manoeuvre(scenario, drive, shape, ways, response_s)
     period_s = manoeuvre.duration_s / 2.0
     noise, rate_hz = sensor_noise_of_scenario(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
-    samples = round(window_s * rate_hz) + filters.margin
+    samples = round(window_s * rate_hz) + filters.margin_samples
     # the second period is the first that repeats; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
@@ -299,7 +303,7 @@ def _score_shape(
     truth = MeasuredSignals.from_motion(driven)
     asked = _ASKED[drive]
 
-    def worst(predictions: Mapping[str, Prediction]) -> float:
+    def largest_relative_rms(predictions: Mapping[str, Prediction]) -> float:
         return max(predictions[name].rms / predictions[name].value for name in asked)
 
     windows: list[tuple[int, MeasuredSignals, dict[str, Prediction]]] = []
@@ -307,7 +311,7 @@ def _score_shape(
         first = round(period_s * (1.0 + place / _PLACES) * rate_hz)
         part = MeasuredSignals(*(each[first : first + samples] for each in truth))
         windows.append((first, part, predict_errors(drive, filters, part, motion.body, noise)))
-    first, part, predictions = max(windows, key=lambda window: worst(window[2]))
+    first, part, predictions = max(windows, key=lambda window: largest_relative_rms(window[2]))
     repeats = slice(round(period_s * rate_hz), round(2.0 * period_s * rate_hz))
     applied = truth.torque_z_N_m if drive == "spin" else truth.force_x_N
     noisy = float(noise.torque_z_N_m if drive == "spin" else noise.force_x_N)
@@ -320,7 +324,7 @@ def _score_shape(
     least = min(known) / float(noise.force_x_N) * noisy if len(known) == len(allowed) else None
     velocity = driven.speed_x_m_s * np.exp(1j * driven.heading_rad)
     path_m = np.cumsum(velocity[: repeats.stop]) / rate_hz
-    return Score(
+    return WaveformScore(
         waveform=shape,
         ways=ways,
         manoeuvre=manoeuvre,
@@ -334,7 +338,7 @@ def _score_shape(
         snr_needed=None if least is None else varies / least,
         peak_speed_m_s=float(np.abs(driven.speed_x_m_s[repeats]).max()),
         reach_m=float(np.abs(path_m).max()),
-        relative_error=worst(predictions),
+        relative_error=largest_relative_rms(predictions),
     )
 
 

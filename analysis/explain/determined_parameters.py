@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.axes import X
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.model.settings import Settings
 from analysis.stages.noise.column_noise import ColumnNoise
 from estimators.arrays import Bools, Floats
@@ -60,10 +60,10 @@ def determine_parameters(
     Returns:
         None if there are too few samples, or their noise is unknown.
     """
-    acceleration = values(excitation, "regressor_acc_x_m_s2")
-    speed = values(excitation, "speed_x_m_s")
+    acceleration = column_values(excitation, "regressor_acc_x_m_s2")
+    speed = column_values(excitation, "speed_x_m_s")
     if "direction_x_1" in excitation.columns:
-        direction = values(excitation, "direction_x_1")
+        direction = column_values(excitation, "direction_x_1")
     else:
         direction = np.sign(speed)
     A = np.column_stack([acceleration, speed, direction, np.ones(speed.size)])

@@ -100,6 +100,7 @@ def gate_stretches(
 
 
 def _make_stretch(span: Mapping[str, Any], rows: pl.DataFrame, settings: Settings) -> GateStretch:
+    """Stretch with the median of the statistic that decided, and its limit."""
     start_s, end_s, reason = span["start"] / NS_PER_S, span["end"] / NS_PER_S, str(span["reason"])
     decides = _DECIDES.get(reason)
     if reason == "negative_dependence" and "corr_x_1" in rows.columns:

@@ -44,6 +44,7 @@ def convert_to_si(
 
 
 def _derive_dimension(tree: Call, each: list[Any], registry: Any) -> Any:
+    """Dimension of a call's result; an error if its arguments differ."""
     none = registry.dimensionless.dimensionality
     if tree.function == "*":
         return each[0] * each[1]

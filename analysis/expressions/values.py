@@ -42,7 +42,7 @@ def evaluate(tree: Expression, values: Mapping[str, Floats], size: int) -> tuple
     """
     near_zero = 0
 
-    def walk(node: Expression) -> Floats:
+    def evaluate_node(node: Expression) -> Floats:
         nonlocal near_zero
         if isinstance(node, Number):
             return np.full(size, node.value)
@@ -52,7 +52,7 @@ def evaluate(tree: Expression, values: Mapping[str, Floats], size: int) -> tuple
             (argument,) = node.arguments
             scale, name = gain_and_channel(argument)
             return scale * values[f"{SLOPE} {name}"]
-        parts = [walk(argument) for argument in node.arguments]
+        parts = [evaluate_node(argument) for argument in node.arguments]
         if node.function == "/":
             quotient, bad = _divide(parts[0], parts[1])
             near_zero += bad
@@ -60,7 +60,7 @@ def evaluate(tree: Expression, values: Mapping[str, Floats], size: int) -> tuple
         return _apply_function(node, parts)
 
     with np.errstate(over="ignore", invalid="ignore"):
-        found = walk(tree)
+        found = evaluate_node(tree)
     return np.where(np.isfinite(found), found, np.nan), near_zero
 
 

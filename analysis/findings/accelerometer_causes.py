@@ -23,7 +23,7 @@ from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_corrected
 from analysis.model.physical_units import gain_and_offset_to_si
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.motion.phases import average_like_speed_rate
 from analysis.stages.signals.grid_rate import rows_in_duration
@@ -110,11 +110,12 @@ def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list[Symptom]:
+    """Symptom of a wrong accelerometer reading at rest."""
     seen = explain_constant_force(inputs)
     error, std = seen.error_m_s2
     if not np.isfinite(error) or seen.tilt is False or lacks_gravity(inputs):
         return []
-    kind = tilt_or_bias(inputs, error)
+    kind = tell_tilt_from_bias(inputs, error)
     if kind not in kinds:
         return []
     # ground that slopes leaves no constant force, a tilt does
@@ -133,7 +134,7 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
             f"gravity: {degrees:+.2f}° {said}",
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
-            value=f"{inputs.machine.channels[ACC].offset - in_unit_of_channel(inputs, error):.5g}"
+            value=f"{inputs.machine.channels[ACC].offset - to_channel_unit(inputs, error):.5g}"
             if names
             else None,
             change=lambda: refit_corrected(
@@ -146,7 +147,7 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
     ]
 
 
-def tilt_or_bias(inputs: FindingInputs, error: float) -> str:
+def tell_tilt_from_bias(inputs: FindingInputs, error: float) -> str:
     """Tell a tilt from a bias by the z axis: a tilt reduces the gravity that z reads.
 
     Returns:
@@ -171,9 +172,9 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     ):
         return []
     settings = inputs.machine.settings
-    rate = values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
+    rate = column_values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
     ahead, left = (
-        average_like_speed_rate(values(inputs.check_inputs.excitation, name), settings)
+        average_like_speed_rate(column_values(inputs.check_inputs.excitation, name), settings)
         for name in (ACC, _Y)
     )
     used = inputs.check_inputs.is_phase("accelerating", "braking", "cruising")
@@ -264,7 +265,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
             new.append(f'"{of_channel}"' if isinstance(of_channel, str) else f"{of_channel:g}")
     pull = gravity_by_pitch(inputs)
 
-    def with_gravity(motion: MotionSamples) -> MotionSamples:
+    def add_gravity(motion: MotionSamples) -> MotionSamples:
         return replace(
             motion,
             acceleration=motion.acceleration + pull,
@@ -281,12 +282,12 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
             channel=ACC,
             setting=", ".join(keys),
             value=", ".join(new),
-            change=lambda: refit_corrected(inputs, with_gravity, min(std / abs(pitch), 1.0)),
+            change=lambda: refit_corrected(inputs, add_gravity, min(std / abs(pitch), 1.0)),
         )
     ]
 
 
-def in_unit_of_channel(inputs: FindingInputs, error: float) -> float:
+def to_channel_unit(inputs: FindingInputs, error: float) -> float:
     """Convert an acceleration from m/s² to the unit of its channel."""
     channel = inputs.machine.channels[ACC]
     if channel.unit is None:
@@ -342,13 +343,13 @@ def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Float
     size = rows_in_duration(LIMITS.start_window_s, rate_hz)
     if not inputs.measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
         return None
-    reads = values(inputs.aligned, ACC)
-    speed = values(inputs.aligned, "speed_x_m_s")
+    reads = column_values(inputs.aligned, ACC)
+    speed = column_values(inputs.aligned, "speed_x_m_s")
     force = longitudinal_force(inputs.aligned, inputs.machine.machine)
     ramp = np.linspace(-1.0, 1.0, size)
     window = np.hanning(size)
 
-    def power(first: int) -> Floats | None:
+    def residual_spectrum_at(first: int) -> Floats | None:
         part = slice(first, first + size)
         known = np.column_stack([np.vander(ramp, 4), force[part], speed[part]])
         if not (np.isfinite(known).all() and np.isfinite(reads[part]).all()):
@@ -356,14 +357,14 @@ def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Float
         rest = reads[part] - known @ np.linalg.lstsq(known, reads[part], rcond=None)[0]
         return np.abs(np.fft.rfft(rest * window)) ** 2
 
-    def mean(places: list[int]) -> Floats | None:
-        found = [each for first in places if (each := power(first)) is not None]
+    def mean_spectrum(places: list[int]) -> Floats | None:
+        found = [each for first in places if (each := residual_spectrum_at(first)) is not None]
         return np.mean(found, axis=0) if len(found) >= LIMITS.loose_min_starts else None
 
     starts = find_held_starts(inputs, force, size)
     still = inputs.resting_samples
     rests = [k for k in range(0, still.size - size, size // 2) if still[k : k + size].all()]
-    driving, standing = mean(starts), mean(rests[:200])
+    driving, standing = mean_spectrum(starts), mean_spectrum(rests[:200])
     if driving is None or standing is None:
         return None
     return np.arange(size // 2 + 1) * rate_hz / size, driving, standing, len(starts)

@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.findings.constant_forces import gravity_by_pitch
 from analysis.findings.finding_inputs import ACC, FindingInputs
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from estimators.arrays import Floats
 
 #: Over so long, and so many of them.
@@ -33,12 +33,12 @@ def fit_accelerometer_gain(inputs: FindingInputs) -> tuple[float, float] | None:
     if count < _FEWEST_SPANS:
         return None
 
-    def means(x: Floats) -> Floats:
+    def block_means(x: Floats) -> Floats:
         return x[: count * size].reshape(count, size).mean(axis=1)
 
-    speed = means(values(inputs.aligned, "speed_x_m_s"))
-    reads = means(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
-    moves = means((~inputs.standing_samples).astype(float)) > 0.0
+    speed = block_means(column_values(inputs.aligned, "speed_x_m_s"))
+    reads = block_means(column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
+    moves = block_means((~inputs.standing_samples).astype(float)) > 0.0
     x, y = np.diff(speed) / span_s, (reads[1:] + reads[:-1]) / 2.0
     used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
     if used.sum() < _FEWEST_SPANS:

@@ -17,10 +17,10 @@ def correct_channel_delay(motion: MotionSamples, channel: str, late_s: float) ->
         return motion.shift_speed(late_s)
     rows = np.arange(motion.force.size, dtype=np.float64)
 
-    def back(x: Floats) -> Floats:
+    def advance_samples(x: Floats) -> Floats:
         return np.interp(rows + late_s * motion.rate_hz, rows, x)
 
-    return change_accelerometer(motion, back)
+    return change_accelerometer(motion, advance_samples)
 
 
 def change_accelerometer(

@@ -22,8 +22,8 @@ from analysis.findings.whitened_rows import (
     ProjectedEquation,
     block_sums,
     force_system,
-    variance_of,
-    whole_blocks,
+    row_noise_variance,
+    samples_in_whole_blocks,
 )
 from estimators.errors import counted
 from estimators.numerics.fit_loss import group_rows
@@ -157,7 +157,7 @@ def _select_significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
         return []
     viscous = max(fit.viscous, 0.0)
     system = force_system(motion, noise, inputs.sample_masses_kg(motion), viscous)
-    taken = whole_blocks(motion.group, LIMITS.force_mean_samples).reshape(
+    taken = samples_in_whole_blocks(motion.group, LIMITS.force_mean_samples).reshape(
         -1, LIMITS.force_mean_samples
     )
     group = motion.group[taken[:, 0]]
@@ -187,7 +187,7 @@ def _select_significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
         score = own.T @ left[rows]
         kg_s = float(score[1] - gram[0, 1] / gram[0, 0] * score[0]) / rest
         others = np.delete(left, rows)
-        deviations = abs(kg_s) * float(np.sqrt(rest / variance_of(others))) / limit
+        deviations = abs(kg_s) * float(np.sqrt(rest / row_noise_variance(others))) / limit
         deviations /= LIMITS.falling_load_factor if kg_s < 0.0 else 1.0
         if deviations > 1.0:
             found.append(LoadGrowthRate(int(part[0]), kg_s, deviations))

@@ -69,7 +69,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
         name: spans
         for name in inputs.measured_equation_channels
         if not _is_coarse(inputs, name)
-        and (spans := signals.frozen.get(name) or _find_noiseless_stretches(inputs, name))
+        and (spans := signals.frozen_spans.get(name) or _find_noiseless_stretches(inputs, name))
     }
     if not of_channel:
         return []
@@ -110,7 +110,7 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
     signals = inputs.check_inputs.signals
     if signals is None:
         return []
-    limits = signals.limits.get(name, {})
+    limits = signals.force_limits.get(name, {})
     runs, never = find_long_runs(*inputs.series[name])
     # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
     return [
@@ -128,18 +128,18 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     """Find force readings that accumulate at an extreme value."""
     signals = inputs.check_inputs.signals
-    if signals is None or not signals.clipped:
+    if signals is None or not signals.clipping:
         return []
-    name = max(signals.clipped, key=lambda each: signals.clipped[each][0])
-    share, extreme = signals.clipped[name]
+    name = max(signals.clipping, key=lambda each: signals.clipping[each][0])
+    share, extreme = signals.clipping[name]
     if not share:
         return []
     at = inputs.newtons_per_unit(name) * abs(extreme)
-    count = sum(1 for each, _ in signals.clipped.values() if each > 0.0)
+    count = sum(1 for each, _ in signals.clipping.values() if each > 0.0)
     found = inputs.check_inputs.left_out.get("clipped")
     limit_N = 0.98 * at * max(count, 1)
 
-    def cut() -> MassChange | None:
+    def refit_without_saturated_rows() -> MassChange | None:
         if inputs.fit is None:
             return None
         near = np.abs(inputs.fit.motion.force) > limit_N
@@ -154,7 +154,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
-            change=cut,
+            change=refit_without_saturated_rows,
             harmless=_is_harmless(inputs, found),
         )
     ]
@@ -164,7 +164,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     """Find a channel whose resolution is coarser than its noise."""
     found: list[Symptom] = []
     for name in inputs.measured_equation_channels:
-        repeats, lsb = reading_steps(inputs, name)
+        repeats, lsb = reading_resolution(inputs, name)
         if not lsb:
             continue
         found.append(
@@ -178,7 +178,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     return strongest_symptom(found)
 
 
-def reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
+def reading_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
     """Fraction of repeated readings in motion, and the channel's resolution in SI units.
 
     The resolution is 0 if the steps have no common divisor.
@@ -199,7 +199,7 @@ def reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
 
 def _is_coarse(inputs: FindingInputs, name: str) -> bool:
     """Whether readings repeat because of the channel's resolution."""
-    repeats, lsb = reading_steps(inputs, name)
+    repeats, lsb = reading_resolution(inputs, name)
     return bool(lsb) and repeats > _REPEATS
 
 
@@ -252,7 +252,7 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
         # a coarse channel is off by a step now and then
-        scale = np.maximum(local_std(middle), reading_steps(inputs, name)[1] / np.sqrt(12.0))
+        scale = np.maximum(local_std(middle), reading_resolution(inputs, name)[1] / np.sqrt(12.0))
         far = np.abs(middle) > _SPIKE * scale
         far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
         places = np.flatnonzero(far) + 1
@@ -349,7 +349,7 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
             change=lambda: change_by_wheel_speed(inputs),
             alternatives=("slip",),
         )
-    wrong = wrong_speed_channel(inputs, sides)
+    wrong = find_wrong_speed(inputs, sides)
     setting, value = (None, None) if wrong is None else inputs.scale_channels((wrong[0],), wrong[1])
     by_imu = (
         "" if wrong is None else f"; the accelerometer agrees with the {_other_side(wrong[0])} ones"
@@ -369,7 +369,7 @@ def _other_side(channel: str) -> str:
     return "right" if channel == SPEEDS[0] else "left"
 
 
-def wrong_speed_channel(inputs: FindingInputs, sides: SideDifference) -> tuple[str, float] | None:
+def find_wrong_speed(inputs: FindingInputs, sides: SideDifference) -> tuple[str, float] | None:
     """Wheel speed that the accelerometer contradicts, and the factor for its scale."""
     wheels = None if inputs.fit is None else inputs.fit.kinematics
     if wheels is None or not wheels.is_consistent:

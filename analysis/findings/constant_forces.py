@@ -15,7 +15,7 @@ from analysis.findings.altered_motion import change_accelerometer
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import ProjectedEquation, force_system
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.weighing.motion_samples import MotionSamples
 
@@ -53,7 +53,7 @@ def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
     if not has_pitch(inputs):
         return np.zeros(inputs.aligned.height)
     if "gravity" not in inputs.kept:
-        pitch = values(inputs.aligned, _PITCH)
+        pitch = column_values(inputs.aligned, _PITCH)
         inputs.kept["gravity"] = inputs.machine.machine.gravity_m_s2 * np.sin(pitch)
     return inputs.kept["gravity"]  # type: ignore[return-value]
 
@@ -68,10 +68,13 @@ def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
 
 
 def _fit_explanation(inputs: FindingInputs) -> ConstantForces:
+    """Constant forces at rest, and which causes explain that in motion."""
     rest = inputs.standstill_level_of(longitudinal_force(inputs.aligned, inputs.machine.machine))
     error = np.nan, np.nan
     if ACC in inputs.aligned.columns:
-        error = inputs.standstill_level_of(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
+        error = inputs.standstill_level_of(
+            column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs)
+        )
     fit, noise = inputs.fit, inputs.column_noise
     if fit is None or noise is None or not np.isfinite(fit.theta).all():
         return ConstantForces(rest, error, None, None, None)
@@ -118,6 +121,7 @@ def _fit_explanation(inputs: FindingInputs) -> ConstantForces:
 
 
 def _subtract_constants(motion: MotionSamples, rest_N: float, error_m_s2: float) -> MotionSamples:
+    """Subtract a force offset and an accelerometer error."""
     if rest_N:
         motion = replace(motion, force=motion.force - rest_N)
     return change_accelerometer(motion, lambda x: x - error_m_s2) if error_m_s2 else motion

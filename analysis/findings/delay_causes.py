@@ -17,7 +17,7 @@ from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, search_likelihood
 from analysis.findings.refit import refit_corrected
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.model.windows import flagged_windows
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in_duration
@@ -52,7 +52,7 @@ class LongDelay:
     rival: str = ""
 
 
-def long_delay(inputs: FindingInputs) -> LongDelay | None:
+def find_long_delay(inputs: FindingInputs) -> LongDelay | None:
     """Find the channel that is far behind the two others, which agree."""
     if "long delay" not in inputs.kept:
         inputs.kept["long delay"] = _search_delay(inputs)
@@ -88,6 +88,7 @@ def _search_delay(inputs: FindingInputs) -> LongDelay | None:
 
 
 def _is_long_delay(seen: tuple[float, float, float]) -> bool:
+    """Whether a shift turns a poor correlation into a good one."""
     late_s, after, before = seen
     # the other way as they are: a sign
     return (
@@ -141,25 +142,27 @@ def channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Float
     size = rows_in_duration(LIMITS.delay_mean_s, rate_hz)
     count = min(inputs.aligned.height, round(LIMITS.delay_searched_s * rate_hz)) // size
 
-    def means(x: Floats) -> Floats:
+    def block_means(x: Floats) -> Floats:
         return x[: count * size].reshape(count, size).mean(axis=1)
 
-    def centre(x: Floats) -> Floats:
+    def subtract_mean(x: Floats) -> Floats:
         return np.nan_to_num(x - np.nanmean(x))
 
     # a slope needs two means
     if count < max(2 * round(LIMITS.longest_delay_s * rate_hz / size), 2):
         return size / rate_hz, {}
-    speed = means(values(inputs.aligned, "speed_x_m_s"))
-    force = means(longitudinal_force(inputs.aligned, inputs.machine.machine))
+    speed = block_means(column_values(inputs.aligned, "speed_x_m_s"))
+    force = block_means(longitudinal_force(inputs.aligned, inputs.machine.machine))
     if not (np.isfinite(speed).any() and np.isfinite(force).any()):
         return size / rate_hz, {}
     # a central difference has the time of its middle
     found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
     if inputs.measured_channels(ACC):
-        found["imu"] = means(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
+        found["imu"] = block_means(column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
     channels = {
-        name: centre(x) for name, x in found.items() if np.isfinite(x).any() and np.nanstd(x) > 0.0
+        name: subtract_mean(x)
+        for name, x in found.items()
+        if np.isfinite(x).any() and np.nanstd(x) > 0.0
     }
     return size / rate_hz, {**channels, "v": np.nan_to_num(speed)}
 
@@ -187,7 +190,7 @@ def find_lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, f
 
 def find_delays(inputs: FindingInputs) -> list[Symptom]:
     """Find late channels by the likelihood of f(t - d) = m a + b v, with m and b refitted."""
-    late = long_delay(inputs)
+    late = find_long_delay(inputs)
     if late is not None:
         return [_make_long_delay_symptom(inputs, late)]
     found = [pick for name, pick in search_likelihood(inputs).items() if name.startswith("delay")]
@@ -273,6 +276,7 @@ def _make_long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
 
 
 def _delayed_channels(inputs: FindingInputs, name: str) -> tuple[str, ...]:
+    """Channels that a delay of force, speed or accelerometer concerns."""
     if name == "force":
         return inputs.measured_channels("force_x_N") or inputs.measured_channels(
             "torque_left_N_m", "torque_right_N_m"

@@ -21,7 +21,7 @@ from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.unexplained import SHOWN
 from analysis.model.machine import Machine
-from analysis.model.schema import build, frame_schema
+from analysis.model.schema import build_frame, frame_schema
 
 _HIDES: Final = [cause.key for cause in CAUSES if cause.hides]
 #: Keys of a channel that mend one.
@@ -54,13 +54,14 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
         _make_finding_row(rank, cause, sign, inputs) for rank, (cause, sign) in enumerate(shown, 1)
     ]
     columns = frame_schema("findings").columns
-    return build(
+    return build_frame(
         "findings",
         {c.name: pl.Series([row[c.name] for row in rows], dtype=c.dtype) for c in columns},
     )
 
 
 def _explains_other(one: tuple[Cause, Symptom], other: tuple[Cause, Symptom]) -> bool:
+    """Whether one finding explains another, so that only the first is reported."""
     (cause, own), (seen, sign) = one, other
     if seen.key in own.explains:
         return True
@@ -99,6 +100,7 @@ def _make_finding_row(
 def _judge_severity(
     cause: Cause, sign: Symptom, change: MassChange | None, inputs: FindingInputs
 ) -> str:
+    """Consequence of a finding: withhold, widen or tell."""
     if sign.harmless:
         return "tell"
     if cause.withholds and not (cause.as_judged and inputs.can_weigh):

@@ -13,7 +13,7 @@ from analysis.diagnosis.measured_channels import Series
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.axes import X
 from analysis.model.machine import Machine
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.model.verdict import Verdict
 from analysis.model.windows import flagged_windows
 from analysis.stages.noise.column_noise import ColumnNoise
@@ -66,7 +66,7 @@ class FindingInputs:
     @cached_property
     def can_weigh(self) -> bool:
         """Whether no check withholds the mass."""
-        return Verdict.of(self.judged).can_weigh
+        return Verdict.from_frame(self.judged).can_weigh
 
     @cached_property
     def checks(self) -> dict[str, float]:
@@ -102,7 +102,7 @@ class FindingInputs:
         return {} if signals is None else signals.channels
 
     def measured_channels(self, *names: str) -> tuple[str, ...]:
-        """Those of the given channels that are read from the log."""
+        """Select the given channels that are read from the log."""
         return tuple(name for name in names if name in self.series)
 
     @property
@@ -156,10 +156,10 @@ class FindingInputs:
             if n in SPEEDS and channels[n].unit is None and channels[n].scale == 1.0
         ]
         keys = (f"channels.{name}.scale" for name in names)
-        values = (f"{channels[name].scale * times:.6g}" for name in names)
+        scaled = (f"{channels[name].scale * times:.6g}" for name in names)
         return (
             ", ".join([*keys, *(f"channels.{name}.unit" for name in as_read)]),
-            ", ".join([*values, *('"m/s"' for _ in as_read)]),
+            ", ".join([*scaled, *('"m/s"' for _ in as_read)]),
         )
 
     def shift_channels(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
@@ -174,7 +174,7 @@ class FindingInputs:
         """Mean and standard deviation of a grid column at standstill; NaN if it never stands."""
         if column not in self.aligned.columns:
             return float("nan"), float("nan")
-        return self.standstill_level_of(values(self.aligned, column))
+        return self.standstill_level_of(column_values(self.aligned, column))
 
     def standstill_level_of(self, x: Floats) -> tuple[float, float]:
         """Mean and standard deviation of (n,) values at standstill, by means over half a second."""

@@ -39,7 +39,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
         setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
     keys, scales = inputs.scale_channels(inputs.speed_channels, 1.0 / (1.0 + gain))
 
-    def larger(motion: MotionSamples) -> MotionSamples:
+    def correct_radius(motion: MotionSamples) -> MotionSamples:
         force = motion.force * (1.0 + gain) if torques else motion.force
         return replace(motion, force=force, speed=motion.speed / (1.0 + gain))
 
@@ -54,7 +54,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             channel=next(iter(inputs.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
-            change=lambda: refit_corrected(inputs, larger, min(std / abs(gain), 1.0)),
+            change=lambda: refit_corrected(inputs, correct_radius, min(std / abs(gain), 1.0)),
             # an accelerometer that reads too much may rock on its mount
             alternatives=(
                 *rival_causes(pick),
@@ -96,7 +96,7 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(
-                _zeroing_advice(inputs, name, x) for name, x in zip(names, at_rest, strict=True)
+                _offset_that_zeroes(inputs, name, x) for name, x in zip(names, at_rest, strict=True)
             )
             or None,
             change=lambda: refit_corrected(
@@ -109,7 +109,8 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _zeroing_advice(inputs: FindingInputs, name: str, reads: float) -> str:
+def _offset_that_zeroes(inputs: FindingInputs, name: str, reads: float) -> str:
+    """Offset of the channel that removes what it reads at rest, as TOML."""
     channel = inputs.machine.channels[name]
     if channel.unit is None:
         return f"{channel.offset - reads:.6g}"

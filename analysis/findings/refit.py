@@ -80,7 +80,7 @@ def refit_corrected(
 
 
 def _uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
-    """Mass before the correction, by the fit or, in a long log, by the same part of it."""
+    """Mass before the correction, by the whole fit or, in a long log, by the refitted part."""
     if "refitted" not in inputs.kept:
         whole = np.unique(fit.motion.group[fit.motion.used]).size <= LIMITS.refit_max_stretches
         if whole and fit.states is not None:
@@ -92,6 +92,7 @@ def _uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
 
 
 def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
+    """Mass of the corrected motion, by the first stretches of a long log."""
     fit, noise = inputs.fit, inputs.column_noise
     if fit is None or noise is None:
         return None
@@ -141,6 +142,7 @@ def is_wheel_agreement_kept(before: MotionSamples, after: MotionSamples) -> bool
 
 
 def _differ_by_constant(old: Floats, new: Floats) -> bool:
+    """Whether two signals differ by a constant only."""
     return float(np.ptp(new - old)) < LIMITS.zero_shift_m_s2
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
 from estimators.arrays import Bools, Floats
 
@@ -45,7 +45,9 @@ def _compute_residual_spectra(inputs: FindingInputs) -> Spectra | None:
     rows = np.arange(aligned.height, dtype=np.float64)
     force = longitudinal_force(aligned, machine.machine)
     force = np.interp(rows + lag * rate_hz, rows, force)
-    A = np.column_stack([regressor_acceleration(aligned, machine), values(aligned, "speed_x_m_s")])
+    A = np.column_stack(
+        [regressor_acceleration(aligned, machine), column_values(aligned, "speed_x_m_s")]
+    )
     left = force - A @ np.array([mass_kg, viscous])
     known = np.isfinite(left)
     driving = stretch_powers(left, used & known, 2)
@@ -65,7 +67,7 @@ def pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
     totals = inputs.check_inputs.totals
     if totals is not None:
         pooled = totals.filter(totals["method"] == "pooled")
-        both = [values(pooled, name) for name in ("mass_kg", "friction_x_N_s_m")]
+        both = [column_values(pooled, name) for name in ("mass_kg", "friction_x_N_s_m")]
         if pooled.height and np.isfinite(both).all():
             return float(both[0][0]), float(both[1][0])
     if inputs.fit is not None:

@@ -15,7 +15,7 @@ from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.fit_causes import relative_mass_u
 from analysis.model.methods import METHODS, FeedKind
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.stages.estimation import fit_quality
 from analysis.weighing.load_frames import make_load_change_rows
 from estimators.arrays import Bools, Floats, Ints
@@ -91,7 +91,7 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
     renewed = name == "rls" and trace.directional_forgetting
     if not recursive or renewed or trace.forgetting >= 1.0 or frame.is_empty():
         return None
-    std_kg = values(frame, "mass_std_kg")
+    std_kg = column_values(frame, "mass_std_kg")
     rows = np.searchsorted(
         inputs.check_inputs.excitation["t_ns"].to_numpy(), frame["t_ns"].to_numpy()
     )

@@ -10,7 +10,7 @@ from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_corrected, refit_with_answer_u
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
@@ -48,6 +48,7 @@ def find_flipped_sign(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
+    """Find a force, speed or accelerometer of the opposite sign."""
     of_force = inputs.checks.get("force_sign", np.nan)
     gain, std = fit_accelerometer_gain(inputs) or (np.nan, np.nan)
     by_imu = abs(gain) > LIMITS.signed_gain_std * std
@@ -92,7 +93,7 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     sides = inputs.measured_channels("torque_left_N_m", "torque_right_N_m")
     if len(sides) < 2:
         return []
-    left, right = (values(inputs.aligned, name) for name in sides)
+    left, right = (column_values(inputs.aligned, name) for name in sides)
     used = inputs.check_inputs.is_phase("accelerating", "cruising", "braking")
     used &= np.isfinite(left) & np.isfinite(right)
     if used.sum() < 200 or not (used & inputs.check_inputs.is_phase("accelerating")).any():
@@ -169,7 +170,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     width = inputs.machine.machine.track_width_m
     if len(sides) < 2 or gyro not in inputs.aligned.columns or width is None:
         return []
-    left, right, rate = (values(inputs.aligned, name) for name in (*sides, gyro))
+    left, right, rate = (column_values(inputs.aligned, name) for name in (*sides, gyro))
     turns = (right - left) / width
     used = np.isfinite(turns) & np.isfinite(rate) & ~inputs.standing_samples
     if used.sum() < 200:
@@ -346,14 +347,14 @@ def multiply_channel(motion: MotionSamples, channel: str, times: float) -> Motio
     """The motion with one channel multiplied by a factor."""
     if channel == ACC:
 
-        def of(x: Floats | None) -> Floats | None:
+        def multiply_if_known(x: Floats | None) -> Floats | None:
             return None if x is None else x * times
 
         return replace(
             motion,
             acceleration=motion.acceleration * times,
-            specific_force=of(motion.specific_force),
-            without_gravity=of(motion.without_gravity),
+            specific_force=multiply_if_known(motion.specific_force),
+            without_gravity=multiply_if_known(motion.without_gravity),
         )
     if channel.startswith(("speed", "position")):
         turned = np.sign(times)

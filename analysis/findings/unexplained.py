@@ -29,11 +29,11 @@ _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
 def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
     """Report failed checks of the mass that no cause accounts for."""
     kept = inputs.kept.get(SHOWN, ())
-    found = unexplained_symptom(inputs.judged, kept if isinstance(kept, tuple) else ())
+    found = make_unexplained_symptom(inputs.judged, kept if isinstance(kept, tuple) else ())
     return [] if found is None else [found]
 
 
-def unexplained_symptom(judged: pl.DataFrame, causes: Collection[str]) -> Symptom | None:
+def make_unexplained_symptom(judged: pl.DataFrame, causes: Collection[str]) -> Symptom | None:
     """Symptom of failed checks that no cause explains; None if each is explained.
 
     Args:
@@ -43,20 +43,24 @@ def unexplained_symptom(judged: pl.DataFrame, causes: Collection[str]) -> Sympto
     failed = [row for row in judged.iter_rows(named=True) if _is_unexplained(row, set(causes))]
     if not failed:
         return None
-    said = "; ".join(f"{row['check']} {_check_value(row)}: {row['meaning']}" for row in failed)
+    said = "; ".join(
+        f"{row['check']} {_compare_value_with_limit(row)}: {row['meaning']}" for row in failed
+    )
     return Symptom(
         max(map(_excess_over_limit, failed)), f"no known cause explains the failed checks: {said}"
     )
 
 
 def _is_unexplained(row: Mapping[str, Any], causes: set[str]) -> bool:
+    """Whether a failed check of the mass has no cause among those found."""
     if row["about"] != "mass" or row["passed"] is not False or row["consequence"] not in _COSTS:
         return False
     accounts = causes & set(_OF_ONE_THING.get(row["check"], causes))
     return not accounts - set(_BEND_NOTHING)
 
 
-def _check_value(row: Mapping[str, Any]) -> str:
+def _compare_value_with_limit(row: Mapping[str, Any]) -> str:
+    """Value and the limit that it exceeds, as text."""
     if row["value"] is None:
         return "has no value"
     low, high = row["minimum"], row["maximum"]
@@ -66,6 +70,7 @@ def _check_value(row: Mapping[str, Any]) -> str:
 
 
 def _excess_over_limit(row: Mapping[str, Any]) -> float:
+    """Value over its limit, as the strength of the symptom."""
     value, limit = row["value"], row["maximum"]
     if value is None or not limit or limit < 0.0:
         return LIMITS.numberless_check_strength

@@ -57,7 +57,7 @@ def force_system(
         friction: viscous friction in N·s/m, for the effect of slip.
         brakes: whether braking counts as driving.
     """
-    taken = whole_blocks(motion.group, LIMITS.force_mean_samples)
+    taken = samples_in_whole_blocks(motion.group, LIMITS.force_mean_samples)
     usual_kg = float(np.median(mass_kg[motion.used]))
     std = float(
         np.sqrt(
@@ -87,16 +87,16 @@ def force_system(
     if brakes:
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
-    def mean(x: Floats) -> Floats:
+    def block_means(x: Floats) -> Floats:
         return block_sums(x, LIMITS.force_mean_samples) / LIMITS.force_mean_samples / std
 
     own = noise.covariance(LIMITS.force_mean_samples) / std**2
     force = float(f.sum()) / LIMITS.force_mean_samples
     along = float((np.sign(v) * f).sum()) / LIMITS.force_mean_samples
     return EquationRows(
-        mean(f - (mass_kg[taken] - usual_kg) * a),
-        np.column_stack([mean(a), mean(v)]),
-        {name: mean(column) for name, column in columns.items()},
+        block_means(f - (mass_kg[taken] - usual_kg) * a),
+        np.column_stack([block_means(a), block_means(v)]),
+        {name: block_means(column) for name, column in columns.items()},
         taken.size // LIMITS.force_mean_samples * own[:2, :2],
         {"driveline": force * own[:2, 0], "slip": -friction * along * own[:2, 1]},
         {},
@@ -165,7 +165,7 @@ def whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Floats
     return rows, float(np.einsum("ij,jk,ik->", rows, adds_up, rows))
 
 
-def whole_blocks(group: Ints, samples: int) -> Ints:
+def samples_in_whole_blocks(group: Ints, samples: int) -> Ints:
     """Samples in whole blocks of the given size within each stretch."""
     own = [part[: part.size // samples * samples] for part in group_rows(group)]
     return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
@@ -252,7 +252,7 @@ class ProjectedEquation:
         if kept:
             q = np.linalg.qr(np.column_stack([known, tried[:, kept]]))[0]
             noise = left - q @ (q.T @ left)
-        variance = variance_of(noise)
+        variance = row_noise_variance(noise)
         return cls(
             {others[k]: float(information[k]) / variance for k in kept},
             {others[k]: float(score[k]) / variance for k in kept},
@@ -269,7 +269,7 @@ class ProjectedEquation:
         return self.score.get(name, 0.0)
 
 
-def variance_of(noise: Floats) -> float:
+def row_noise_variance(noise: Floats) -> float:
     """Noise variance of a row, scaled for correlated sums; at least that of the channels."""
     own = float(noise @ noise) / max(noise.size, 1)
     if not own > 0.0:

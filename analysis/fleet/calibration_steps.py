@@ -24,7 +24,7 @@ class FleetCalibration(BaseModel):
         expires: last day of validity.
         method: estimator that the line belongs to.
         c0_kg: constant of m̂ = c0 + c1 m.
-        c1_1: slope of that line.
+        c1_1: slope of the calibration line.
         covariance: (level variance, covariance, slope variance) of the line at its centre.
         centre_kg: mass at the centre of the line.
     """
@@ -103,6 +103,7 @@ def line_changes(calibrations: Sequence[FleetCalibration]) -> list[LineChange]:
 
 
 def _change_of_line(before: FleetCalibration, after: FleetCalibration) -> LineChange:
+    """Change of offset and slope between two calibrations."""
     middle = (before.centre_kg + after.centre_kg) / 2.0
     (old, old_kg2), (new, new_kg2) = before.estimate_at_mass(middle), after.estimate_at_mass(middle)
     slope = np.sqrt(before.covariance[2] + after.covariance[2]) / abs(before.c1_1)

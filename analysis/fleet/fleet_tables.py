@@ -161,7 +161,7 @@ def tables_of_run(run: Run, more: Mapping[str, pl.DataFrame]) -> dict[str, pl.Da
 def result_row(run: Run) -> dict[str, object]:
     """Columns of `results` that the run itself determines."""
     about, frames = run.provenance, run.frames
-    verdict = Verdict.of(frames["verdict"])
+    verdict = Verdict.from_frame(frames["verdict"])
     shift = frames["shift"].row(0, named=True)
     load = frames["loads"].row(0, named=True) if frames["loads"].height else {}
     gate = frames["gate"]

@@ -146,6 +146,7 @@ def machine_charts(days: pl.DataFrame) -> list[MachineChart]:
 
 
 def _chart_quantity(part: pl.DataFrame, signal: ChartedQuantity, limit: float) -> MachineChart:
+    """Chart of one quantity of a machine between two calibrations."""
     values = part[signal.column].to_numpy()
     if signal.logarithm:
         # what is not positive has no share to change by
@@ -222,6 +223,7 @@ def standardise_innovations(values: Floats) -> Floats:
 
 
 def _change_since(values: Floats, since: int | None) -> tuple[float, float]:
+    """Change of the mean at a row, and its standard deviation."""
     if since is None or since < 2 or values.size - since < 2:
         return float("nan"), float("nan")
     before, after = values[:since], values[since:]

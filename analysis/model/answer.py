@@ -50,7 +50,7 @@ class AnswerRow:
         return any(value is not None for value in self.quantities.get(quantity, {}).values())
 
     @classmethod
-    def of(
+    def from_masses(
         cls,
         masses: pl.DataFrame,
         load: Mapping[str, Any] | None = None,
@@ -162,7 +162,7 @@ def answer(run: Run, recording: str | None = None) -> Answer:
     planar = _rows_of_frame(run, "planar")
     motion = next((row for row in planar if row["kind"] == "joint"), None)
     return Answer(
-        rows=() if masses is None else (AnswerRow.of(masses, one, motion),),
+        rows=() if masses is None else (AnswerRow.from_masses(masses, one, motion),),
         loads=loads,
         nuisances=_rows_of_frame(run, "nuisances"),
         budget=_rows_of_frame(run, "budget"),
@@ -170,7 +170,7 @@ def answer(run: Run, recording: str | None = None) -> Answer:
         planar_budget=_rows_of_frame(run, "planar_budget"),
         shift=shift[0] if shift and shift[0]["cycles_counted"] else {},
         accepted_share=share,
-        verdict=Verdict() if judged is None else Verdict.of(judged),
+        verdict=Verdict() if judged is None else Verdict.from_frame(judged),
         findings=_rows_of_frame(run, "findings"),
         losses=about.losses,
         notes=about.notes,

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.model.settings import Settings
 from estimators.arrays import Floats
 from estimators.estimate import Trace
@@ -84,17 +84,21 @@ def straight_regressor(excitation: pl.DataFrame, settings: Settings) -> tuple[Fl
     The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
     accelerometer's 9.81 m/s² in a_z.
     """
-    direction = values(excitation, "direction_x_1") if settings.forces.coulomb else None
+    direction = column_values(excitation, "direction_x_1") if settings.forces.coulomb else None
     A = planar_rows.straight(
-        values(excitation, "regressor_acc_x_m_s2"), values(excitation, "speed_x_m_s"), direction
+        column_values(excitation, "regressor_acc_x_m_s2"),
+        column_values(excitation, "speed_x_m_s"),
+        direction,
     )
-    return np.ascontiguousarray(A), values(excitation, "force_x_N")
+    return np.ascontiguousarray(A), column_values(excitation, "force_x_N")
 
 
 def spin_regressor(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
     """A (rows, 2) and τ (rows,) of the yaw row of (8); NaN if a sample is missing."""
-    A = planar_rows.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
-    return np.ascontiguousarray(A), values(excitation, "torque_z_N_m")
+    A = planar_rows.spin(
+        column_values(excitation, "yaw_acc_rad_s2"), column_values(excitation, "yaw_rate_rad_s")
+    )
+    return np.ascontiguousarray(A), column_values(excitation, "torque_z_N_m")
 
 
 def theta_columns(axis: Axis, theta: Floats, std: Floats) -> dict[str, Floats]:
@@ -118,8 +122,8 @@ def trace_columns(axis: Axis, traced: Trace) -> dict[str, Floats]:
 def estimated_parameters(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, Floats]:
     """Parameters and standard deviations, (rows, p) each, from columns of `theta_columns`."""
     present = [pair for pair in axis.parameters if pair[0] in estimates.columns]
-    theta = np.column_stack([values(estimates, name) for name, _ in present])
-    std = np.column_stack([values(estimates, name) for _, name in present])
+    theta = np.column_stack([column_values(estimates, name) for name, _ in present])
+    std = np.column_stack([column_values(estimates, name) for _, name in present])
     return theta, std
 
 

@@ -258,7 +258,7 @@ class Machine(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _resolve_wheel_scale(cls, given: Any) -> Any:
-        """`scale = "wheel_radius_m"` is the machine's, in m/rad."""
+        """Replace `scale = "wheel_radius_m"` by the machine's wheel radius, in m/rad."""
         if not isinstance(given, Mapping) or not isinstance(given.get("channels"), Mapping):
             return given
         body = given.get("machine")
@@ -309,7 +309,7 @@ class Machine(BaseModel):
         return self
 
     def _check_wheel_radius(self) -> None:
-        """Wheels have one radius: that of their force, and in m/rad that of their speed."""
+        """Raise an error if force and speed of the wheels use different radii."""
         radius_m = self.machine.wheel_radius_m
         if radius_m is None:
             return
@@ -328,7 +328,7 @@ class Machine(BaseModel):
                 )
 
     def _check_required_channels(self) -> None:
-        """Force, speed and acceleration must come from somewhere."""
+        """Raise an error unless the channels give force, speed and acceleration."""
         torques = {"torque_left_N_m", "torque_right_N_m"} <= set(self.channels)
         if "force_x_N" not in self.channels and not torques:
             raise ValueError(

@@ -42,7 +42,7 @@ def unknown_scale(sources: Iterable[UncertaintySource]) -> list[str]:
     return [source.name for source in sources if source.u is None]
 
 
-def combine(sources: Iterable[UncertaintySource], *kinds: str) -> float:
+def combined_u(sources: Iterable[UncertaintySource], *kinds: str) -> float:
     """Root sum of squares of the sources of some kinds, or of all."""
     return float(np.sqrt(sum(s.u**2 for s in sources if s.u and (not kinds or s.kind in kinds))))
 

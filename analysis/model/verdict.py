@@ -72,7 +72,7 @@ class Verdict:
     checks: tuple[Check, ...] = ()
 
     @classmethod
-    def of(cls, judged: pl.DataFrame) -> Self:
+    def from_frame(cls, judged: pl.DataFrame) -> Self:
         """Build the verdict from the frame `verdict`."""
         return cls(tuple(Check(**row) for row in judged.iter_rows(named=True)))
 

@@ -234,6 +234,7 @@ class Follower:
         return True
 
     def _note_direction(self, t_ns: int, row: Mapping[str, Any]) -> None:
+        """Note when the driving direction changes."""
         speed = cell_value(row["speed_x_m_s"])
         if row["phase"] in (None, "standstill") or not speed:
             return

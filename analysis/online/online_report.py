@@ -153,6 +153,7 @@ def judge_spin(last: PooledEstimate | None, t_ns: int, valid_s: float) -> Validi
 def _judge_age(
     last: PooledEstimate | None, t_ns: int, valid_s: float, limits: tuple[float, float]
 ) -> Validity:
+    """Validity of the last estimate by its size, uncertainty and age."""
     if last is None:
         return "none_yet"
     value, u = float(last.estimate.theta[0]), float(last.estimate.std[0])

@@ -24,7 +24,7 @@ from analysis.paper.torque_chain import TorqueChain
 _COMPARED: Final = ("ls", "rls", "tls", "pooled")
 
 
-class Line(NamedTuple):
+class MeanCalibrationLine(NamedTuple):
     """Calibration line (19): slope with its 95 % interval, and offset."""
 
     alpha_1: float
@@ -49,8 +49,8 @@ class Table2:
     frame: pl.DataFrame
     chain: TorqueChain
     printed: tuple[float, float]
-    ideal: Line
-    chained: Line
+    ideal: MeanCalibrationLine
+    chained: MeanCalibrationLine
     offset_share_1: float
 
 
@@ -81,7 +81,7 @@ def make_table_2(extracts: Extracts) -> Table2:
     )
     table = means.join(printed, "method", "left", maintain_order="left")
     of_ls = {
-        row["chain"]: Line(*(row[name] for name in Line._fields))
+        row["chain"]: MeanCalibrationLine(*(row[name] for name in MeanCalibrationLine._fields))
         for row in table.filter(pl.col("method") == "ls").iter_rows(named=True)
     }
     alpha_1, beta_kg = (
@@ -97,7 +97,7 @@ def make_table_2(extracts: Extracts) -> Table2:
     )
 
 
-class Extremes(NamedTuple):
+class ErrorExtremes(NamedTuple):
     """Smallest and largest error of a method over a setting, without the own load in the fit.
 
     `alike` are those of `values` whose error is within the interval of the smallest.
@@ -118,7 +118,7 @@ class SweptTable:
 
     Attributes:
         frame: one row per value and method.
-        best_printed: by method, the values with the smallest printed error, ties included.
+        best_printed: setting values with the smallest printed error, ties included, by method.
         extremes: extremes of our errors by method.
         nearest_bound_1: by method (`pooled`, `rls`), the smallest ratio of error to bound.
         best_kg: smallest of all errors with the own load left out.
@@ -126,7 +126,7 @@ class SweptTable:
 
     frame: pl.DataFrame
     best_printed: Mapping[str, Sequence[float]]
-    extremes: tuple[Extremes, ...]
+    extremes: tuple[ErrorExtremes, ...]
     nearest_bound_1: Mapping[str, float]
     best_kg: float
 
@@ -221,10 +221,10 @@ def _mean_errors_by_setting(
     )
 
 
-def _find_best_and_worst_setting(method: str, setting: str, part: pl.DataFrame) -> Extremes:
+def _find_best_and_worst_setting(method: str, setting: str, part: pl.DataFrame) -> ErrorExtremes:
     """The values of a setting with the least and the largest error of a method."""
     known = dict(part.select(setting, "run_left_out_kg").drop_nulls().iter_rows())
     (best, *_), worst = lowest_errors(known), max(known, key=lambda at: known[at])
     high = part.filter(pl.col(setting) == best)["run_left_out_kg_high"][0]
     alike = tuple(at for at, error in known.items() if high is not None and error <= high)
-    return Extremes(method, best, known[best], worst, known[worst], alike, len(known))
+    return ErrorExtremes(method, best, known[best], worst, known[worst], alike, len(known))

@@ -20,7 +20,7 @@ from analysis.paper.excitation_figures import WINDOW_S
 from analysis.paper.replayed_campaign import ReplayedCampaign, reestimate
 from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, Extracts
 from analysis.paper.table1 import AT_LENGTH
-from analysis.stages.gating.gate import gate
+from analysis.stages.gating.gate import gate_windows
 
 #: What recursive least squares is fed: what the gate accepts, all but braking, everything.
 Fed: TypeAlias = Literal["gated", "no braking", "ungated"]
@@ -52,7 +52,7 @@ def accept_windows(campaign: ReplayedCampaign, how: Fed, settings: Settings) -> 
     """
     if how == "ungated":
         settings = settings.with_changes({"gate.exclude_braking": False})
-    gated = gate(campaign.replayed.frames["excitation"], settings)
+    gated = gate_windows(campaign.replayed.frames["excitation"], settings)
     if how != "gated":
         refused = _INCOMPLETE if how == "ungated" else (*_INCOMPLETE, "braking")
         gated = gated.with_columns(accepted_x=~pl.col("reason_x").cast(pl.String).is_in(refused))
@@ -156,11 +156,11 @@ class Claims:
     experiment_range_percent: tuple[float, float]
     reduced: tuple[bool, ...]
     saved_by: Literal["nothing", "refusing braking", "the index"]
-    buffer: "Buffers"
+    buffer: "BufferErrors"
 
 
 @dataclass(frozen=True)
-class Buffers:
+class BufferErrors:
     """Errors of OLS and RLS as a function of the buffer that OLS needs.
 
     Attributes:
@@ -247,11 +247,11 @@ def _make_buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
     return rows
 
 
-def _compare_buffers(frame: pl.DataFrame) -> Buffers:
+def _compare_buffers(frame: pl.DataFrame) -> BufferErrors:
     ls, rls = (frame.filter(pl.col("method") == method) for method in ("ls", "rls"))
     beside = ls.join(rls, "window_samples", suffix="_rls", maintain_order="left")
     reaches = pl.min_horizontal("found_kg_low_rls", "found_kg_rls") <= pl.col("found_kg")
-    return Buffers(
+    return BufferErrors(
         windows=tuple(beside["window_samples"]),
         as_good=tuple(beside.filter(reaches)["window_samples"]),
         ls_kg=_value_range(ls["found_kg"]),

@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.replayed_campaign import ReplayedCampaign, reestimate
 from analysis.paper.simulated_sources import LINEAR, ROTATION, Extract
-from analysis.stages.gating.gate import gate
+from analysis.stages.gating.gate import gate_windows
 from estimators.arrays import Floats
 from estimators.estimate import Trace
 from estimators.methods import fgls, ls, rls, tls
@@ -49,7 +49,7 @@ def make_figure_2(campaign: ReplayedCampaign) -> Figure2:
     )
 
 
-class Rms(NamedTuple):
+class EarlyAndLateRms(NamedTuple):
     """Root mean square errors of the mass in kg: in the first `EARLY_S`, and later."""
 
     early_kg: float
@@ -63,7 +63,7 @@ class Figure3:
     Attributes:
         frame: one row per instant and method, with the truth.
         true_mass_kg: true mass.
-        rms_kg: by method, over the whole figure.
+        rms_kg: r.m.s. error by method over the whole figure.
         converging: early and late errors of LS and RLS.
         memory_samples: effective number of samples in the memory of RLS.
         window_samples: window of the other methods.
@@ -72,7 +72,7 @@ class Figure3:
     frame: pl.DataFrame
     true_mass_kg: float
     rms_kg: Mapping[str, float]
-    converging: Mapping[str, Rms]
+    converging: Mapping[str, EarlyAndLateRms]
     memory_samples: float
     window_samples: int
 
@@ -121,7 +121,7 @@ class Figure4:
         frame: one row per instant and method, with the truth.
         true_inertia_z_kg_m2: the yaw inertia.
         true_friction_z_N_m_s: true friction of turning.
-        rms_kg_m2: by method, over the whole figure.
+        rms_kg_m2: r.m.s. error by method over the whole figure.
         bias_kg_m2: mean error by method, over the whole figure.
     """
 
@@ -135,8 +135,10 @@ class Figure4:
 def make_figure_4(campaign: ReplayedCampaign) -> Figure4:
     """Yaw inertia and friction over time under a triangular torque, by the yaw row of (8)."""
     excitation = campaign.replayed.frames["excitation"]
-    A = planar_rows.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
-    A, f = np.ascontiguousarray(A), values(excitation, "torque_z_N_m")
+    A = planar_rows.spin(
+        column_values(excitation, "yaw_acc_rad_s2"), column_values(excitation, "yaw_rate_rad_s")
+    )
+    A, f = np.ascontiguousarray(A), column_values(excitation, "torque_z_N_m")
     rate_hz = campaign.settings.align.rate_hz
     window = round(WINDOW_S * rate_hz)
     known = np.isfinite(A).all(axis=1) & np.isfinite(f)
@@ -169,7 +171,7 @@ def estimates_from_complete_windows(
     campaign: ReplayedCampaign, settings: Settings
 ) -> ReplayedCampaign:
     """Estimates from every complete window in the figure, without the end of the drive."""
-    gated = gate(campaign.replayed.frames["excitation"], settings)
+    gated = gate_windows(campaign.replayed.frames["excitation"], settings)
     incomplete = pl.col("reason_x").cast(pl.String).is_in(("warming_up", "gap"))
     shown = ~incomplete & (pl.col("t_ns") <= round(_SHOWN_S * 1e9))
     return reestimate(campaign, gated.with_columns(accepted_x=shown), settings)
@@ -217,7 +219,7 @@ def _rms_error_by_method(series: pl.DataFrame, value: str, true: str) -> dict[st
     return dict(errors.iter_rows())
 
 
-def rms_error_after_convergence(series: pl.DataFrame) -> dict[str, Rms]:
+def rms_error_after_convergence(series: pl.DataFrame) -> dict[str, EarlyAndLateRms]:
     """R.m.s. error of LS and RLS in the first `EARLY_S`, and later."""
     squares = series.with_columns(
         square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,
@@ -229,7 +231,9 @@ def rms_error_after_convergence(series: pl.DataFrame) -> dict[str, Rms]:
         .agg(pl.col("square").mean())
         .iter_rows()
     }
-    return {method: Rms(rms[method, True], rms[method, False]) for method in ("ls", "rls")}
+    return {
+        method: EarlyAndLateRms(rms[method, True], rms[method, False]) for method in ("ls", "rls")
+    }
 
 
 FIGURE_2: Final = Extract(LINEAR, make_figure_2)

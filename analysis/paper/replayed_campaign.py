@@ -17,8 +17,8 @@ from analysis.model.run_record import Run
 from analysis.model.settings import Settings
 from analysis.paper.cramer_rao import equation_noise, mass_bounds_kg
 from analysis.simulation import Scenario
-from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import gate, samples_in_windows
+from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.gating.gate import gate_windows, samples_in_windows
 
 #: The four errors, r.m.s. in kg over all trials, or over the loads' means.
 ERRORS = ("run_kg", "run_left_out_kg", "mean_kg", "mean_left_out_kg")
@@ -53,7 +53,7 @@ class ReplayedCampaign:
 def replay_with_gate(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
     """Rerun gate and estimators with other settings; earlier stages are unchanged."""
     excitation = campaign.replayed.frames["excitation"]
-    return reestimate(campaign, gate(excitation, settings), settings)
+    return reestimate(campaign, gate_windows(excitation, settings), settings)
 
 
 def reestimate(
@@ -61,7 +61,7 @@ def reestimate(
 ) -> ReplayedCampaign:
     """Rerun the estimates of a campaign on the windows that `gated` accepts."""
     frames = campaign.replayed.frames
-    estimates = trace(frames["excitation"], gated, settings)
+    estimates = trace_estimates(frames["excitation"], gated, settings)
     about = campaign.replayed.provenance
     replayed = Run(
         {

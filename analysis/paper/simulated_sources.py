@@ -42,7 +42,7 @@ Chain: TypeAlias = Callable[[SimulatedLog], SimulatedLog]
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class StudySettings:
     """Settings of the simulations, and their number.
 
     Attributes:
@@ -65,19 +65,19 @@ class Study:
 
 
 @dataclass(frozen=True, eq=False)
-class Source(Generic[S]):
+class SimulationSource(Generic[S]):
     """Simulation: its name, its number of repetitions, and the function that makes one."""
 
     name: str
-    make: Callable[[Study, int], S]
-    repeats: Callable[[Study], int] = lambda _: 1
+    make: Callable[[StudySettings, int], S]
+    repeats: Callable[[StudySettings], int] = lambda _: 1
 
 
 @dataclass(frozen=True, eq=False)
 class Extract(Generic[S, T]):
     """Data kept from each repetition of a source."""
 
-    source: Source[S]
+    source: SimulationSource[S]
     make: Callable[[S], T]
 
 
@@ -114,7 +114,7 @@ def machine_with_paper_noise(machine: Machine) -> Machine:
 
 
 def plan_repetitions(
-    needs: Iterable[Extract[Any, Any]], study: Study, extracts: Extracts
+    needs: Iterable[Extract[Any, Any]], study: StudySettings, extracts: Extracts
 ) -> list[Repetition]:
     """Plan every repetition of every needed source.
 
@@ -123,7 +123,7 @@ def plan_repetitions(
         study: settings and number of simulations.
         extracts: destination of the results.
     """
-    wanted: dict[Source[Any], list[Extract[Any, Any]]] = {}
+    wanted: dict[SimulationSource[Any], list[Extract[Any, Any]]] = {}
     for extract in dict.fromkeys(needs):
         wanted.setdefault(extract.source, []).append(extract)
     planned: list[Repetition] = []
@@ -138,10 +138,10 @@ def plan_repetitions(
 
 
 def _add_repetition(
-    source: Source[Any],
+    source: SimulationSource[Any],
     repetition: int,
     wanted: Iterable[Extract[Any, Any]],
-    study: Study,
+    study: StudySettings,
     extracts: Extracts,
 ) -> None:
     made = source.make(study, repetition)
@@ -161,11 +161,11 @@ def _unchanged_log(log: SimulatedLog) -> SimulatedLog:
     return log
 
 
-def _make_steady_study(study: Study, _: int) -> SteadyStudy:
+def _make_steady_study(study: StudySettings, _: int) -> SteadyStudy:
     return SteadyStudy(steady_drive(study.scenario), study.scenario.sensors, study.windows)
 
 
-def _replay_seeded_campaign(study: Study, repetition: int) -> ReplayedCampaign:
+def _replay_seeded_campaign(study: StudySettings, repetition: int) -> ReplayedCampaign:
     settings = study.machine.settings.with_changes(
         {"gate.window_samples": WINDOW_SAMPLES, "gate.threshold_nat": THRESHOLD_NAT}
     )
@@ -173,7 +173,7 @@ def _replay_seeded_campaign(study: Study, repetition: int) -> ReplayedCampaign:
     return study.replay(study.scenario_of_repetition(repetition), machine, _unchanged_log)
 
 
-def _chained_campaign(study: Study, repetition: int) -> ReplayedCampaign:
+def _replay_torque_chain_campaign(study: StudySettings, repetition: int) -> ReplayedCampaign:
     # (17) as printed knows no share of the force
     printed = study.machine.machine.model_copy(update={"force_share": 1.0})
     machine = study.machine.model_copy(update={"machine": printed})
@@ -184,23 +184,23 @@ def _chained_campaign(study: Study, repetition: int) -> ReplayedCampaign:
     )
 
 
-def _drive_straight(study: Study, _: int) -> ReplayedCampaign:
+def _drive_straight(study: StudySettings, _: int) -> ReplayedCampaign:
     driven = scenario_with_waveforms(study.scenario, force=ForceWave(), torque=None)
     return study.replay(driven, study.machine, _unchanged_log)
 
 
-def _drive_spin(study: Study, _: int) -> ReplayedCampaign:
+def _drive_spin(study: StudySettings, _: int) -> ReplayedCampaign:
     driven = scenario_with_waveforms(study.scenario, force=None, torque=TorqueWave())
     yaw = {"yaw_acc_rad_s2": Channel(derive="d/dt yaw_rate_rad_s")}
     machine = study.machine.model_copy(update={"channels": {**study.machine.channels, **yaw}})
     return study.replay(driven, machine, _unchanged_log)
 
 
-def _replay_start(study: Study, _: int) -> ReplayedCampaign:
+def _replay_start(study: StudySettings, _: int) -> ReplayedCampaign:
     return study.replay(one_start_scenario(study.scenario), study.machine, _unchanged_log)
 
 
-def _replay_cruise(study: Study, repetition: int) -> ReplayedCampaign:
+def _replay_cruise(study: StudySettings, repetition: int) -> ReplayedCampaign:
     short = one_start_scenario(study.scenario_of_repetition(repetition))
     campaign = short.campaign.model_copy(update={"cruise_s": CRUISE_S})
     return study.replay(
@@ -214,23 +214,25 @@ def one_start_scenario(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"campaign": campaign})
 
 
-def _count_campaigns(study: Study) -> int:
+def _count_campaigns(study: StudySettings) -> int:
     return study.campaigns
 
 
-def _count_cruises(study: Study) -> int:
+def _count_cruises(study: StudySettings) -> int:
     return max(study.windows // _WINDOWS_A_CRUISE, 2)
 
 
 #: The steady oscillation under the paper's triangle, for windows without a gate.
-OSCILLATION: Final = Source("windows", _make_steady_study)
+OSCILLATION: Final = SimulationSource("windows", _make_steady_study)
 #: Campaigns of section 4.3, with an ideal torque chain and with one that would explain Table 2.
-CAMPAIGNS: Final = Source("campaign", _replay_seeded_campaign, _count_campaigns)
-CHAINED_CAMPAIGNS: Final = Source("torque chain", _chained_campaign, _count_campaigns)
+CAMPAIGNS: Final = SimulationSource("campaign", _replay_seeded_campaign, _count_campaigns)
+CHAINED_CAMPAIGNS: Final = SimulationSource(
+    "torque chain", _replay_torque_chain_campaign, _count_campaigns
+)
 #: The excitations of Figures 2 to 4.
-LINEAR: Final = Source("linear motion", _drive_straight)
-ROTATION: Final = Source("rotation", _drive_spin)
+LINEAR: Final = SimulationSource("linear motion", _drive_straight)
+ROTATION: Final = SimulationSource("rotation", _drive_spin)
 #: One start and stop.
-START: Final = Source("start and stop", _replay_start)
+START: Final = SimulationSource("start and stop", _replay_start)
 #: A start, and a long cruise.
-CRUISES: Final = Source("cruise", _replay_cruise, _count_cruises)
+CRUISES: Final = SimulationSource("cruise", _replay_cruise, _count_cruises)

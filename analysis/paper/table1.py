@@ -126,6 +126,7 @@ def _rms_over_bound(long: pl.DataFrame) -> tuple[float, float, float]:
 
 
 def _has_reached_bound(largest: float, rms: tuple[float, float, float]) -> bool | None:
+    """Whether the bound is reached; None if the interval leaves it open."""
     _, low, high = rms
     if low > _NEAR:
         return False

@@ -15,9 +15,9 @@ import polars as pl
 
 from analysis.model.axes import Axis, X, Z
 from analysis.model.machine import Machine
-from analysis.model.schema import FRAMES, build
+from analysis.model.schema import FRAMES, build_frame
 from analysis.model.settings import Settings
-from analysis.model.uncertainty_sources import combine, unknown_scale
+from analysis.model.uncertainty_sources import combined_u, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.planar.planar_budget import (
     list_uncertainty_sources,
@@ -62,7 +62,7 @@ class PlanarLog:
 
 
 @dataclass(frozen=True, slots=True)
-class NamedEstimate:
+class PlanarFit:
     """A fit, and the names of its priors."""
 
     estimate: BaseEstimate
@@ -80,8 +80,8 @@ def fit_planar(
 
     Args:
         excitation: motion, forces and phases.
-        gated: which windows are accepted, for what straight motion and spins tell.
-        verdict: what it forbids is not used and not told.
+        gated: frame `gate`; its accepted windows select straight motion and spins.
+        verdict: verdict of the log; quantities that it withholds are neither used nor reported.
         machine: machine file with the known body, exclusions, limits and priors.
         noise: noise of the columns, if known.
 
@@ -103,7 +103,7 @@ def fit_planar(
     parts = uncertainty_rows(*joint, machine) if joint else []
     declared = FRAMES["planar_budget"].columns
     budget = pl.DataFrame(parts, schema={c.name: c.dtype for c in declared}, orient="row")
-    return build("planar", table.to_dict()), build("planar_budget", budget.to_dict())
+    return build_frame("planar", table.to_dict()), build_frame("planar_budget", budget.to_dict())
 
 
 def fit_arcs(
@@ -175,7 +175,7 @@ def is_of_axis_alone(name: str, axis: Axis) -> bool:
     )
 
 
-def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], NamedEstimate] | None:
+def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], PlanarFit] | None:
     """Fit over all motion; None without enough turning or without yaw torque."""
     plane, settings = log.plane, log.machine.settings
     used = plane.usable & plane.moving
@@ -230,7 +230,7 @@ def fit_in_rounds(
     prior: Prior,
     rows: slice,
     columns: tuple[int, ...] = _ALL,
-) -> NamedEstimate:
+) -> PlanarFit:
     """Fit the samples of segment_id >= 0 with the terms of these rows.
 
     Args:
@@ -238,8 +238,8 @@ def fit_in_rounds(
         segment_id: (n,) stretch of each sample.
         start: (6,) mass, inertia, moments and frictions to begin with.
         prior: results of earlier stages, including terms.
-        rows: of force, of yaw torque, or both.
-        columns: which of the six.
+        rows: fitted equations: force, yaw torque, or both.
+        columns: indices of the fitted parameters among the six.
     """
     told = fit_with_coefficients(log, segment_id, start, prior, rows, columns)
     for _ in range(_ROUNDS - 1):
@@ -258,7 +258,7 @@ def fit_with_coefficients(
     known: Prior,
     rows: slice,
     columns: tuple[int, ...],
-) -> NamedEstimate:
+) -> PlanarFit:
     """One fit, with the terms of a machine of these coefficients (6,)."""
     where = np.flatnonzero(segment_id >= 0)
     part = slice(int(where[0]), int(where[-1]) + 1)
@@ -279,7 +279,7 @@ def fit_with_coefficients(
         np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
         regressor.loading,
     )
-    return NamedEstimate(fitted, prior.names)
+    return PlanarFit(fitted, prior.names)
 
 
 def prior_for_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
@@ -293,7 +293,7 @@ def prior_for_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
 
 
 def _make_fit_row(
-    kind: str, log: PlanarLog, used: Bools, fitted: NamedEstimate, known: tuple[str, ...]
+    kind: str, log: PlanarLog, used: Bools, fitted: PlanarFit, known: tuple[str, ...]
 ) -> dict[str, Any]:
     """Make the row of a fit, by column."""
     estimate, plane = fitted.estimate, log.plane
@@ -316,15 +316,15 @@ def _make_fit_row(
         "combinations": "; ".join(found.combination_texts()),
     }
 
-    def u(gradient: Floats) -> float:
+    def u_of(gradient: Floats) -> float:
         return standard_uncertainty(estimate, gradient, fitted.priors, log.machine)
 
     for name, value in zip(estimate.parameters, estimate.theta, strict=True):
         if name in PARAMETERS and name not in known:
-            row[name], row[_COLUMNS[name]] = float(value), u(quantity_gradient(estimate, name))
+            row[name], row[_COLUMNS[name]] = float(value), u_of(quantity_gradient(estimate, name))
     for axis, moment in zip("xy", _MOMENTS, strict=True):
         value, gradient = estimate.slope(moment, "mass_kg")
-        row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u(gradient)
+        row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*_MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
     row["scale_unknown"] = missing_machine_values(
@@ -340,7 +340,7 @@ def _make_fit_row(
     return row
 
 
-def missing_machine_values(fitted: NamedEstimate, gradients: list[Floats], machine: Machine) -> str:
+def missing_machine_values(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
     """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [list_uncertainty_sources(fitted.estimate, g, fitted.priors, machine) for g in told]
@@ -359,7 +359,7 @@ _QUANTITIES: Final = {
 
 
 def uncertainty_rows(
-    row: Mapping[str, Any], fitted: NamedEstimate, machine: Machine
+    row: Mapping[str, Any], fitted: PlanarFit, machine: Machine
 ) -> list[dict[str, Any]]:
     """Rows on the sources of uncertainty of each quantity that all motion determines."""
     parts: list[dict[str, Any]] = []
@@ -372,7 +372,7 @@ def uncertainty_rows(
             moment = _MOMENTS["xy".index(quantity[4])]
             gradient = fitted.estimate.slope(moment, "mass_kg")[1]
         found = list_uncertainty_sources(fitted.estimate, gradient, fitted.priors, machine)
-        total = combine(found)
+        total = combined_u(found)
         parts += [
             {
                 "quantity": quantity,

@@ -11,7 +11,7 @@ from analysis.model.uncertainty_sources import (
     SCALES,
     TRACK_WIDTH,
     UncertaintySource,
-    combine,
+    combined_u,
     has_torque_of_sides,
     largest_first,
 )
@@ -101,4 +101,4 @@ def standard_uncertainty(
     at = np.flatnonzero(gradient)
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")
-    return combine(list_uncertainty_sources(estimate, gradient, terms, machine))
+    return combined_u(list_uncertainty_sources(estimate, gradient, terms, machine))

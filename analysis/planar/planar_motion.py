@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.planar.planar_samples import PlanarSamples
 from estimators.arrays import Bools, Floats
 from estimators.planar.planar_rows import PARAMETERS
@@ -109,7 +109,7 @@ class Drive:
         return (self.machine.machine.track_width_m or 2.0) / 2.0
 
     @property
-    def weight(self) -> float:
+    def machine_weight(self) -> float:
         """Weight of the machine, in N."""
         return self.mass_kg * self.gravity_m_s2
 
@@ -153,7 +153,7 @@ def make_drive(
     span = max(machine.settings.smooth.samples // 2, 1)
     step_s = 2.0 * span / rate_hz
 
-    def rate(x: Floats) -> Floats:
+    def central_difference(x: Floats) -> Floats:
         out = np.zeros(x.size)
         out[span:-span] = (x[2 * span :] - x[: -2 * span]) / step_s
         return out
@@ -166,10 +166,10 @@ def make_drive(
         [
             force,
             torque,
-            rate(force),
-            rate(torque),
-            rate(motion.speed * np.abs(force)),
-            values(excitation, "direction_x_1"),
+            central_difference(force),
+            central_difference(torque),
+            central_difference(motion.speed * np.abs(force)),
+            column_values(excitation, "direction_x_1"),
             np.where(plane.turning, direction_z, 0.0),
             t / max(float(t[-1]), 1.0) - 0.5,
             np.cumsum(np.nan_to_num(motion.yaw_rate)) / rate_hz,

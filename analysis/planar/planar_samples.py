@@ -8,7 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.axes import Z, available_axes
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import braking_within_sight
 from analysis.stages.motion.phases import TURNS, speeding_sign, yaw_speeding_sign
@@ -69,23 +69,23 @@ def collect_planar_samples(
     """Collect the samples for the planar fits."""
     n, has_torque = excitation.height, Z in available_axes(excitation)
     phase = excitation["phase"]
-    speed = values(excitation, "speed_x_m_s")
-    yaw_rate = values(excitation, "yaw_rate_rad_s")
+    speed = column_values(excitation, "speed_x_m_s")
+    yaw_rate = column_values(excitation, "yaw_rate_rad_s")
     zero = np.zeros(n)
     motion = planar_rows.PlanarRegressor(
-        values(excitation, "regressor_acc_x_m_s2"),
-        values(excitation, "regressor_acc_y_m_s2") if has_torque else zero,
+        column_values(excitation, "regressor_acc_x_m_s2"),
+        column_values(excitation, "regressor_acc_y_m_s2") if has_torque else zero,
         speed,
         yaw_rate,
         # in a steady arc it is none
-        values(excitation, "yaw_acc_rad_s2") if has_torque else zero,
+        column_values(excitation, "yaw_acc_rad_s2") if has_torque else zero,
     )
-    torque = values(excitation, "torque_z_N_m") if has_torque else zero
-    f = np.column_stack([values(excitation, "force_x_N"), torque])
+    torque = column_values(excitation, "torque_z_N_m") if has_torque else zero
+    f = np.column_stack([column_values(excitation, "force_x_N"), torque])
     known = motion.complete_samples() & np.isfinite(f).all(axis=1)
     known &= phase.is_not_null().to_numpy()
     turning = phase.is_in(TURNS).fill_null(False).to_numpy()
-    rate = values(excitation, "speed_rate_x_m_s2")
+    rate = column_values(excitation, "speed_rate_x_m_s2")
     along = speeding_sign(speed, rate, settings.phases.steady_acc_m_s2, settings)
     # the yaw rate of straight driving is not steered
     about = np.where(turning, yaw_speeding_sign(yaw_rate, settings), 0.0)

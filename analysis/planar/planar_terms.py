@@ -65,6 +65,7 @@ def measures_sideways(machine: Machine) -> bool:
 
 
 def _has_unseen_slope_along(machine: Machine) -> bool:
+    """Whether no channel shows the slope along the machine."""
     return not measures_force(machine) and "pitch_rad" not in machine.channels
 
 
@@ -84,6 +85,7 @@ def unseen_gravity(m: TurningSamples, along: Floats, across: Floats) -> Columns:
 
 
 def _slip_columns(m: TurningSamples) -> Columns:
+    """Columns of longitudinal slip in both equations."""
     slips = np.abs(m.speed) * np.abs(m.force)
     sideways = None
     if not measures_sideways(m.drive.machine) and m.drive.mass_kg:
@@ -98,6 +100,7 @@ def _gyro_bias_columns(m: TurningSamples) -> Columns:
 
 
 def _gyro_gain_mixture(drive: Drive) -> Mixture:
+    """How an error of the gyroscope's gain mixes the parameters."""
     sideways = 0.0 if measures_sideways(drive.machine) else drive.moment_x_kg_m
     turned = {
         _INERTIA: drive.inertia_z_kg_m2,
@@ -118,16 +121,19 @@ def turning_torque_term(m: TurningSamples, moment_kg_m: float) -> Columns:
 
 
 def _lateral_arm_mixture(drive: Drive) -> Mixture:
+    """How an unknown arm of the sideways force mixes the parameters."""
     # the sideways force, in proportion to the mass: m s_y + mc_x ω̇
     return {}, {_MOMENT_X: drive.mass_kg, _INERTIA: drive.moment_x_kg_m}
 
 
 def _imu_x_mixture(drive: Drive) -> Mixture:
+    """How an error of the IMU's position ahead mixes the parameters."""
     sideways = drive.moment_x_kg_m if measures_sideways(drive.machine) else 0.0
     return {_MOMENT_X: -drive.mass_kg}, {_INERTIA: -sideways}
 
 
 def _imu_y_mixture(drive: Drive) -> Mixture:
+    """How an error of the IMU's position to the left mixes the parameters."""
     return {_MOMENT_Y: -drive.mass_kg}, {_INERTIA: -drive.moment_y_kg_m}
 
 
@@ -140,7 +146,7 @@ TERMS: Final = (
     Term(
         "const",
         lambda m: (m.one, None),
-        lambda d, s: constant_force_std(d.largest_force, d.weight, s),
+        lambda d, s: constant_force_std(d.largest_force, d.machine_weight, s),
         "a constant force: offset of the force, tilt or bias of the accelerometer",
         "starts in both directions, or at different throttles",
         "x",
@@ -148,7 +154,7 @@ TERMS: Final = (
     Term(
         "direction",
         lambda m: (m.direction_x, None),
-        lambda d, s: coulomb_std(d.largest_force, d.weight, s),
+        lambda d, s: coulomb_std(d.largest_force, d.machine_weight, s),
         "Coulomb friction and rolling resistance",
         "driving both ways, and starts at different throttles",
         "x",
@@ -194,7 +200,7 @@ TERMS: Final = (
         "turning_direction",
         lambda m: (None, m.direction_z),
         lambda d, s: float(
-            np.hypot(s.direction_share * d.largest_torque, s.scrub_arm_m * d.weight)
+            np.hypot(s.direction_share * d.largest_torque, s.scrub_arm_m * d.machine_weight)
         ),
         "Coulomb friction of turning: tyres that scrub",
         "spins at different throttles, both ways",

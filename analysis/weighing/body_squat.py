@@ -24,7 +24,7 @@ from estimators.numerics.autocorrelation import student_factor
 
 
 @dataclass(frozen=True)
-class Squat:
+class LoadSquat:
     """Change of the accelerometer's gain with the load.
 
     Attributes:
@@ -59,7 +59,7 @@ def find_squat(
     loads: RelativeLoads,
     relative_load: Floats,
     prior_std: float,
-) -> Squat | None:
+) -> LoadSquat | None:
     """Estimate the change of gain by comparing wheels and accelerometer load by load.
 
     Args:
@@ -76,12 +76,12 @@ def find_squat(
         gain, variance = scale_squat_with_load(
             wheels.squat[0], estimate_squat_by_pitch(motion, loads)
         )
-        return Squat(gain, float(np.sqrt(variance)), relative_load)
+        return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     found = _estimate_by_wheels(_stretch_rows(motion, wheels, loads))
     if wheels.squat[0] > 0.0:
         seen = None if found is None else (found.gain, found.variance)
         gain, variance = scale_squat_with_load(wheels.squat[0], seen)
-        return Squat(gain, float(np.sqrt(variance)), relative_load)
+        return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     if found is None:
         return None
     value, variance = found.gain, found.variance
@@ -90,7 +90,7 @@ def find_squat(
         # a body that squats without a load does so more with one
         before = LIMITS.squat_by_load_prior_probability
     if is_explained_by_grades(found, wheels):
-        return Squat(0.0, float(np.sqrt(before)) * prior_std, relative_load)
+        return LoadSquat(0.0, float(np.sqrt(before)) * prior_std, relative_load)
     # normal densities of what was measured, with a change and without
     wide = variance + prior_std**2
     log_odds = 0.5 * (np.log(variance / wide) + value**2 * (1.0 / variance - 1.0 / wide))
@@ -101,7 +101,9 @@ def find_squat(
     squats = probability > 0.5
     other = 1.0 - probability if squats else probability
     own = variance if squats else probability * variance
-    return Squat(value if squats else 0.0, float(np.sqrt(own + other * value**2)), relative_load)
+    return LoadSquat(
+        value if squats else 0.0, float(np.sqrt(own + other * value**2)), relative_load
+    )
 
 
 def scale_squat_with_load(
@@ -268,7 +270,7 @@ def _whiten_random_slope(
     square = float(time @ time)
     kept = 0.0 if np.isinf(ratio) else 1.0 / np.sqrt(1.0 + ratio * square)
 
-    def whitened(x: Floats) -> Floats:
+    def whiten_along_time(x: Floats) -> Floats:
         return x - (1.0 - kept) * np.multiply.outer(time, time @ x / square)
 
-    return whitened(columns), whitened(y), whitened(time)
+    return whiten_along_time(columns), whiten_along_time(y), whiten_along_time(time)

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from analysis.model.machine import Body, Machine
-from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combine, largest_first
+from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combined_u, largest_first
 from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
@@ -118,7 +118,7 @@ class EmptyMachine:
         scale_kg = (
             UNKNOWN_SCALE * self.rotating_kg if factors_without_uncertainty(self.sources) else 0.0
         )
-        u_kg = float(np.hypot(combine(self.sources), scale_kg))
+        u_kg = float(np.hypot(combined_u(self.sources), scale_kg))
         allowed_kg = LIMITS.empty_mass_agreement_u * float(
             np.hypot(u_kg, self._body.empty_mass_u_kg or 0.0)
         )
@@ -136,12 +136,12 @@ class EmptyMachine:
         stated_kg, stated_u_kg = self._stated_kg, self._body.empty_mass_u_kg
         if stated_kg is None or stated_u_kg is None:
             return None
-        u_kg = combine(self.sources, "random", "common")
+        u_kg = combined_u(self.sources, "random", "common")
         turns_u_kg = self._body.rotating_mass_u_kg
         u_1 = float(np.linalg.norm([u_kg, stated_u_kg, turns_u_kg])) / stated_kg
         return self.rotating_kg / stated_kg, u_1
 
-    def relate_to_empty_mass(self, payload_weights: Floats) -> "Datum | None":
+    def relate_to_empty_mass(self, payload_weights: Floats) -> "EmptyDatum | None":
         """Relate payloads to the empty mass; None if that does not reduce their uncertainty.
 
         Args:
@@ -153,8 +153,8 @@ class EmptyMachine:
             return None
         in_ratio = 1.0 / self.rotating_kg
 
-        def datum_of_share(by_kg: float) -> Datum:
-            return Datum(
+        def make_datum(by_kg: float) -> EmptyDatum:
+            return EmptyDatum(
                 self,
                 by_kg,
                 1.0 + by_kg * (stated_kg - self.rotating_kg),
@@ -162,11 +162,11 @@ class EmptyMachine:
             )
 
         if factors_without_uncertainty(self.sources):
-            found = datum_of_share(in_ratio)
+            found = make_datum(in_ratio)
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
         own_kg2 = self._variance_of_weighted_sum(payload_weights)
-        empty_kg2 = combine(self.sources) ** 2
+        empty_kg2 = combined_u(self.sources) ** 2
         ratio_kg2 = self._variance_of_weighted_sum(
             payload_weights - in_ratio * sum_kg * self.weights
         )
@@ -177,17 +177,21 @@ class EmptyMachine:
         )
         together_kg2 /= 2.0 * in_ratio * sum_kg
         by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
-        found = datum_of_share(float(np.clip(by_kg, 0.0, in_ratio)))
-        if found.scale_1 <= 0.0 or combine(found.payload_sources(payload_weights)) ** 2 >= own_kg2:
+        found = make_datum(float(np.clip(by_kg, 0.0, in_ratio)))
+        if (
+            found.scale_1 <= 0.0
+            or combined_u(found.payload_sources(payload_weights)) ** 2 >= own_kg2
+        ):
             return None
         return found
 
     def _variance_of_weighted_sum(self, weights: Floats) -> float:
-        return combine(budget_of_mass(self.weighing, self.machine, weights)) ** 2
+        """Variance of a weighted sum of masses, in kg²."""
+        return combined_u(budget_of_mass(self.weighing, self.machine, weights)) ** 2
 
 
 @dataclass(frozen=True)
-class Datum:
+class EmptyDatum:
     """Payloads calibrated by the stated empty mass.
 
     Attributes:
@@ -237,7 +241,7 @@ class Datum:
 
 
 def payload_sources(
-    weighing: Weighing, machine: Machine, datum: Datum | None, weights: Floats
+    weighing: Weighing, machine: Machine, datum: EmptyDatum | None, weights: Floats
 ) -> list[UncertaintySource]:
     """Uncertainty sources of a sum of masses, in kg, using the datum if there is one.
 

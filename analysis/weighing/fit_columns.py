@@ -18,7 +18,7 @@ from analysis.weighing.motion_samples import (
     MotionSamples,
     rolling_fraction,
 )
-from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics import group_sums
 from estimators.numerics.fit_loss import group_rows
@@ -28,7 +28,7 @@ from estimators.threads import map_in_threads
 
 
 def are_masses_possible(mass_kg: Floats) -> Bools:
-    """Which masses are plausible beside the others, (n,): positive and not far above the median."""
+    """Mark plausible masses, (n,): positive, and not far above the median of all."""
     return (mass_kg > 0.0) & (mass_kg < LIMITS.max_mass_over_median * np.median(mass_kg))
 
 
@@ -284,7 +284,7 @@ class _PieceColumns:
 
     values: Floats
     group: Ints
-    raw: Moments
+    raw: ColumnInputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,7 +295,7 @@ class _PieceMeans:
     f: Floats
     group: Ints
     count: Ints
-    raw: Moments
+    raw: ColumnInputs
 
 
 def _make_piece_columns(
@@ -322,7 +322,7 @@ def _make_piece_columns(
         acceleration = acceleration - by_load * swing_m_s2
     wheels, zeros = motion.wheel_acceleration, np.zeros(speed.size)
     force_std = float(np.sqrt(noise.covariance(1)[2, 2]))
-    raw = Moments(
+    raw = ColumnInputs(
         acceleration,
         zeros if wheels is None else wheels,
         speed,
@@ -383,7 +383,7 @@ def _route_positions(motion: MotionSamples, previous: PreviousEstimates) -> tupl
     loads, route = previous.relative_loads, previous.route
     if loads is None or route is None:
         return np.zeros(motion.speed.size), 0.0
-    return route.position(motion), route.length_m
+    return route.relative_distance_to_dump(motion), route.length_m
 
 
 def _drop_first_samples(group: Ints, lag: int) -> Ints:

@@ -74,7 +74,7 @@ class FitTask:
         return PreviousEstimates(
             slip_1_N=(self._slip_from_wheels() or (0.0, 0.0))[0],
             motion_gain=self._squat_gain(),
-            swing=self._swing(),
+            swing=self._body_swing(),
             speed_late_s=self._speed_late_s(),
             relative_loads=(loads := self._relative_loads()),
             route=self._find_route(loads),
@@ -236,7 +236,7 @@ class FitTask:
         told = self.wheels is not None and self.motion.by_accelerometer
         return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
 
-    def _swing(self) -> BodySwing:
+    def _body_swing(self) -> BodySwing:
         """Effect of a swinging body on the accelerometer, if the wheels show it."""
         told = self.wheels is not None and self.motion.by_accelerometer
         return self.wheels.swing if self.wheels is not None and told else NO_SWING

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.model.windows import flagged_windows
 from analysis.stages.gating.gate import accepted_samples, braking_within_sight
 from analysis.stages.gating.segments import number_manoeuvres
@@ -77,7 +77,9 @@ def fitted_manoeuvres(
     if without:
         brakes = (phase == "braking").fill_null(False).to_numpy()
         stands = (phase == "standstill").fill_null(False).to_numpy()
-        brakes |= stopping_samples(values(excitation, "speed_x_m_s"), stands, moves_m_s, settings)
+        brakes |= stopping_samples(
+            column_values(excitation, "speed_x_m_s"), stands, moves_m_s, settings
+        )
         driving &= ~braking_within_sight(brakes, settings)
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats
-from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.nuisances import ColumnInputs, Nuisance
 
 #: So many half waves such a force may have on the path.
 _HALF_WAVES: Final = 8
@@ -24,10 +24,12 @@ def _make_spring_column(place_1: Floats) -> Floats:
 
 
 def _half_wave(place_1: Floats, half_waves: int) -> Floats:
+    """Cosine over the path with a number of half waves."""
     return np.cos(np.pi * half_waves * (place_1 + 0.5))
 
 
 def _make_wave_term(half_waves: int) -> Nuisance:
+    """Term of a force that varies with the place as a half wave."""
     return Nuisance(
         f"place_{half_waves}",
         "N",
@@ -43,13 +45,13 @@ def _make_wave_term(half_waves: int) -> Nuisance:
 def _load_proportional_term(term: Nuisance) -> Nuisance:
     """Part of a nuisance term that is proportional to the load."""
 
-    def column(m: Moments) -> Floats:
+    def column_of_load(m: ColumnInputs) -> Floats:
         return term.column(m) * m.relative_load
 
     return replace(
         term,
         name=f"{term.name}_by_load",
-        column=column,
+        column=column_of_load,
         meaning=f"{term.meaning}; in proportion to the load",
         by_load=True,
     )

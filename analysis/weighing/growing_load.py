@@ -220,7 +220,7 @@ def _residual_of_rows(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
     assert fit.states is not None
     place = np.searchsorted(fit.states.unit, unit).clip(0, fit.states.unit.size - 1)
     masses = fit.theta[: fit.count][fit.states.membership[place]]
-    return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared
+    return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared_parameters
 
 
 def _mass_slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:

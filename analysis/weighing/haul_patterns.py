@@ -45,7 +45,9 @@ def hauling_patterns(motion: MotionSamples) -> list[Ints]:
         for each in find_recurrent_visits(begins_m, forwards)
     ]
     changes = [each & (kind > 0) for each in visits]
-    taking_turns = [_loaded_between_stands(on, off) for on, off in combinations(visits, 2)]
+    taking_turns = [
+        _find_loaded_between_standstills(on, off) for on, off in combinations(visits, 2)
+    ]
     changes += [np.diff(loaded) & (kind > 0) for loaded in taking_turns]
     return [
         np.append(0, np.cumsum(each))
@@ -101,7 +103,7 @@ def _medians_by_kind(values: Floats, kind: Ints) -> Floats:
     return medians
 
 
-def _loaded_between_stands(on: Bools, off: Bools) -> Bools:
+def _find_loaded_between_standstills(on: Bools, off: Bools) -> Bools:
     """Manoeuvres between a loading stand and the next unloading stand, (units,)."""
     stand = np.arange(1, on.size + 1)
     last_on = np.maximum.accumulate(np.where(on, stand, 0))

@@ -57,7 +57,7 @@ class Route:
         length_m = max(_ROUTE_OVER_HAUL * float(np.median(hauls_m)), 1.0)
         return cls(add_missed_visits(dumps_m, begins_m), length_m)
 
-    def position(self, motion: MotionSamples) -> Floats:
+    def relative_distance_to_dump(self, motion: MotionSamples) -> Floats:
         """Distance of samples from the nearest dump over the route's length, (n,), at most 1."""
         here = motion.driven_m
         ahead = np.append(self.dumps_m, np.inf)[np.searchsorted(self.dumps_m, here)] - here

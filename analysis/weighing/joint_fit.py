@@ -289,7 +289,7 @@ def add_motion_responses(
         return found
     known, count = found.found, found.count
 
-    def moved(changed: PreviousEstimates, step: float) -> Floats:
+    def mass_response(changed: PreviousEstimates, step: float) -> Floats:
         other = refit_with_changes(replace(found, found=changed), noise, priors)
         return (other.theta[:count] - found.theta[:count]) / step
 
@@ -298,8 +298,10 @@ def add_motion_responses(
     swing, swung = known.swing, np.zeros(count)
     if swing.lever_s2:
         farther = replace(swing, lever_s2=swing.lever_s2 + swing.u_s2)
-        swung = moved(replace(known, swing=farther), 1.0)
+        swung = mass_response(replace(known, swing=farther), 1.0)
     responses = MotionResponses(
-        moved(later, LIMITS.probe_delay_s), moved(larger, LIMITS.probe_gain_1), swung
+        mass_response(later, LIMITS.probe_delay_s),
+        mass_response(larger, LIMITS.probe_gain_1),
+        swung,
     )
     return replace(found, by_motion=responses)

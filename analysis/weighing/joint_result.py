@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from analysis.weighing.body_squat import Squat
+from analysis.weighing.body_squat import LoadSquat
 from analysis.weighing.fit_columns import PreviousEstimates
 from analysis.weighing.force_by_place import BY_PLACE, forces_by_place
 from analysis.weighing.load_states import LoadStates
@@ -99,7 +99,7 @@ class JointFit:
     averaging_share: float = 0.0
     by_motion: MotionResponses | None = None
     effects: LikelyEffects | None = None
-    squat: Squat | None = None
+    squat: LoadSquat | None = None
 
     @cached_property
     def fit(self) -> MapFit:
@@ -117,7 +117,7 @@ class JointFit:
         return float(self.theta[self.count])
 
     @property
-    def slope(self) -> float:
+    def resistance_slope(self) -> float:
         """Slope of resistance over speed, in N·s/m; never negative."""
         return max(resistance_slope(self.theta, self.terms, self.motion), 0.0)
 
@@ -136,7 +136,7 @@ class JointFit:
         return force + loads.relative_load_of(self.motion.unit) * (columns @ by_load_N)
 
     @property
-    def shared(self) -> Floats:
+    def shared_parameters(self) -> Floats:
         """(1 + terms,) friction and terms, for columns whose force is advanced by its lag."""
         shared = self.theta[self.count :].copy()
         if self.shifted:
@@ -231,18 +231,18 @@ class JointFit:
         wide = np.concatenate([weights, np.zeros(self.theta.size - self.count)])
         fit = self.fit
 
-        def root(covariance: Floats) -> float:
+        def weighted_std(covariance: Floats) -> float:
             return float(np.sqrt(max(float(wide @ covariance @ wide), 0.0)))
 
         mass_kg = float(weights @ self.masses_kg)
         parts = {
-            "noise": root(fit.noise),
+            "noise": weighted_std(fit.noise),
             **{
                 term.name: abs(float(fit.responses[self.count + 1 + i] @ wide))
                 for i, term in enumerate(self.terms)
             },
             "channel_noise": abs(float(fit.doubt @ wide)),
-            "scatter": root(fit.scatter),
+            "scatter": weighted_std(fit.scatter),
             "other_reading": 0.0
             if self.states is None
             else self.states.alternative_std_kg(weights),
@@ -254,7 +254,7 @@ class JointFit:
                 self._squat_parts_kg(weights),
                 0.0 if self.by_motion is None else float(weights @ self.by_motion.swing_kg),
             ),
-            "misfit": root(fit.misfit),
+            "misfit": weighted_std(fit.misfit),
             "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),
         }
@@ -301,7 +301,7 @@ class JointFit:
 
         The three are correlated; each part is what remains once those before are known.
         """
-        wheels, friction = self.kinematics, self.slope
+        wheels, friction = self.kinematics, self.resistance_slope
         if wheels is None or not wheels.is_consistent:
             return {}
         moves = self._wheel_sensitivities_kg(weights)
@@ -316,7 +316,7 @@ class JointFit:
 
     def _wheel_sensitivities_kg(self, weights: Floats) -> Floats:
         """(3,) response of a sum of masses to one unit of slip, gain and delay of the wheels."""
-        friction = self.slope
+        friction = self.resistance_slope
         slip = self.count + 1 + term_index("slip", self.terms)
         # one standard deviation of the prior moves the masses by so much
         response = float(self.fit.responses[slip] @ weights)
@@ -344,7 +344,7 @@ class JointFit:
             gain = wheels.gain_by_prior[0]
         masses = self.theta[: self.count]
         by_load = 1.0 if self.squat is None else self.squat.factor
-        return (masses - self.slope * late) / (1.0 + gain) / by_load
+        return (masses - self.resistance_slope * late) / (1.0 + gain) / by_load
 
     @property
     def mass_kg(self) -> float:

@@ -12,8 +12,8 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import MOVED, SCALE, build
-from analysis.model.uncertainty_sources import combine
+from analysis.model.schema import MOVED, SCALE, build_frame
+from analysis.model.uncertainty_sources import combined_u
 from analysis.weighing.load_frames import difference_weights
 from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.motion_samples import Floats
@@ -99,14 +99,14 @@ def make_learnt_mean_responses(
     of_mass, of_payload, of_cycle = MOVED
     moved_kg = errors.mass_shifts_kg(weighing)
 
-    def fit_rows(mass_kind: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
+    def make_rows_of_kind(mass_kind: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
         return _make_response_rows(mass_kind, weighing, machine, errors.terms, moved_kg, sums)
 
-    rows = fit_rows(of_mass, {k: fit.weights_of_state(k) for k in states})
+    rows = make_rows_of_kind(of_mass, {k: fit.weights_of_state(k) for k in states})
     if empty:
         against = {k: difference_weights(weighing, k, empty) for k in states if k not in empty}
-        rows += fit_rows(of_payload, against)
-    rows += fit_rows(of_cycle, payloads)
+        rows += make_rows_of_kind(of_payload, against)
+    rows += make_rows_of_kind(of_cycle, payloads)
     known = [
         {
             "term": one,
@@ -119,8 +119,8 @@ def make_learnt_mean_responses(
         for other, value in zip(errors.terms, errors.covariance[i].tolist(), strict=True)
     ]
     return {
-        "responses": build("responses", pl.DataFrame(rows).to_dict()),
-        "learnt_errors": build("learnt_errors", pl.DataFrame(known).to_dict()),
+        "responses": build_frame("responses", pl.DataFrame(rows).to_dict()),
+        "learnt_errors": build_frame("learnt_errors", pl.DataFrame(known).to_dict()),
     }
 
 
@@ -140,7 +140,9 @@ def _make_response_rows(
     total_kg = abs(float(total @ fit.masses_kg))
     # the same share of all
     scale_1 = (
-        combine(budget_of_mass(weighing, machine, total), "scale") / total_kg if total_kg else 0.0
+        combined_u(budget_of_mass(weighing, machine, total), "scale") / total_kg
+        if total_kg
+        else 0.0
     )
     rows: list[dict[str, object]] = []
     for number, weights in sums.items():

@@ -135,25 +135,25 @@ def search_springs(measured: Floats, motion: MotionSamples) -> BodySwing | None:
         return None
     first, _ = min(known, key=lambda each: each[1])
 
-    def springs(logs: Floats) -> BodySwing:
+    def swing_from_logs(logs: Floats) -> BodySwing:
         hz, damping_1 = np.exp(logs).tolist()
         return replace(first, frequency_hz=hz, damping_1=damping_1)
 
-    def cost(logs: Floats) -> float:
-        found = compared.estimate_lever_arm(springs(logs))
+    def misfit_of_swing(logs: Floats) -> float:
+        found = compared.estimate_lever_arm(swing_from_logs(logs))
         return np.inf if found is None else found[1]
 
     begin = np.log([first.frequency_hz, first.damping_1])
     corners = begin + _STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     low, high = np.log([(tried[0], tried[-1]) for tried in (_FREQUENCIES_HZ, _DAMPINGS_1)]).T
     best = minimize(
-        cost,
+        misfit_of_swing,
         begin,
         method="Nelder-Mead",
         bounds=Bounds(low, high),
         options={"initial_simplex": corners, "xatol": _TOLERANCE, "fatol": np.inf},  # pyright: ignore[reportArgumentType] the stubs know no simplex
     )
-    return springs(best.x)
+    return swing_from_logs(best.x)
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import CALIBRATED, FRAMES, build
-from analysis.model.uncertainty_sources import combine, unknown_scale
+from analysis.model.schema import CALIBRATED, FRAMES, build_frame
+from analysis.model.uncertainty_sources import combined_u, unknown_scale
 from analysis.model.verdict import Verdict
-from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
+from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_states import LoadStates, unit_of_each_sample
 from analysis.weighing.mass_budget import budget_of_mass, relative_u
@@ -54,7 +54,9 @@ def make_load_frame(
     if machine.settings.loads.empty_from_s is not None and not empty:
         said = "; ".join(filter(None, (_NOT_EMPTY, said)))
     said = pl.Series("said", [said] * len(rows))
-    return build("loads", {**pl.DataFrame(rows, infer_schema_length=None).to_dict(), "said": said})
+    return build_frame(
+        "loads", {**pl.DataFrame(rows, infer_schema_length=None).to_dict(), "said": said}
+    )
 
 
 def _span_of_each_state(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
@@ -108,7 +110,7 @@ def find_empty_states(
         return []
     lightest = int(np.argmin(fit.masses_kg))
     difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
-    u_kg = combine(budget_of_mass(weighing, machine, fit.weights_of_state(lightest)))
+    u_kg = combined_u(budget_of_mass(weighing, machine, fit.weights_of_state(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
@@ -124,7 +126,7 @@ def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machi
         if state == lightest:
             continue
         weights = difference_weights(weighing, state, found)
-        random_kg = combine(budget_of_mass(weighing, machine, weights), "random")
+        random_kg = combined_u(budget_of_mass(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
         found.append(state)
@@ -133,7 +135,7 @@ def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machi
 
 def _choose_empty_datum(
     weighing: Weighing, empty: list[int], machine: Machine
-) -> tuple[Datum | None, str]:
+) -> tuple[EmptyDatum | None, str]:
     """Datum of the empty states for payloads, or the reason why the log contradicts it."""
     fit = weighing.fit
     if not empty or len(empty) == fit.count:
@@ -166,13 +168,13 @@ def _make_load_row(
     times: tuple[int, int],
     machine: Machine,
     verdict: Verdict,
-    datum: Datum | None,
+    datum: EmptyDatum | None,
 ) -> dict[str, object]:
     fit, body, states = weighing.fit, machine.machine, weighing.fit.states
     assert states is not None
     sources = budget_of_mass(weighing, machine, fit.weights_of_state(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
-    u_kg = combine(sources)
+    u_kg = combined_u(sources)
     withheld = [check.check for check in verdict.failed("mass")]
     # as the check of that name judges the load that most manoeuvres are of
     known = relative_u(weighing, machine, state) <= machine.settings.verdict.relative_std_max
@@ -183,8 +185,8 @@ def _make_load_row(
     numbers = {
         "mass_kg": mass_kg,
         "u_kg": u_kg,
-        "u_random_kg": combine(sources, "random"),
-        "u_common_kg": combine(sources, "common", "scale"),
+        "u_random_kg": combined_u(sources, "random"),
+        "u_common_kg": combined_u(sources, "common", "scale"),
         **payload,
         "friction_x_N_s_m": friction[0],
         "friction_x_std_N_s_m": friction[1],
@@ -211,7 +213,7 @@ def _make_load_row(
 
 
 def _payload_with_uncertainty(
-    weighing: Weighing, state: int, empty: list[int], machine: Machine, datum: Datum | None
+    weighing: Weighing, state: int, empty: list[int], machine: Machine, datum: EmptyDatum | None
 ) -> tuple[dict[str, float | None], list[str]]:
     """Payload of a state with its uncertainty, and its factors of unknown uncertainty.
 
@@ -225,15 +227,15 @@ def _payload_with_uncertainty(
     weights = difference_weights(weighing, state, empty)
     sources = budget_of_mass(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
-    u_kg = combine(sources)
+    u_kg = combined_u(sources)
     if not empty:
         own_kg -= body.rotating_mass_kg + (body.empty_mass_kg or 0.0)
         u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
-    own = (own_kg, u_kg, combine(sources, "random"))
+    own = (own_kg, u_kg, combined_u(sources, "random"))
     told = own
     if datum is not None:
         sources = datum.payload_sources(weights)
-        told = (datum.scale_1 * own_kg, combine(sources), combine(sources, "random"))
+        told = (datum.scale_1 * own_kg, combined_u(sources), combined_u(sources, "random"))
     found: dict[str, float | None] = {
         f"payload_{n}": value for n, value in zip(names, told, strict=True)
     }
@@ -299,7 +301,7 @@ def make_manoeuvre_frame(
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well
     shift_kg = fit.masses_kg - states.means_kg - machine.machine.rotating_mass_kg
-    return build(
+    return build_frame(
         "manoeuvres",
         {
             "load_id": states.membership,
@@ -326,4 +328,6 @@ def _make_unknown_load() -> pl.DataFrame:
         "said": "",
     }
     columns = [c for c in FRAMES["loads"].columns if c.name not in CALIBRATED]
-    return build("loads", {c.name: pl.Series([said.get(c.name)], dtype=c.dtype) for c in columns})
+    return build_frame(
+        "loads", {c.name: pl.Series([said.get(c.name)], dtype=c.dtype) for c in columns}
+    )

@@ -50,7 +50,7 @@ def add_load_states(
     kind = load_change_kinds(found.motion)
     settled = _settle_states(found, inputs, repeatability_kg, kind)
     misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
-    if not misfits or found.motion.manoeuvres < FEWEST:
+    if not misfits or found.motion.manoeuvre_count < FEWEST:
         return settled
     inputs = _add_uneven_ground(found, inputs, fit_rows(found, inputs.noise).group)
     alike = _PartitionComparison.from_fit(found, inputs)
@@ -69,13 +69,15 @@ def add_load_states(
     likely = [settled, *(each for each in fits if _has_certain_loads(each))]
     if len(likely) == 1:
         return settled
-    return min(likely, key=lambda each: alike.information_criterion(_states_in(each).membership))
+    return min(
+        likely, key=lambda each: alike.information_criterion(_load_states_of_fit(each).membership)
+    )
 
 
 def _has_certain_loads(found: JointFit) -> bool:
     """Whether the log practically excludes a single load."""
     least = LIMITS.hidden_loads_max_single_probability
-    return found.count > 1 and _states_in(found).single_probability < least
+    return found.count > 1 and _load_states_of_fit(found).single_probability < least
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ def _refit_with_own_scatter(
     """Refit the same load states with their own scatter and single-load probability."""
     if not np.isfinite(fit.theta).all():
         return fit
-    units, states = _manoeuvre_effects(fit, inputs, kind), _states_in(fit)
+    units, states = _manoeuvre_effects(fit, inputs, kind), _load_states_of_fit(fit)
     likeliest = find_load_states(units, states.unit, repeatability_kg)
     scattering = states_of_partition(units, states.unit, states.membership, usual_scatter=False)
     states = replace(scattering, single_probability=likeliest.single_probability)
@@ -197,11 +199,12 @@ def _settle_states(
         if not np.isfinite(found.theta).all():
             return _withhold_masses(first)
         if any(
-            np.array_equal(states.membership, each.membership) for each in map(_states_in, tried)
+            np.array_equal(states.membership, each.membership)
+            for each in map(_load_states_of_fit, tried)
         ):
             break
         tried.append(found)
-    return min(tried, key=lambda each: _states_in(each).misfit)
+    return min(tried, key=lambda each: _load_states_of_fit(each).bic)
 
 
 def _withhold_masses(found: JointFit) -> JointFit:
@@ -212,14 +215,14 @@ def _withhold_masses(found: JointFit) -> JointFit:
     return replace(found, theta=np.full(found.theta.size, np.nan), states=states)
 
 
-def _states_in(found: JointFit) -> LoadStates:
+def _load_states_of_fit(found: JointFit) -> LoadStates:
     assert found.states is not None
     return found.states
 
 
 def _add_uneven_ground(found: JointFit, inputs: JointFitInputs, group: Ints) -> JointFitInputs:
     """Fit inputs with the variance of ground forces between stretches, from a fit's residual."""
-    if inputs.uneven_1_s or found.motion.manoeuvres < FEWEST:
+    if inputs.uneven_1_s or found.motion.manoeuvre_count < FEWEST:
         return inputs
     residual = found.fit.residual
     correlation, white = pooled_autocorrelation(residual, group, None)

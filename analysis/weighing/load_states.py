@@ -87,7 +87,7 @@ class LoadStates:
         return means_by_state(self.level_kg, weight, self.membership)
 
     @property
-    def misfit(self) -> float:
+    def bic(self) -> float:
         """Bayesian information criterion of the states (Schwarz 1978)."""
         variance = self.scatter_kg**2 + float(np.median(self.std_kg**2))
         return self.membership.size * float(np.log(variance)) + self.count * float(
@@ -386,15 +386,15 @@ def _between_manoeuvre_scatter(
     if freedom < 1:
         return 0.0, 0.0, float("nan")
 
-    def excess(tau: float) -> float:
+    def reduced_chi_square(tau: float) -> float:
         weight = 1.0 / (variance + tau**2)
         mean = means_by_state(level, weight, state)
         return float(weight @ (level - mean[state]) ** 2) / freedom
 
-    if (ratio := float(np.sqrt(excess(0.0)))) <= 1.0:
+    if (ratio := float(np.sqrt(reduced_chi_square(0.0)))) <= 1.0:
         return 0.0, float(freedom), ratio
     low, high = 0.0, float(np.ptp(level)) + 1e-9
     for _ in range(_ROUNDS):
         middle = (low + high) / 2.0
-        low, high = (middle, high) if excess(middle) > 1.0 else (low, middle)
+        low, high = (middle, high) if reduced_chi_square(middle) > 1.0 else (low, middle)
     return high, float(freedom), ratio

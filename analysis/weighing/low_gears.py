@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, MotionSamples
-from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 
 #: Speeds in m/s at which a quarter is left of what the first gear has beyond the top one: a lorry's
@@ -23,6 +23,7 @@ BY_GEAR: Final = "gears"
 
 
 def _low_gear_fraction(speed: Floats, quarter_m_s: float) -> Floats:
+    """Fraction of the first gear's rotating mass at a speed."""
     return (1.0 + (speed / quarter_m_s) ** 2) ** -2
 
 
@@ -44,18 +45,18 @@ def _gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
 
 
 def _make_gear_term(quarter_m_s: float) -> Nuisance:
-    def left(m: Moments) -> Floats:
+    def fraction_in_low_gear(m: ColumnInputs) -> Floats:
         return _low_gear_fraction(m.speed, quarter_m_s)
 
     return Nuisance(
         f"low_gears_{quarter_m_s:.0f}_m_s",
         "kg",
-        lambda m: m.acceleration * left(m),
+        lambda m: m.acceleration * fraction_in_low_gear(m),
         _gear_prior_std,
         "rotating mass of low gears, which falls with the speed",
         "starts at different throttles; driving without a change of gear",
         by_speed=lambda m: m.acceleration * _remaining_slope_s_m(m.speed, quarter_m_s),
-        by_acceleration=left,
+        by_acceleration=fraction_in_low_gear,
         applies=_has_gears,
         source=BY_GEAR,
     )

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from analysis.model.machine import Machine
-from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combine, largest_first
+from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combined_u, largest_first
 from analysis.weighing.force_by_place import BY_PLACE
 from analysis.weighing.joint_result import JointFit, root_sum_of_squares
 from analysis.weighing.low_gears import BY_GEAR
@@ -178,9 +178,9 @@ def relative_u(weighing: Weighing, machine: Machine, state: int) -> float:
     """
     sources = budget_of_mass(weighing, machine, weighing.fit.weights_of_state(state))
     mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
-    if not np.isfinite([mass_kg, combine(sources)]).all():
+    if not np.isfinite([mass_kg, combined_u(sources)]).all():
         return float("nan")
-    return combine(sources, "random", "common") / mass_kg if mass_kg > 0.0 else float("inf")
+    return combined_u(sources, "random", "common") / mass_kg if mass_kg > 0.0 else float("inf")
 
 
 def _relative_loads(fit: JointFit, machine: Machine) -> Floats:

@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.model.windows import flagged_windows
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
 from analysis.stages.signals.grid_rate import rows_in_duration
@@ -257,7 +257,7 @@ class MotionSamples:
         return self.approximate_mass_kg > 0.0 and self.largest_speed > 0.0
 
     @cached_property
-    def manoeuvres(self) -> int:
+    def manoeuvre_count(self) -> int:
         """Number of manoeuvres that may be fitted."""
         return int(np.unique(self.unit[self.used]).size)
 
@@ -267,7 +267,7 @@ class MotionSamples:
         return int(np.unique((self.unit if self.stood is None else self.stood)[self.used]).size)
 
     @cached_property
-    def records(self) -> int:
+    def record_count(self) -> int:
         """Number of records, separated by gaps."""
         return 1 if self.silences is None else int(np.unique(self.silences[self.used]).size)
 
@@ -306,7 +306,7 @@ def motion_samples(
         braking: whether braking is fitted, if it counts as driving.
     """
     settings = machine.settings
-    speed = values(aligned, "speed_x_m_s")
+    speed = column_values(aligned, "speed_x_m_s")
     force = longitudinal_force(aligned, machine.machine)
     acceleration = regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
@@ -357,7 +357,7 @@ def motion_samples(
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
         _empty_weight(machine, acceleration, force, group >= 0),
-        tuple(values(aligned, name) for name in _ARMS if name in aligned.columns),
+        tuple(column_values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         samples_named_empty(aligned, machine),
         stood,
@@ -394,4 +394,4 @@ def samples_named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None
 def _read_grid_column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:
     if name not in aligned.columns:
         return None
-    return np.where(known, values(aligned, name), 0.0)
+    return np.where(known, column_values(aligned, name), 0.0)

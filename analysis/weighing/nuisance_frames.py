@@ -6,8 +6,8 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import FRAMES, build
-from analysis.model.uncertainty_sources import combine
+from analysis.model.schema import FRAMES, build_frame
+from analysis.model.uncertainty_sources import combined_u
 from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.wheel_kinematics import TERMS
@@ -25,7 +25,7 @@ def make_nuisance_frame(weighing: Weighing | None) -> pl.DataFrame:
     if weighing is None:
         return make_empty_frame("nuisances")
     rows = pl.concat([_make_term_rows(weighing), _make_wheel_rows(weighing)], how="diagonal")
-    return build("nuisances", rows.to_dict())
+    return build_frame("nuisances", rows.to_dict())
 
 
 def _make_term_rows(weighing: Weighing) -> pl.DataFrame:
@@ -97,12 +97,13 @@ def make_budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFra
         return make_empty_frame("budget")
     fit = weighing.fit
     rows = [_make_source_rows(weighing, machine, state) for state in range(fit.count)]
-    return build("budget", pl.concat(rows).to_dict())
+    return build_frame("budget", pl.concat(rows).to_dict())
 
 
 def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
+    """Uncertainty budget of a load, one row per source."""
     sources = budget_of_mass(weighing, machine, weighing.fit.weights_of_state(state))
-    total = combine(sources)
+    total = combined_u(sources)
     u_kg = np.array([np.nan if source.u is None else source.u for source in sources])
     return pl.DataFrame(
         {

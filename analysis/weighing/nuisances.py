@@ -17,7 +17,7 @@ from analysis.weighing.weighing_limits import LIMITS
 
 
 @dataclass(frozen=True)
-class Moments:
+class ColumnInputs:
     """Samples for the columns, (n,) each, with the force advanced by the current lag.
 
     Attributes:
@@ -66,7 +66,7 @@ class Moments:
         """(n,) ground speed in m/s, without the slip."""
         return self.rolling_fraction * self.speed
 
-    def select_rows(self, rows: Ints) -> "Moments":
+    def select_rows(self, rows: Ints) -> "ColumnInputs":
         """Select some of the samples."""
         channels = {n: x[rows] for n, x in vars(self).items() if isinstance(x, np.ndarray)}
         return replace(self, **channels)
@@ -93,13 +93,13 @@ class Nuisance:
 
     name: str
     unit: str
-    column: Callable[[Moments], Floats]
+    column: Callable[[ColumnInputs], Floats]
     width: Callable[[MotionSamples, PriorSettings], float]
     meaning: str
     shrinks: str
-    by_speed: Callable[[Moments], Floats] | None = None
-    by_force: Callable[[Moments], Floats] | None = None
-    by_acceleration: Callable[[Moments], Floats] | None = None
+    by_speed: Callable[[ColumnInputs], Floats] | None = None
+    by_force: Callable[[ColumnInputs], Floats] | None = None
+    by_acceleration: Callable[[ColumnInputs], Floats] | None = None
     applies: Callable[[MotionSamples], bool] = lambda _: True
     by_load: bool = False
     source: str = ""
@@ -191,6 +191,7 @@ def weight_const_prior_std(motion: MotionSamples, priors: PriorSettings) -> floa
 
 
 def _warming_term(name: str) -> Nuisance:
+    """Term of viscous friction that changes as the machine warms."""
     shape = WARMING[name]
     return Nuisance(
         name,
@@ -200,7 +201,7 @@ def _warming_term(name: str) -> Nuisance:
         shape.meaning,
         "a machine that is warm",
         by_speed=lambda m: shape.share(m.progress),
-        applies=lambda e: e.manoeuvres > shape.degree,
+        applies=lambda e: e.manoeuvre_count > shape.degree,
         # one load for all starts takes too little of a cubic to be told from it
         by_load=shape.degree > 2,
     )
@@ -310,7 +311,7 @@ NUISANCES: Final = (
         "how much the gain of the force changes over the log",
         "loads that come back: empty, loaded, empty",
         by_force=lambda m: m.progress,
-        applies=lambda e: e.manoeuvres > 1,
+        applies=lambda e: e.manoeuvre_count > 1,
     ),
     Nuisance(
         "weight_const",

@@ -18,7 +18,7 @@ from estimators.numerics.fit_loss import group_rows
 
 
 @dataclass(frozen=True, slots=True)
-class StretchSquats:
+class PitchProducts:
     """Products of force and force rate with the pitch's gravity and the motion, by stretch.
 
     Attributes:
@@ -32,7 +32,7 @@ class StretchSquats:
     columns: Floats
 
 
-def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> StretchSquats:
+def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> PitchProducts:
     """Compute the products by stretch, each signal without a cubic of the distance.
 
     Args:
@@ -67,7 +67,7 @@ def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> Stretc
         first.append(int(near[0]))
         products.append(rows[:, :2].T @ rows[:, 2:])
     both = np.array(products).reshape(-1, 2, 3)
-    return StretchSquats(np.array(first, np.int64), both[:, :, 2], both[:, :, :2])
+    return PitchProducts(np.array(first, np.int64), both[:, :, 2], both[:, :, :2])
 
 
 def trim_to_means_with_rate(x: Floats) -> Floats:

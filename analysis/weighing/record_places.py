@@ -93,7 +93,7 @@ def rows_to_search(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
     found before.
     """
     motion, states = found.motion, found.states
-    if not (motion.records > 1 and motion.is_on_bench and found.mass_kg > 0.0):
+    if not (motion.record_count > 1 and motion.is_on_bench and found.mass_kg > 0.0):
         return (rows,)
     theta = found.theta[found.count + 1 :]
     place = [

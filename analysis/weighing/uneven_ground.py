@@ -20,7 +20,7 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, MotionSamples
-from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_ahead
 
@@ -63,16 +63,17 @@ class _DrivingDirection:
     def _by_load(
         self,
         name: str,
-        column: Callable[[Moments], Floats],
+        column: Callable[[ColumnInputs], Floats],
         width: Callable[[MotionSamples, PriorSettings], float],
     ) -> Nuisance:
+        """Term of the difference between loaded and empty starts."""
         meaning = "difference of the ground under loaded and empty starts"
         return self._term(f"{name}_by_load", lambda m: column(m) * m.load_contrast, width, meaning)
 
     def _term(
         self,
         name: str,
-        column: Callable[[Moments], Floats],
+        column: Callable[[ColumnInputs], Floats],
         width: Callable[[MotionSamples, PriorSettings], float],
         meaning: str,
     ) -> Nuisance:
@@ -94,16 +95,19 @@ class _DrivingDirection:
 
     def _applies(self, motion: MotionSamples) -> bool:
         ways = motion.direction[motion.used] == self.sign
-        return motion.manoeuvres >= FEWEST and float(ways.mean()) > LIMITS.direction_min_fraction
+        return (
+            motion.manoeuvre_count >= FEWEST and float(ways.mean()) > LIMITS.direction_min_fraction
+        )
 
 
-def _fraction_between(begin_m: float, end_m: float) -> Callable[[Moments], Floats]:
+def _fraction_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs], Floats]:
     """Function that rises from 0 to 1 between two travelled distances."""
-    return lambda m: _ramp(m.travelled_m, begin_m, end_m)
+    return lambda m: _clipped_ramp(m.travelled_m, begin_m, end_m)
 
 
 @compiled_ahead
-def _ramp(place: Floats, begin: float, end: float) -> Floats:
+def _clipped_ramp(place: Floats, begin: float, end: float) -> Floats:
+    """Linear from 0 at `begin` to 1 at `end`, constant outside."""
     out = np.empty(place.size)
     for k in range(out.size):
         out[k] = min(max((place[k] - begin) / (end - begin), 0.0), 1.0)
@@ -135,18 +139,20 @@ def _make_route_term(part: int) -> Nuisance:
     """Nuisance term for rolling resistance along one part of the route."""
     begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
 
-    def column(m: Moments) -> Floats:
-        changes = _ramp(m.route_1, begin, end) * _random_walk_ratio(m.route_length_m / _ROUTE_PARTS)
+    def route_column(m: ColumnInputs) -> Floats:
+        changes = _clipped_ramp(m.route_1, begin, end) * _random_walk_ratio(
+            m.route_length_m / _ROUTE_PARTS
+        )
         return m.direction * (1.0 + m.relative_load) * changes
 
     return Nuisance(
         f"ground_route_{part + 1}_of_{_ROUTE_PARTS}",
         "N",
-        column,
+        route_column,
         lambda e, s: s.ground_route_share * e.weight,
         "how rolling resistance changes along the route, over ten metres",
         "more cycles; even ground",
-        applies=lambda e: e.manoeuvres >= FEWEST,
+        applies=lambda e: e.manoeuvre_count >= FEWEST,
         by_load=True,
         source=BY_GROUND,
     )

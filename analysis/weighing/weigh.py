@@ -52,7 +52,7 @@ NOTHING_FITTED: Final = "no manoeuvre of this log was informative enough"
 
 
 @dataclass(frozen=True, slots=True)
-class Curvature:
+class ForceCurvature:
     """Estimate of an additional term in a·|a|.
 
     Attributes:
@@ -101,7 +101,7 @@ class Weighing:
     braking_kg: float
     braking_left_out: bool
     braking_doubted: bool
-    curvature: Curvature
+    curvature: ForceCurvature
     filling: LoadFilling
     growing: tuple[LoadGrowth, ...]
     other_motion: AlternativeMotion | None = None
@@ -186,34 +186,34 @@ def _weigh_with_priors(
     rate_hz = settings.align.rate_hz
     columns = _DerivativeNoise(known, rate_hz) if machine.differentiates_speed else known
 
-    def motion(*, braking: bool) -> MotionSamples:
+    def select_motion(*, braking: bool) -> MotionSamples:
         found = motion_samples(aligned, excitation, gated, machine, columns, braking=braking)
         return align_records(found)
 
-    def of_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
+    def fit_load_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
         fitted = JointFitInputs.prepare(motion, columns, priors, begin)
         states = None if begin is None or begin.states is None else begin.states.restrict_to(motion)
         return add_load_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
 
-    whole = motion(braking=True)
+    whole = select_motion(braking=True)
     if not _has_enough_samples(whole):
         return None
-    fit = of_states(whole)
+    fit = fit_load_states(whole)
     excluded = find_creeping_manoeuvres(fit).tolist()
     if excluded:
         whole = _exclude_manoeuvres(whole, excluded)
-        fit = of_states(whole, fit)
+        fit = fit_load_states(whole, fit)
     grown = find_growing_loads(fit, columns)
     if grown:
         # one mass says nothing of them, and would say something wrong of the others' friction
         excluded += [each.unit for each in grown]
-        fit = of_states(_exclude_manoeuvres(whole, excluded), fit)
+        fit = fit_load_states(_exclude_manoeuvres(whole, excluded), fit)
         # what the others say of friction and drifts shows how much it is
         better = {each.unit: each for each in find_growing_loads(fit, columns, whole)}
         grown = tuple(better.get(each.unit, each) for each in grown)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
-        driving = _exclude_manoeuvres(motion(braking=False), excluded)
+        driving = _exclude_manoeuvres(select_motion(braking=False), excluded)
         if _has_enough_samples(driving):
             fitted = JointFitInputs.prepare(driving, columns, priors, fit)
             alone = joint_fit(fitted, fit.states and fit.states.restrict_to(driving))
@@ -319,7 +319,7 @@ def mean_difference_kg(one: JointFit, other: JointFit) -> float:
 
 def fit_curvature(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
-) -> Curvature:
+) -> ForceCurvature:
     """Refit with a term in a·|a|; 0 where the log does not determine it.
 
     Args:
@@ -332,8 +332,8 @@ def fit_curvature(
     moved = float(curved.theta[fit.main_state] - fit.theta[fit.main_state])
     if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
         # with accelerations of one size the term is collinear with the mass
-        return Curvature(0.0, 0.0, fit.mass_kg)
-    return Curvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
+        return ForceCurvature(0.0, 0.0, fit.mass_kg)
+    return ForceCurvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
 
 
 def _scale_priors(priors: PriorSettings, times: float) -> PriorSettings:

@@ -236,11 +236,11 @@ def _fit_comparison(
     """Fit the comparison, starting from an earlier one if there is one."""
     slip_std = priors.wheel_slip / motion.largest_force
 
-    def widths(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
+    def prior_stds(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
         offset = slip_1_N * const_prior_std(motion, priors)
         return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
 
-    def solved(
+    def solve_rows(
         rows: _Rows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
     ) -> prior_fit.PriorSolution | prior_fit.UndeterminedFit:
         told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
@@ -258,7 +258,7 @@ def _fit_comparison(
     if earlier is not None:
         lines = stretch_trend_columns(rows[2])
         loss = autocovariance_loss(rows[2], lines)
-    wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
+    wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     for number in range(LIMITS.slip_passes):
         late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
         if not np.isfinite([late_s, slips_1_N]).all():
@@ -275,21 +275,21 @@ def _fit_comparison(
         if lines is None and number == LIMITS.slip_passes - 1:
             lines = stretch_trend_columns(rows[2])
             loss = autocovariance_loss(rows[2], lines)
-        wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
+        wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
     rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
     noise_m_s = max(float(np.sqrt(noise.covariance(MEAN)[1, 1])), rounding_m_s)
     free = wide.fit
     if free.theta[1] < -LIMITS.negative_slip_std * free.std[1]:
         narrow_std = slip_std * LIMITS.negative_slip_prior_ratio
-        stiff = widths(LIMITS.gain_search_std_1, about, narrow_std)
-        rolling = solved(rows, stiff, delay_s, lines, loss).fit
+        stiff = prior_stds(LIMITS.gain_search_std_1, about, narrow_std)
+        rolling = solve_rows(rows, stiff, delay_s, lines, loss).fit
         if rolling.theta[0] < 0.0 and is_gain_significant(rolling, noise_m_s):
             free, slip_std = rolling, narrow_std
     mismatch = free.residual_rms / noise_m_s
     counts = is_gain_significant(free, noise_m_s)
-    std = widths(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
-    found = free if counts else solved(rows, std, delay_s, lines, loss).fit
+    std = prior_stds(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
+    found = free if counts else solve_rows(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
     least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.std, 1.0)

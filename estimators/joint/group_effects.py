@@ -28,7 +28,7 @@ _LEAST_OWN: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class GroupEffects:
-    """Normal equations with a level for each unit and effects shared by all units.
+    """Levels of the units, and the information about the effects that all units share.
 
     Attributes:
         y: (n,) level of each unit if β is 0.
@@ -36,9 +36,9 @@ class GroupEffects:
         variance: (n,) variance of y from the unit alone.
         gram: (r, r) information about β within units and from its prior.
         cross: (r,) right-hand side of the same equations.
-        kind: (n - 1,) kind of each boundary: 0 no change possible, 1 indicated by the units only;
-            `TURNED`, `RESTARTED`, `HINTED`, `FILLED` and `NAMED` have other evidence. Boundaries of
-            a kind are exchangeable.
+        kind: (n - 1,) kind of each boundary: 0 no change possible, 1 a change that only the units
+            indicate; `TURNED`, `RESTARTED`, `HINTED`, `FILLED` and `NAMED` have other evidence.
+            Boundaries of a kind are exchangeable.
     """
 
     y: Floats

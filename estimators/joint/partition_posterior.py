@@ -65,7 +65,7 @@ class Partition:
 
     @property
     def states(self) -> int:
-        """Number of stretches."""
+        """Number of stretches of units at one level."""
         return self.levels.size
 
     @property
@@ -144,6 +144,7 @@ class PartitionPosterior:
         return Partition(stretches.state, best[1], best[2], self.scatter, best[3], posterior)
 
     def _sums_by_state(self, state: Ints) -> Floats:
+        """Sum the normal equations of consecutive units in one state."""
         first = np.append(0, np.flatnonzero(np.diff(state)) + 1)
         return np.add.reduceat(self._sums, first)
 

@@ -128,6 +128,7 @@ def compute_weighted_equations(
 def _subtract_fit_by_arrays(
     A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
 ) -> Floats:
+    """Residuals f - A θ, with the level of each group's unit; 0 without a group."""
     left = f - A[:, 0] * theta[level_of_unit[group]]
     for column, value in zip(A.T[1:], theta[count:], strict=True):
         left -= column * value

@@ -10,7 +10,7 @@ from estimators.interpreted import compiled_ahead
 
 @dataclass(frozen=True, slots=True)
 class RandomIntercepts:
-    """Levels of the first parameter.
+    """A level of the first parameter for each group; the units at a level scatter about it.
 
     Attributes:
         membership: (groups,) level of each group, from 0, groups in ascending order.

@@ -62,12 +62,12 @@ def solve_windows(
     """Solve the windows that end at `index`."""
     out = ls.Windows.empty(index.size, A.shape[1])
 
-    def work(rows: slice) -> None:
+    def solve_rows(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
         theta = reweight(A, f, window, index[rows], products, options)
         out.keep(rows, products, theta, gram(products), residual_squares(products, theta))
 
-    in_chunks(work, index.size)
+    in_chunks(solve_rows, index.size)
     return out
 
 

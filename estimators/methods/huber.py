@@ -231,14 +231,14 @@ def trace(
     solved = ls.Windows.empty(index.size, p)
     statistics = ResidualStatistics(*(np.empty(index.size) for _ in ResidualStatistics._fields))
 
-    def work(rows: slice) -> None:
+    def solve_rows(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
         theta, of_rows = reweight(A, f, window, index[rows], products, options)
         solved.keep(rows, products, theta, gram(products), residual_squares(products, theta))
         for whole, part in zip(statistics, of_rows, strict=True):
             whole[rows] = part
 
-    in_chunks(work, index.size)
+    in_chunks(solve_rows, index.size)
     residual, owner = window_residuals(A, f, solved.theta, index, window)
     used = owner >= 0
     row = owner[used]

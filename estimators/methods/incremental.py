@@ -244,6 +244,7 @@ def rls(
 def _exponential_rls(
     state: WindowState, past: WindowHistory | None, newest: int, mean: int, options: RlsOptions
 ) -> tuple[WindowHistory, Estimate]:
+    """One step of RLS with exponential forgetting; the first starts from the window."""
     p = len(state.z) - 1
     entries = len(state.products)
     if past is None:
@@ -273,6 +274,7 @@ def _exponential_rls(
 def _directional_rls(
     state: WindowState, past: RlsState | None, newest: int, mean: int, options: RlsOptions
 ) -> tuple[RlsState, Estimate]:
+    """One step of RLS with directional forgetting; the first starts from the window."""
     A, f, _ = _window_as_log(state)
     if past is None:
         past = recursion.start(A, f, options)

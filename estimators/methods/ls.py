@@ -97,12 +97,12 @@ def solve_windows(A: Floats, f: Floats, window: int, index: Ints) -> Windows:
     """Solve the windows that end at `index`."""
     out = Windows.empty(index.size, A.shape[1])
 
-    def work(rows: slice) -> None:
+    def solve_rows(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
         theta, rss = least_squares(A, f, window, index[rows], products)
         out.keep(rows, products, theta, gram(products), rss)
 
-    in_chunks(work, index.size)
+    in_chunks(solve_rows, index.size)
     return out
 
 
@@ -176,14 +176,14 @@ def window_statistics(
     """
     out = WindowStatistics(*(np.empty(index.size) for _ in WindowStatistics._fields))
 
-    def work(rows: slice) -> None:
+    def fill_rows(rows: slice) -> None:
         products, *seen = correlated_sums(A, f, window, index[rows])
         for whole, part in zip(
             out, (*seen, *predict_statistics(products, window, noise)), strict=True
         ):
             whole[rows] = part
 
-    in_chunks(work, index.size)
+    in_chunks(fill_rows, index.size)
     return out
 
 

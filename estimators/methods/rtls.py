@@ -110,7 +110,7 @@ def trace(
     theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
     grams = np.empty((rows, p * (p + 1) // 2))
 
-    def keep(of_rows: slice, products: Floats, weight: Floats) -> None:
+    def store_rows(of_rows: slice, products: Floats, weight: Floats) -> None:
         x, clean = solve_scaled(products, options.noise)
         theta[of_rows], grams[of_rows] = x.T, clean.T
         rms[of_rows] = np.sqrt(residual_squares(products, x) / weight)
@@ -121,12 +121,12 @@ def trace(
         np.array([begin.weight]),
     )
     entries = (p + 1) * (p + 2) // 2
-    keep(slice(0, 1), past[:entries].reshape(-1, 1), weight)
+    store_rows(slice(0, 1), past[:entries].reshape(-1, 1), weight)
     fed, seen = fed_samples(index, window)
     for of_chunk, of_rows, at_rows in sample_chunks(seen):
         sums = feed_products(A, f, fed[of_chunk], decay, past)
         weight = discounted_counts(sums.shape[1], decay, float(weight[-1]))
-        keep(of_rows, sums[:entries, at_rows], weight[at_rows])
+        store_rows(of_rows, sums[:entries, at_rows], weight[at_rows])
     residual, owner = _residuals_of_fed_samples(A, f, theta, index, window)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
     correlation, variance = pooled_autocorrelation(residual, owner, None)

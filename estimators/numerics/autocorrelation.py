@@ -61,6 +61,7 @@ def _sum_lag_products(
 
 
 def _add_run_by_arrays(run: Floats, count: int, sums: Floats) -> None:
+    """Form of `_add_run` by whole arrays."""
     padded = np.zeros(run.size + sums.size)
     padded[: run.size] = run
     later = np.lib.stride_tricks.sliding_window_view(padded, sums.size)[:count]

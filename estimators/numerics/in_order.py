@@ -38,12 +38,14 @@ def _dot_in_order(x: Floats, y: Floats) -> float:
 
 
 def _make_primitive(by_library: Callable[..., Any], loop: Callable[..., Any]) -> Any:
-    def load() -> Any:
+    """Library call for the interpreter, loop for compiled code; both sum in order."""
+
+    def import_and_compile() -> Any:
         from estimators.compiled import compiled  # imports numba, which is slow
 
         return compiled(loop)
 
-    return Primitive(by_library, load)
+    return Primitive(by_library, import_and_compile)
 
 
 #: Σ x of a vector

@@ -31,11 +31,11 @@ def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Float
     spread = np.full(x.size, np.nan)
     A = x.reshape(-1, 1)
 
-    def work(rows: slice) -> None:
+    def fill_rows(rows: slice) -> None:
         ends = np.arange(rows.start, rows.stop) + window - 1
         _, rho[ends], spread[ends] = correlated_sums(A, y, window, ends)
 
-    in_chunks(work, max(x.size - window + 1, 0))
+    in_chunks(fill_rows, max(x.size - window + 1, 0))
     return rho, spread
 
 

@@ -77,6 +77,7 @@ def meat(
 
 
 def _add_up_by_arrays(own: Floats, correlation: Floats, tail: Floats) -> None:
+    """Half of each sample, and its correlated predecessors, by whole arrays."""
     lags, rows = correlation.size, tail.size
     tail[:] = 0.5 * own[lags - 1 : lags - 1 + rows]
     for j in range(1, lags):
@@ -147,13 +148,13 @@ def window_stds(
     """
     out = np.empty((index.size, A.shape[1]))
 
-    def work(rows: slice) -> None:
+    def fill_rows(rows: slice) -> None:
         meats = window_meats(A, window, index[rows], correlation)
         out[rows] = larger_of_sandwich_and_textbook_stds(
             invert_packed(grams[rows]), meats, rss[rows], window
         ).T
 
-    in_chunks(work, index.size)
+    in_chunks(fill_rows, index.size)
     return out * scale_widening(window, correlation)
 
 
@@ -255,6 +256,7 @@ def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Fl
 def _add_neighbours_by_arrays(
     z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
 ) -> None:
+    """Correlated neighbours of each sample, by whole arrays."""
     near[:, :samples] = 0.0
     for lag in range(1, min(correlation.size, samples)):
         stop = max(left - lag if across_later else min(left, samples - lag), 0)

@@ -94,6 +94,7 @@ def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
 
 
 def _substitute_by_arrays(L: Floats, inverse: Floats, x: Floats) -> None:
+    """Form of `substitute` by whole arrays."""
     p = len(inverse)
     for i in range(p):
         for r in range(i):

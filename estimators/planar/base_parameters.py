@@ -80,7 +80,7 @@ def fit(
     n, k, p = A.shape
     if f.shape != (n, k) or len(parameters) != p:
         raise DataError(
-            f"a regressor of shape {A.shape} asks for forces {(n, k)} and {p} names; "
+            f"a regressor of shape {A.shape} needs forces of shape {(n, k)} and {p} names; "
             f"got {f.shape} and {len(parameters)}"
         )
     prior = prior or Prior((), np.zeros((k, 0)), np.zeros((0, 0)))

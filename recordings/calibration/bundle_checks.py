@@ -155,7 +155,7 @@ def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, Bundle
     for name, what in strange[:_MOST_NAMED]:
         checked.add(BundleOutcome.TAMPERED, name, what)
     if len(strange) > _MOST_NAMED:
-        more = f"{len(strange) - _MOST_NAMED} entries more"
+        more = f"{len(strange) - _MOST_NAMED} more entries"
         checked.add(BundleOutcome.TAMPERED, more, "do not belong to a bundle")
     held: dict[str, BundleFile] = {}
     for name in names:
@@ -181,6 +181,7 @@ def _check_file_sums(
     files: Mapping[str, BundleFile],
     listed: Mapping[str, str],
 ) -> None:
+    """Compare the files with SHA256SUMS in both directions."""
     for name, digest in listed.items():
         if name in files and files[name].sha256 != digest:
             checked.add(BundleOutcome.TAMPERED, name, f"is not the file whose digest {SUMS} has")
@@ -316,7 +317,7 @@ def identify_signer(
     how = "given" if key is not None else "unknown" if known is None else "known"
     checked.signed_by = by = replace(by, how=how)
     if not by.is_trusted:
-        checked.notes.append(_UNKNOWN_KEY.format(by, by.add_line))
+        checked.notes.append(_UNKNOWN_KEY.format(by, by.command_to_add_key))
 
 
 def _check_signer(

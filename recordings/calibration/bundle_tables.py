@@ -123,6 +123,7 @@ _ask_once: Final = lru_cache(maxsize=16)(start_reader)
 
 
 def _make_frame(said: dict[str, Any], schema: Schema) -> pl.DataFrame | str:
+    """Frame of an untrusted table, or the fault that makes it unusable."""
     if "fault" in said:
         return str(said["fault"])
     columns: dict[str, list[Any]] = said["columns"]

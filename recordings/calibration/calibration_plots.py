@@ -22,7 +22,7 @@ def draw_report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> 
     fitted, points = document.calibration, readings_about_mean(document, readings)
     found: list[Drawing] = []
     if fitted is not None and document.kind == "calibration":
-        found += [_draw_line(fitted), _draw_residuals(fitted), _budget_bars(fitted)]
+        found += [_draw_line(fitted), _draw_residuals(fitted), _draw_budget_bars(fitted)]
     if points.height:
         found.append(_draw_points(points))
     return found
@@ -96,7 +96,7 @@ def _draw_residuals(fitted: Calibration) -> Drawing:
     return picture
 
 
-def _budget_bars(fitted: Calibration) -> Drawing:
+def _draw_budget_bars(fitted: Calibration) -> Drawing:
     rows = sorted(fitted.budget, key=lambda row: -(row.u_kg or 0.0))
     known = [row for row in rows if row.u_kg]
     largest = max((row.u_kg or 0.0 for row in known), default=1.0)

@@ -207,7 +207,7 @@ def _make_budget_rows(fitted: Calibration | None) -> list[Mapping[str, Any]]:
 
 
 def _make_reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
-    def day(value: dt.date | None) -> str:
+    def format_day(value: dt.date | None) -> str:
         return _NONE if value is None else value.isoformat()
 
     rows: list[Mapping[str, Any]] = [
@@ -217,7 +217,7 @@ def _make_reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
             "u": kilograms_text(mass.u_kg, 3),
             "certificate": _describe_certificate(mass),
             "issuer": mass.certificate_issuer or _NONE,
-            "expires": day(mass.expires),
+            "expires": format_day(mass.expires),
             "shared": f"{mass.source}: {kilograms_text(mass.shared_u_kg, 3)} kg"
             if mass.source
             else "",
@@ -232,7 +232,7 @@ def _make_reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
             "u": kilograms_text(body.empty_mass_u_kg, 3),
             "certificate": about.empty_certificate or "none named",
             "issuer": _NONE,
-            "expires": day(about.empty_expires),
+            "expires": format_day(about.empty_expires),
             "shared": "every load",
         }
         rows.insert(0, machine)
@@ -289,4 +289,5 @@ def _make_run_rows(document: EvidenceDocument, readings: pl.DataFrame) -> list[M
 
 
 def _refuse_fetch(url: str, *_: Any, **__: Any) -> Any:
+    """Raise an error for any external resource."""
     raise ValueError(f"a report loads nothing from outside, so it may not load {url[:80]}")

@@ -71,6 +71,7 @@ def creation_time(document: EvidenceDocument) -> dt.datetime:
 def _run_span(
     run: CampaignRun, log: EvidenceLog, begin: dt.datetime
 ) -> tuple[dt.datetime, dt.datetime]:
+    """Begin and end of a run, in absolute time."""
     from_s = min(run.from_s or 0.0, log.duration_s)
     to_s = log.duration_s if run.to_s is None else min(run.to_s, log.duration_s)
     return begin + dt.timedelta(seconds=from_s), begin + dt.timedelta(seconds=max(from_s, to_s))

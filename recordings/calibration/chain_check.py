@@ -150,6 +150,7 @@ def _check_kept(checked: CheckedBundle, document: EvidenceDocument, last: Eviden
 def _check_as_found(
     checked: CheckedBundle, document: EvidenceDocument, last: EvidenceDocument
 ) -> None:
+    """Check that the as-found line is that of the previous evidence."""
     found, line = document.as_found, last.calibration
     wanted = None if line is None else (last.id, line.alpha_1, line.beta_kg)
     if (None if found is None else (found.evidence_id, found.alpha_1, found.beta_kg)) != wanted:

@@ -76,7 +76,7 @@ def verdict_text(place: Path, findings: Sequence[BundleFinding], holds: str) -> 
     """Result of a check in a sentence.
 
     Args:
-        place: what was checked.
+        place: checked folder or file.
         findings: the findings.
         holds: text for no findings.
     """

@@ -41,7 +41,9 @@ def estimator_with_digest(
         absent: dotted names of settings newer than the evidence.
         form: format of the evidence; earlier ones digest more.
     """
-    own = _restore_defaults(machine) if form in _WHOLE_FORMATS else mass_definition(machine)
+    own = (
+        _restore_defaults(machine) if form in _WHOLE_FORMATS else settings_that_define_mass(machine)
+    )
     if absent:
         own = remove_dotted_names(own, absent, "machine.")
     defined = {"estimator": campaign.method.estimator, "machine": own}
@@ -51,7 +53,7 @@ def estimator_with_digest(
     )
 
 
-def mass_definition(machine: Machine) -> dict[str, Any]:
+def settings_that_define_mass(machine: Machine) -> dict[str, Any]:
     """Settings of a machine that define its mass, as JSON-compatible values."""
     values = machine.model_dump(mode="json")
     for name in _NO_PART_BODY:

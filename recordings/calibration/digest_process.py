@@ -30,6 +30,7 @@ def main() -> None:
 
 
 def _digest_recording(path: Path) -> dict[str, Any]:
+    """Digests of inputs, settings and frames of a recording."""
     from estimators.errors import RecordingError
     from recordings.rrd.reader import read_recording
 

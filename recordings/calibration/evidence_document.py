@@ -254,7 +254,7 @@ class EvidenceDocument(BaseModel):
 
     @property
     def other_version(self) -> str:
-        """Which other version made it, or ""; its page and words are not this version's."""
+        """Version that made it; "" for this one. Other versions word the page differently."""
         made = self.software.payscope
         if made == version("payscope") and self.format == FORMAT:
             return ""

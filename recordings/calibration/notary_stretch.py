@@ -161,7 +161,7 @@ def list_keeper(
     if known is None:
         checked.notes.append(
             f"{NOTARY}: is {by}: get the key from the keeper of the recorder through another "
-            f"channel, and keep it: {by.add_line}"
+            f"channel, and keep it: {by.command_to_add_key}"
         )
         return by
     last = max(

@@ -33,7 +33,7 @@ def _read_table(data: bytes, wanted: list[tuple[str, ...]]) -> dict[str, Any]:
 
     try:
         file = pq.ParquetFile(io.BytesIO(data))
-        fault = _describe_fault(file, wanted)
+        fault = _find_table_fault(file, wanted)
         if fault:
             return {"fault": fault}
         table = file.read(use_threads=False)
@@ -44,7 +44,7 @@ def _read_table(data: bytes, wanted: list[tuple[str, ...]]) -> dict[str, Any]:
         return {"fault": f"is damaged ({why})"}
 
 
-def _describe_fault(file: Any, wanted: list[tuple[str, ...]]) -> str:
+def _find_table_fault(file: Any, wanted: list[tuple[str, ...]]) -> str:
     about = file.metadata
     if about.num_rows > _MOST_ROWS:
         return f"has {about.num_rows} rows, more than {_MOST_ROWS}"

@@ -236,6 +236,7 @@ def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
 def _run_faults(
     row: dict[str, Any], run: CampaignRun, reading_number: int, weighs: bool
 ) -> Iterator[str]:
+    """Yield contradictions between a reading and its run."""
     about = (row["load_id"], row["day"], row["log"])
     if about != (run.load_id, run.day.isoformat(), run.log):
         yield "belongs to another load, day or log than its run"

@@ -104,6 +104,7 @@ def find_absent_settings(kept: BaseModel, at: str = "") -> dict[str, Any]:
 
 
 def _find_absent(whole: Any, there: Any, at: str) -> Iterator[tuple[str, Any]]:
+    """Yield dotted names that the evidence lacks, with their values."""
     if isinstance(whole, list) and isinstance(there, list):
         for number, (value, own) in enumerate(zip(whole, there, strict=True)):
             yield from _find_absent(value, own, f"{at}{number}.")

@@ -24,7 +24,7 @@ from recordings.rrd.display_frames import (
     drawn_columns_of_view,
 )
 from recordings.rrd.recording_table import TABS
-from recordings.rrd.recording_views import Kind, View
+from recordings.rrd.recording_views import View, ViewKind
 from recordings.rrd.writer import Scene, write_recording_with_scene
 
 #: The text beside the first tab.
@@ -75,7 +75,7 @@ def write_overlay(
         update={"notes": ("two replays over each other; see the tab Compared",), "losses": ()}
     )
 
-    def scene(_: Run) -> Scene:
+    def make_overlay_scene(_: Run) -> Scene:
         sides = [
             _OverlaidRun(name, run, display_frames(run))
             for name, run in ((_A, a), (_B, moved), (_LESS, subtract_run(a, moved)))
@@ -87,7 +87,7 @@ def write_overlay(
             texts={COMPARED: text},
         )
 
-    return write_recording_with_scene(Run({}, about), scene, path, force=force)
+    return write_recording_with_scene(Run({}, about), make_overlay_scene, path, force=force)
 
 
 def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list[Page]:
@@ -98,12 +98,12 @@ def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list
     for view in first.views:
         if view in moved:
             # beside a text there is room for a few; what led to the masses is in other tabs
-            led = view.kind is Kind.LINES and view.name not in _CONTEXT and view in elsewhere
+            led = view.kind is ViewKind.LINES and view.name not in _CONTEXT and view in elsewhere
             if led and len(moved) > _FEW:
                 continue
             over = panel_of_both_runs(view, a, b)
             panels.append(over)
-            if view.kind is Kind.BANDS:  # the other tabs have the differences of what led to it
+            if view.kind is ViewKind.BANDS:  # the other tabs have the differences of what led to it
                 panels.append(difference_panel(view, less, over))
         elif view.name in _CONTEXT:
             panels.append(panel_of_run_a(view, a))
@@ -112,7 +112,8 @@ def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list
         differ = [
             view
             for view in tab.views
-            if not (view.kind is Kind.STATES and view in first.views) and has_difference(view, a, b)
+            if not (view.kind is ViewKind.STATES and view in first.views)
+            and has_difference(view, a, b)
         ]
         # the speed alone says nothing of what the tab is about
         if all(view.name in _CONTEXT for view in differ):
@@ -152,13 +153,15 @@ def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | 
     if not (mine or theirs):
         return None
     lone = max(count_named_lines(mine), count_named_lines(theirs)) == 1
-    alike = set() if view.kind is Kind.STATES else _shorten_shared_names(mine, theirs, lone=lone)
+    alike = (
+        set() if view.kind is ViewKind.STATES else _shorten_shared_names(mine, theirs, lone=lone)
+    )
     drawn = [
         *_style_lines_of_run(mine, _A, alike, lone=lone),
         *_style_lines_of_run(theirs, _B, alike, lone=lone),
     ]
     title = f"{view.title}: A strong, B pale" if alike and not lone else view.title
-    if view.kind is Kind.STATES:
+    if view.kind is ViewKind.STATES:
         drawn = sorted(drawn, key=lambda each: each.label)
     ends = [each for side in (a, b) if (each := axis_range(view, side.run)) is not None]
     bulk = (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
@@ -175,7 +178,7 @@ def _shorten_shared_names(
 
 def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Panel | None:
     """Panel of B less A; None if no number differs, or for states."""
-    if view.kind is Kind.STATES:
+    if view.kind is ViewKind.STATES:
         return None
     plain = replace(
         view, series=tuple(replace(each, std=None) for each in view.series), threshold=None
@@ -191,7 +194,7 @@ def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Pane
     above = set() if over is None else {each.label for each in over.drawn}
     return Panel(
         f"B − A: {view.title}",
-        Kind.LINES,
+        ViewKind.LINES,
         named,
         axis_range(plain, less.run),
         named_above=above.issuperset(each.label for each in named),

@@ -123,13 +123,14 @@ class _CertificateMasses:
             }
         )[:_MOST_NAMED]
         raise EvidenceError(
-            f"{what}: no quantity of it is a mass by its refType ({', '.join(_KINDS)}); it has "
-            f"{'only ' + ', '.join(kinds) if kinds else 'none at all'}"
+            f"{what}: none of its quantities has the refType of a mass ({', '.join(_KINDS)}); it "
+            f"has {'only ' + ', '.join(kinds) if kinds else 'none at all'}"
         )
 
     def _may_quantity_be_of_item(
         self, item: "_Element", quantity: "_Element", refers: Sequence[str] | None
     ) -> bool:
+        """Whether a quantity may belong to the item."""
         if refers is not None:
             return item.get("id") in refers
         return len(self._items) == 1 or quantity.find(f"{{{SI}}}realListXMLList") is not None

@@ -199,24 +199,24 @@ def add_real(
     """Add a D-SI real; `expanded` is U, k, p, and `interval` is u, min, max, p."""
     from lxml import etree
 
-    def add(inside: "_Element", name: str, text: str | None = None) -> "_Element":
+    def add_child(inside: "_Element", name: str, text: str | None = None) -> "_Element":
         made = etree.SubElement(inside, f"{{{SI}}}{name}")
         made.text = text
         return made
 
-    real = add(parent, "real")
-    add(real, "value", decimal_text(value))
-    add(real, "unit", unit)
+    real = add_child(parent, "real")
+    add_child(real, "value", decimal_text(value))
+    add_child(real, "unit", unit)
     if expanded is not None:
         u, k, p = expanded
-        said = add(real, "expandedUnc")
-        add(said, "uncertainty", decimal_text(u))
-        add(said, "coverageFactor", factor_text(k))
-        add(said, "coverageProbability", factor_text(p))
+        said = add_child(real, "expandedUnc")
+        add_child(said, "uncertainty", decimal_text(u))
+        add_child(said, "coverageFactor", factor_text(k))
+        add_child(said, "coverageProbability", factor_text(p))
     if interval is not None:
         u, low, high, p = interval
-        said = add(real, "coverageInterval")
-        add(said, "standardUnc", decimal_text(u))
-        add(said, "intervalMin", decimal_text(low))
-        add(said, "intervalMax", decimal_text(high))
-        add(said, "coverageProbability", factor_text(p))
+        said = add_child(real, "coverageInterval")
+        add_child(said, "standardUnc", decimal_text(u))
+        add_child(said, "intervalMin", decimal_text(low))
+        add_child(said, "intervalMax", decimal_text(high))
+        add_child(said, "coverageProbability", factor_text(p))

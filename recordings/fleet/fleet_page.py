@@ -93,12 +93,12 @@ def fleet_html(page: FleetPage) -> str:
         drifts=[_make_drift_cells(chart) for chart in flagged],
         drift_pictures=[drift_picture(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])],
         friction=list(page.friction),
-        undrawn=max(len(flagged) - _MOST_FIGURES, 0),
-        looks=[
+        drifts_without_picture=max(len(flagged) - _MOST_FIGURES, 0),
+        recordings_to_check=[
             {**row, "number": n, "at": f"{row['at_s']:,.0f}"}
             for n, row in enumerate(page.looks.head(MOST_LOOKS).to_dicts(), start=1)
         ],
-        more_looks=max(page.looks.height - MOST_LOOKS, 0),
+        more_recordings_to_check=max(page.looks.height - MOST_LOOKS, 0),
         calibrations=_make_calibration_rows(page),
         changes=[_format_line_change(each) for each in page.changes],
         weeks=_week_table(page.weeks),

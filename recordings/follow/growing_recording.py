@@ -200,6 +200,7 @@ class GrowingRecording:
             append_part(self._file, part)
 
     def _send_rows(self, stream: "RecordingStream", new: _RowsToSend, text: str) -> None:
+        """Send new rows, thresholds and the present answer to a stream."""
         import numpy as np
         import rerun as rr
 

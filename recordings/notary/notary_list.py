@@ -114,6 +114,7 @@ class NotaryLine:
 
 
 def _bytes_to_sign(content: NotaryHead | NotaryEntry) -> bytes:
+    """Canonical bytes of a line, with a prefix that separates uses of the key."""
     return _DOMAIN + canonical_bytes(content.model_dump(mode="json"))
 
 

@@ -47,6 +47,7 @@ def label_claims(found: Claims) -> pl.DataFrame:
 
 
 def _describe_case(row: Mapping[str, Any]) -> str:
+    """Case that a number belongs to, in words."""
     if row["of"] == "constant":
         return "a constant that ignores the data"
     name = NAMES[row["method"]]
@@ -82,7 +83,7 @@ def _format_printed_number(row: Mapping[str, Any]) -> str:
     return f"{mean:g} ± {spread:g} %"
 
 
-def word_claims(found: Claims) -> ItemSentences:
+def sentences_on_claims(found: Claims) -> ItemSentences:
     """Sentences on the result of each claim."""
     return ItemSentences(
         (
@@ -192,6 +193,7 @@ def _reduction_sentence(found: Claims) -> str:
 
 
 def _describe_gain(smaller_percent: float | None) -> str:
+    """Reduction in percent as text; empty if unknown."""
     if smaller_percent is None:
         return ""
     word = "smaller" if smaller_percent >= 0.0 else "larger"

@@ -5,7 +5,7 @@ from typing import Final
 
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_figures import Figure5, Figure6, Figure7, Figure8
-from analysis.paper.campaign_tables import Extremes, SweptTable, Table2
+from analysis.paper.campaign_tables import ErrorExtremes, SweptTable, Table2
 from analysis.paper.excitation_figures import EARLY_S, WINDOW_S, Figure2, Figure3, Figure4
 from analysis.paper.simulated_sources import THRESHOLD_NAT, WINDOW_SAMPLES
 from analysis.paper.table1 import LONG_S, RARE, Table1
@@ -168,7 +168,7 @@ def method_error_table_sentences(found: SweptTable) -> ItemSentences:
             _nearest_bound_sentence(found.nearest_bound_1),
             "The printed columns jump by a factor of eight between neighbours (RLS 42.6 kg at 0.7, "
             "10.4 kg at 0.9); 54 runs of one campaign cannot tell neighbours apart.",
-            _constant_sentence(found.best_kg),
+            _constant_predictor_sentence(found.best_kg),
         ),
     )
 
@@ -189,7 +189,7 @@ def swept_setting_table_sentences(found: SweptTable) -> ItemSentences:
             _extremes_sentence(found.extremes, "samples"),
             "The printed FGLS errors of 67.1 and 63.7 kg beside 17.5 and 15.1 kg of LS look like "
             "(16) without a guard, 1/r² at r near 0; with bounded weights FGLS follows LS.",
-            _constant_sentence(found.best_kg),
+            _constant_predictor_sentence(found.best_kg),
         ),
     )
 
@@ -201,7 +201,7 @@ def _best_settings(best: Mapping[str, Sequence[float]], unit: str) -> str:
     )
 
 
-def _extremes_sentence(methods: Sequence[Extremes], unit: str) -> str:
+def _extremes_sentence(methods: Sequence[ErrorExtremes], unit: str) -> str:
     """Sentence on where our error is smallest, and whether that is significant."""
     sentences: list[str] = []
     for each in methods:
@@ -226,7 +226,7 @@ def _nearest_bound_sentence(nearest: Mapping[str, float]) -> str:
     )
 
 
-def _constant_sentence(best_kg: float) -> str:
+def _constant_predictor_sentence(best_kg: float) -> str:
     return (
         "For scale: a prediction that ignores every measurement is wrong by "
         f"{printed_numbers.CONSTANT_KG:.0f} kg "

@@ -14,7 +14,7 @@ _Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class RenderedItem:
+class RenderedTable:
     """One table: caption, header, rows, and the number of leading text columns."""
 
     caption: str
@@ -23,7 +23,7 @@ class RenderedItem:
     texts: int = 1
 
 
-def render_table_1(frame: pl.DataFrame) -> list[RenderedItem]:
+def render_table_1(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by window length, absolute and relative to the bound."""
     errors = rows_beside_printed(
         frame, "window_s", "window, s", lambda row: interval_text(row, "rmse_kg"), "bound_kg"
@@ -33,16 +33,16 @@ def render_table_1(frame: pl.DataFrame) -> list[RenderedItem]:
     )
     trials = frame["trials"].max()
     return [
-        RenderedItem(
+        RenderedTable(
             f"RMS error of the mass in kg over {trials} windows [95 % interval], next to the "
             "paper's value; bound: Cramér–Rao",
             *errors,
         ),
-        RenderedItem("R.m.s. error divided by the Cramér–Rao bound", *ratios),
+        RenderedTable("R.m.s. error divided by the Cramér–Rao bound", *ratios),
     ]
 
 
-def render_table_2(frame: pl.DataFrame) -> list[RenderedItem]:
+def render_table_2(frame: pl.DataFrame) -> list[RenderedTable]:
     """Table of slope and offset by method."""
     of = {(row["chain"], row["method"]): row for row in frame.iter_rows(named=True)}
     methods = frame["method"].unique(maintain_order=True)
@@ -60,7 +60,7 @@ def render_table_2(frame: pl.DataFrame) -> list[RenderedItem]:
     campaigns = frame["trials"].max()
     chains = ("paper", "ideal chain", "assumed chain")
     return [
-        RenderedItem(
+        RenderedTable(
             f"Slope α and offset β in kg, means over {campaigns} campaigns [95 % interval]",
             ["method", *(f"{of} {by}" for of in "αβ" for by in chains)],
             rows,
@@ -68,17 +68,17 @@ def render_table_2(frame: pl.DataFrame) -> list[RenderedItem]:
     ]
 
 
-def render_table_3(frame: pl.DataFrame) -> list[RenderedItem]:
+def render_table_3(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by threshold, with the own load in the fit and without it."""
     return _render_swept(frame, campaign_tables.THRESHOLD, "threshold, nat")
 
 
-def render_table_4(frame: pl.DataFrame) -> list[RenderedItem]:
+def render_table_4(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by window length, with the own load in the fit and without it."""
     return _render_swept(frame, campaign_tables.WINDOW, "samples")
 
 
-def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[RenderedItem]:
+def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[RenderedTable]:
     campaigns = frame["trials"].max()
     within = rows_beside_printed(
         frame, setting, title, lambda row: interval_text(row, "run_kg"), "bound_kg"
@@ -87,16 +87,16 @@ def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[Rendere
         frame, setting, title, lambda row: interval_text(row, "run_left_out_kg")
     )
     return [
-        RenderedItem(
+        RenderedTable(
             f"RMS error of a run in kg, every load in the fit: mean over {campaigns} campaigns "
             "[95 % interval], next to the paper's; bound: Cramér–Rao",
             *within,
         ),
-        RenderedItem("The same with the run's own load left out of the fit", *without),
+        RenderedTable("The same with the run's own load left out of the fit", *without),
     ]
 
 
-def render_figure_8(frame: pl.DataFrame) -> list[RenderedItem]:
+def render_figure_8(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by load, with the load in the fit and without it."""
     header, rows = rows_by_method(
         frame,
@@ -104,10 +104,10 @@ def render_figure_8(frame: pl.DataFrame) -> list[RenderedItem]:
         "load, kg",
         lambda row: f"{_format_number(row['rms_kg'])} / {_format_number(row['rms_left_out_kg'])}",
     )
-    return [RenderedItem("RMS error in kg: load in the fit / left out", header, rows)]
+    return [RenderedTable("RMS error in kg: load in the fit / left out", header, rows)]
 
 
-def render_claims(frame: pl.DataFrame) -> list[RenderedItem]:
+def render_claims(frame: pl.DataFrame) -> list[RenderedTable]:
     """Table with one row per finding."""
     rows = [
         [
@@ -123,7 +123,7 @@ def render_claims(frame: pl.DataFrame) -> list[RenderedItem]:
     ]
     header = ["claim", "case", "paper", "found, kg [95 %]"]
     header += ["of the machine's mass", "of the payload range", "smaller"]
-    return [RenderedItem("Each claim as we find it", header, rows, texts=3)]
+    return [RenderedTable("Each claim as we find it", header, rows, texts=3)]
 
 
 def rows_by_method(

@@ -18,12 +18,12 @@ from recordings.paper import (
     item_tables,
     paper_pictures,
 )
-from recordings.paper.item_tables import RenderedItem
-from recordings.paper.paper_pictures import Picture
+from recordings.paper.item_tables import RenderedTable
+from recordings.paper.paper_pictures import FigurePicture
 from recordings.paper.paper_wording import ItemSentences
 
 
-class Numbers(Protocol):
+class ItemNumbers(Protocol):
     """Result of an item: a frame with every number, and plain values."""
 
     @property
@@ -32,14 +32,14 @@ class Numbers(Protocol):
         ...
 
 
-N = TypeVar("N", bound=Numbers)
+N = TypeVar("N", bound=ItemNumbers)
 
 
-def _use_frame_of_numbers(numbers: Numbers) -> pl.DataFrame:
+def _use_frame_of_numbers(numbers: ItemNumbers) -> pl.DataFrame:
     return numbers.frame
 
 
-def _render_no_tables(_: pl.DataFrame) -> list[RenderedItem]:
+def _render_no_tables(_: pl.DataFrame) -> list[RenderedTable]:
     return []
 
 
@@ -64,8 +64,8 @@ class Item(Generic[N]):
     numbers: Callable[[Extracts], N]
     said: Callable[[N], ItemSentences]
     frame: Callable[[N], pl.DataFrame] = _use_frame_of_numbers
-    tables: Callable[[pl.DataFrame], list[RenderedItem]] = _render_no_tables
-    picture: Picture | None = None
+    tables: Callable[[pl.DataFrame], list[RenderedTable]] = _render_no_tables
+    picture: FigurePicture | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class ItemResult:
     said: ItemSentences
 
 
-def find(item: Item[N], extracts: Extracts) -> ItemResult:
+def compute_item(item: Item[N], extracts: Extracts) -> ItemResult:
     """Compute an item from the extracts that it needs."""
     numbers = item.numbers(extracts)
     return ItemResult(item, item.frame(numbers), item.said(numbers))
@@ -189,7 +189,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
             campaign_tables.OVER_WINDOWS,
         ),
         claims.compare_claims,
-        claims_sentences.word_claims,
+        claims_sentences.sentences_on_claims,
         frame=claims_sentences.label_claims,
         tables=item_tables.render_claims,
     ),

@@ -26,14 +26,14 @@ _MOTION: Final = {
 }
 
 
-class Picture(NamedTuple):
+class FigurePicture(NamedTuple):
     """Picture of a figure: its height, and the function that draws its frame."""
 
     height_in: float
     paint: Callable[["Figure", pl.DataFrame], None]
 
 
-def draw_paper_figure(picture: Picture, frame: pl.DataFrame, path: Path) -> None:
+def draw_paper_figure(picture: FigurePicture, frame: pl.DataFrame, path: Path) -> None:
     """Draw a frame as PNG.
 
     Args:
@@ -202,10 +202,10 @@ def shade_phases(axes: "Axes", series: pl.DataFrame, column: str, wanted: tuple[
         )
 
 
-FIGURE_2: Final = Picture(3 * _PANEL_IN, _draw_figure_2)
-FIGURE_3: Final = Picture(5.0, _draw_figure_3)
-FIGURE_4: Final = Picture(5.0, _draw_figure_4)
-FIGURE_5: Final = Picture(4 * _PANEL_IN, _draw_figure_5)
-FIGURE_6: Final = Picture(3.0, _draw_figure_6)
-FIGURE_7: Final = Picture(3.0, _draw_figure_7)
-FIGURE_8: Final = Picture(3.6, _draw_figure_8)
+FIGURE_2: Final = FigurePicture(3 * _PANEL_IN, _draw_figure_2)
+FIGURE_3: Final = FigurePicture(5.0, _draw_figure_3)
+FIGURE_4: Final = FigurePicture(5.0, _draw_figure_4)
+FIGURE_5: Final = FigurePicture(4 * _PANEL_IN, _draw_figure_5)
+FIGURE_6: Final = FigurePicture(3.0, _draw_figure_6)
+FIGURE_7: Final = FigurePicture(3.0, _draw_figure_7)
+FIGURE_8: Final = FigurePicture(3.6, _draw_figure_8)

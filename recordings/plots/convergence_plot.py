@@ -39,7 +39,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
         at_s: moment to mark.
     """
     bounds: list[float] = []
-    starts = _load_starts(run)
+    starts = _load_start_times_ns(run)
     # of many loads what is left of the beginnings covers all else
     for method in _RECURSIVE if len(starts) <= _LOADS else ():
         frame = run.frames.get(f"estimates/{method}")
@@ -77,7 +77,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     draw_legend_above(axes, 7)
 
 
-def _load_starts(run: Run) -> list[int]:
+def _load_start_times_ns(run: Run) -> list[int]:
     loads = run.frames.get("loads")
     return [] if loads is None else loads["start_t_ns"].sort().to_list()
 

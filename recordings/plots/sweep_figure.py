@@ -92,7 +92,7 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
         _draw_by_method(axes, at, [row.errors.get(title, {}) for row in rows])
         axes.set_ylabel(title)
         draw_legend_beside(axes)
-    _draw_used_setting(panels[0], rows, at)
+    _draw_used_share(panels[0], rows, at)
     return figure
 
 
@@ -184,7 +184,7 @@ def _draw_by_method(
     _label_if_empty(axes)
 
 
-def _draw_used_setting(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+def _draw_used_share(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
     share = 100.0 * np.array([row.accepted_share_1 for row in rows])
     axes.plot(at, share, "o-", ms=3, lw=1.0, color="#2e9e5b", label="used")
     refused = np.array([not row.can_weigh for row in rows])

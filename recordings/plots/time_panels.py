@@ -26,7 +26,7 @@ from recordings.rrd.display_frames import (
     span_ns,
 )
 from recordings.rrd.provenance_texts import local_time
-from recordings.rrd.recording_views import Kind, View
+from recordings.rrd.recording_views import View, ViewKind
 from recordings.rrd.stored_names import STATE
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def draw_over_time(
     rows = part.subplots(len(found), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     for axes, (view, drawn) in zip(rows, found, strict=True):
         axes.tick_params(labelsize=_SMALL)
-        if view.kind is Kind.STATES:
+        if view.kind is ViewKind.STATES:
             _draw_lanes(axes, drawn, display_frames, span)
         else:
             _draw_series_lines(axes, view, drawn, display_frames, span)
@@ -89,7 +89,7 @@ def draw_over_time(
 
 def panel_height(view: View, display_columns: Sequence[DisplayColumn]) -> float:
     """Height of a panel relative to a plot."""
-    return 0.35 * len(display_columns) + 0.1 if view.kind is Kind.STATES else 1.0
+    return 0.35 * len(display_columns) + 0.1 if view.kind is ViewKind.STATES else 1.0
 
 
 def _draw_series_lines(
@@ -191,6 +191,7 @@ def _state_colour(state: str) -> str:
 
 
 def _draw_spans(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
+    """Draw stretches of states as coloured bars in a lane."""
     for (state,), group in spans.group_by(STATE):
         start_s = group["t_ns"].to_numpy() / NS_PER_S
         length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S

@@ -63,6 +63,7 @@ class AppendedFile:
         return self._file
 
     def _cut(self, file: FileIO) -> None:
+        """Cut off an incomplete record at the end."""
         file.truncate(self.size)
         file.seek(self.size)
 
@@ -171,6 +172,7 @@ def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
 
 
 def _replace_target(written: Path, target: Path) -> None:
+    """Move the output into place, over an existing file or folder."""
     # only a file can be renamed over what is there, and only over a file
     if target.exists() and (target.is_dir() or written.is_dir()):
         target.replace(written.with_name(f"{target.name}.replaced"))

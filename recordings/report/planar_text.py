@@ -47,7 +47,7 @@ def largest_parts(budget: Sequence[Mapping[str, Any]]) -> list[str]:
             most = known[0]
             lines.append(
                 f"the largest part of the ± of {words} is {most['cause']} "
-                f"({factor * most['u']:.2g} {unit}: {most['meaning']}); it would shrink with: "
+                f"({factor * most['u']:.2g} {unit}: {most['meaning']}); to reduce it: "
                 f"{most['shrinks']}"
             )
     return lines

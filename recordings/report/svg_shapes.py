@@ -43,7 +43,7 @@ class Drawing:
     shapes: list[Shape] = field(default_factory=list)
 
     @property
-    def groups(self) -> list[tuple[dict[str, str], list[Shape]]]:
+    def shapes_by_look(self) -> list[tuple[dict[str, str], list[Shape]]]:
         """Consecutive shapes with the same look, together with its attributes."""
         runs = groupby(self.shapes, key=lambda shape: shape.look)
         return [({"class": look, **_LOOKS[look]}, list(shapes)) for look, shapes in runs]
@@ -173,6 +173,7 @@ def shorten_text(text: str, width: float) -> str:
 
 
 def _padded_range(values: Sequence[float], pad: float) -> tuple[float, float]:
+    """Range of the values with a margin on both sides."""
     low, high = min(values), max(values)
     room = (high - low) * pad or max(abs(high) * 0.01, 1.0)
     return low - room, high + room

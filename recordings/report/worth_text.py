@@ -245,6 +245,7 @@ def calibrated_line(load: Mapping[str, Any]) -> str:
 
 
 def _remark_on_load(load: Mapping[str, Any]) -> str:
+    """Why a load has no mass or no calibration; empty otherwise."""
     if load["mass_kg"] is None:
         return load["withheld_for"]
     if load.get("scatter_known") is False:

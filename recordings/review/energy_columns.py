@@ -46,9 +46,7 @@ def add_energy_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     for ledger_row in rows.iter_rows(named=True):
         amounts = by_cycle.get(ledger_row["cycle"], {})
         if "energy" in amounts and ledger_row["counted"]:
-            amounts = amounts | {
-                "energy_per_t": _energy_per_tonne_text(amounts["energy"], ledger_row)
-            }
+            amounts = amounts | {"energy_per_t": _energy_per_tonne(amounts["energy"], ledger_row)}
         found.append(amounts)
     columns: list[pl.Series] = []
     for name in ENERGIES:
@@ -72,8 +70,8 @@ def energy_amounts_by_column(row: EnergyRow) -> dict[str, EnergyAmount]:
     return {"energy": row.work, **{part: getattr(row, part) for part in PARTS[1:]}}
 
 
-def _energy_per_tonne_text(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmount:
-    """Energy per tonne of a payload in kg, with independent uncertainties."""
+def _energy_per_tonne(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmount:
+    """Energy per tonne of a cycle's payload; energy and payload have independent errors."""
     t, u_t = row["payload_kg"] / 1e3, row["payload_u_kg"] / 1e3
     if t <= 0.0:
         return EnergyAmount(0.0, 0.0)

@@ -65,10 +65,10 @@ class CycleColumn(NamedTuple):
 def _make_unit_getter(factor: float, name: str) -> Callable[[Row], float | None]:
     """Function that returns a ledger column in another unit."""
 
-    def value(row: Row) -> float | None:
+    def scaled_value(row: Row) -> float | None:
         return None if row[name] is None else factor * row[name]
 
-    return value
+    return scaled_value
 
 
 #: The answer, beside which quality and verdict stand.
@@ -240,11 +240,12 @@ def review_html(page: ReviewPage) -> str:
         _PACKAGE,
         _TEMPLATE,
         scripts=_SCRIPTS,
-        led_to=REMARKED,
+        consequence_words=REMARKED,
         title=f"Shift of {state.machine or 'a machine without a name'}",
         state=state,
         duration=duration_text(shift["duration_s"]),
-        against=page.calibration.against and f"{NOT_CALIBRATED}: {page.calibration.against}.",
+        calibration_warning=page.calibration.against
+        and f"{NOT_CALIBRATED}: {page.calibration.against}.",
         headline=summarise_shift(shift, why_not, state),
         no_tonnes=bool(why_not),
         alarms=list(filter(None, (warn_of_two_machines(state), long_hole_sentence(shift, state)))),

@@ -11,7 +11,7 @@ from analysis.cycles.cycle_energy import NO_ENERGY, ShiftEnergy
 from analysis.cycles.cycle_parts import (
     CycleMotion,
     DriveSummary,
-    find_idle_stands,
+    find_idle_standstills,
     summarise_cycle_motion,
     summarise_shift_motion,
 )
@@ -124,7 +124,7 @@ class ReviewState(BaseModel):
         return ShiftClock(self.timezone, self.t0_unix_ns, self.duration_s)
 
 
-def take_review_state(
+def collect_review_state(
     run: Run,
     key: str,
     recording_sha256: str,
@@ -145,7 +145,7 @@ def take_review_state(
         energy: see `ReviewState`.
     """
     about, frames = run.provenance, run.frames
-    verdict = Verdict.of(frames["verdict"])
+    verdict = Verdict.from_frame(frames["verdict"])
     gate = frames["gate"]
     shares = gate["reason_x"].cast(pl.String).value_counts(sort=True, normalize=True)
     gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
@@ -198,7 +198,7 @@ def take_review_state(
         duration_s=duration_s,
         motions=tuple(summarise_cycle_motion(frames["cycles"], frames["excitation"], gaps)),
         motion=summarise_shift_motion(frames["excitation"], gaps),
-        idle_s=tuple((s / NS, e / NS) for s, e in find_idle_stands(frames["excitation"])),
+        idle_s=tuple((s / NS, e / NS) for s, e in find_idle_standstills(frames["excitation"])),
         torn=torn,
         energy=energy,
     )
@@ -254,6 +254,7 @@ def reason_for_no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
 
 
 def _topic_sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:
+    """Rate, longest step and late fraction of a topic's messages."""
     steps = np.diff(frame["log_time_ns"].to_numpy()) / NS
     middle = float(np.median(steps)) if steps.size else 0.0
     known = middle > 0.0

@@ -164,6 +164,7 @@ def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tup
 
 
 def _mean_load(shift: Mapping[str, Any]) -> str:
+    """Mean payload and its standard deviation, as text."""
     mean = f"{shift['payload_mean_kg']:,.0f} kg"
     if shift["cycles_counted"] == 1:
         return mean

@@ -8,9 +8,9 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.cycle_doubts import doubt_counted_cycles
+from analysis.cycles.cycle_doubts import list_cycle_doubts
 from analysis.model.physical_units import NS
-from analysis.model.schema import FRAMES, QUALITY, conform
+from analysis.model.schema import FRAMES, QUALITY, conform_to_schema
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import duration_text
 from recordings.review.energy_columns import add_energy_columns
@@ -56,7 +56,7 @@ def make_ledger(
     rows = [verdicts.get(row) for row in range(cycles.height)]
     shared = [labels_at((t0_unix_ns + t_ns) / NS) for t_ns in cycles["end_t_ns"]]
 
-    def verdict_column(name: str, defaults: Sequence[str]) -> pl.Series:
+    def make_verdict_column(name: str, defaults: Sequence[str]) -> pl.Series:
         pairs = zip(rows, defaults, strict=True)
         texts = [text if each is None else getattr(each, name) or text for each, text in pairs]
         return pl.Series(name, texts, dtype=pl.String)
@@ -64,7 +64,7 @@ def make_ledger(
     rejected = pl.Series(
         "rejected", [each is not None and each.reject for each in rows], dtype=pl.Boolean
     )
-    doubts = pl.Series("doubt", doubt_counted_cycles(cycles), dtype=pl.String)
+    doubts = pl.Series("doubt", list_cycle_doubts(cycles), dtype=pl.String)
     times = [
         (pl.col(f"{name}_t_ns") + t0_unix_ns).alias(f"{name}_unix_ns")
         for name in ("start", "end", "dig", "dump")
@@ -84,9 +84,12 @@ def make_ledger(
         doubts,
         (pl.col("counted") & ~rejected).alias("counted"),
         rejected,
-        *(verdict_column(name, [getattr(labels, name) for labels in shared]) for name in LABELS),
-        verdict_column("note", [""] * cycles.height),
-        verdict_column("author", [""] * cycles.height),
+        *(
+            make_verdict_column(name, [getattr(labels, name) for labels in shared])
+            for name in LABELS
+        ),
+        make_verdict_column("note", [""] * cycles.height),
+        make_verdict_column("author", [""] * cycles.height),
         pl.Series("said", when, dtype=pl.String),
     )
 
@@ -141,7 +144,7 @@ def cycles_of_ledger(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
         quality=pl.col("quality").replace(CHECK, "good").cast(QUALITY),
         counted=pl.col("quality").is_in(["good", "weak", CHECK]),
     )
-    return conform("cycles", frame.select(c.name for c in FRAMES["cycles"].columns))
+    return conform_to_schema("cycles", frame.select(c.name for c in FRAMES["cycles"].columns))
 
 
 def write_ledger(frame: pl.DataFrame, folder: Path) -> None:

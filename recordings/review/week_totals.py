@@ -37,7 +37,7 @@ class WeekPart(NamedTuple):
         noted: number of loads with another verdict.
         energy_kWh: energy of the counted loads with known energy,
         energy_u_kWh: its standard uncertainty,
-        energy_t: and tonnes of those loads.
+        energy_t: tonnes of the loads with known energy.
         scale_known: whether the uncertainty includes the error of scale.
         review: folder of the review.
     """
@@ -201,6 +201,7 @@ def sum_week(parts: Sequence[WeekPart]) -> WeekTotal:
 
 
 def _total_of_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
+    """Total of several parts; common errors add up within a machine."""
     common_kg: dict[str, float] = defaultdict(float)
     for part in parts:
         common_kg[part.machine] += part.common_u_kg
@@ -209,11 +210,11 @@ def _total_of_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
     loads, rejected, noted = (
         sum(getattr(part, count) for part in parts) for count in ("loads", "rejected", "noted")
     )
-    per_t, per_t_u = _energy_per_t(parts, mass_kg, u_kg)
+    per_t, per_t_u = _week_energy_per_tonne(parts, mass_kg, u_kg)
     return WeekTotal(name, loads, mass_kg, u_kg, rejected, noted, per_t, per_t_u)
 
 
-def _energy_per_t(
+def _week_energy_per_tonne(
     parts: Sequence[WeekPart], mass_kg: float, u_kg: float
 ) -> tuple[float | None, float | None]:
     """Energy per tonne and its standard uncertainty; None if no load has both."""

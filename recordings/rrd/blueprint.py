@@ -18,7 +18,7 @@ from recordings.rrd.display_frames import (
 )
 from recordings.rrd.plane_pictures import BOUNDS, PlanePicture
 from recordings.rrd.recording_table import TABS
-from recordings.rrd.recording_views import Kind, Methods, Tab, View
+from recordings.rrd.recording_views import MethodLayout, Tab, View, ViewKind
 from recordings.rrd.stored_frames import entity_path
 from recordings.rrd.stored_names import TIME, component_name
 
@@ -53,7 +53,7 @@ class Panel:
     """One view to draw: its series, and the range of most of its values."""
 
     title: str
-    kind: Kind
+    kind: ViewKind
     drawn: tuple[DisplayColumn, ...]
     bulk: tuple[float, float] | None = None
     named_above: bool = False
@@ -63,7 +63,7 @@ class Panel:
     def has_legend(self) -> bool:
         """Whether its lines need labels; the extremes of a single line do not."""
         lines = sum(not each.faint for each in self.drawn)
-        return self.kind is not Kind.STATES and lines > 1 and not self.named_above
+        return self.kind is not ViewKind.STATES and lines > 1 and not self.named_above
 
     @property
     def plot_share(self) -> float:
@@ -75,7 +75,7 @@ class Panel:
     @property
     def lanes_share(self) -> float:
         """Fraction of the page's height that its lanes need; 0 for a plot."""
-        if self.kind is not Kind.STATES:
+        if self.kind is not ViewKind.STATES:
             return 0.0
         return (_AROUND_LANES + _LANE * len(self.drawn)) / _PAGE
 
@@ -148,7 +148,7 @@ def tab_panels(
     if all(view in tab.context for view, _ in found):
         return ()
     by_method = [_split_by_method(panel) for _, panel in found]
-    if tab.methods is Methods.ROWS:
+    if tab.methods is MethodLayout.ROWS:
         methods = dict.fromkeys(method for panels in by_method for method in panels)
         return tuple(
             tuple(panels[method] for panels in by_method if method in panels) for method in methods
@@ -273,11 +273,11 @@ def _height_shares(page: Page) -> list[float]:
     least = [max(panel.plot_share for panel in row) for row in page.rows]
     least += [_AROUND_PLOT / _PAGE] * others
     plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
-    heights = iter(share_out_room(plots, 1.0 - shrunk * sum(lanes)))
+    heights = iter(divide_height(plots, 1.0 - shrunk * sum(lanes)))
     return [shrunk * lane or next(heights) for lane in lanes]
 
 
-def share_out_room(least: Sequence[float], room: float) -> list[float]:
+def divide_height(least: Sequence[float], room: float) -> list[float]:
     """Share room equally, but with a minimum for each; all shrink if it is too little."""
     if sum(least) >= room:
         return [room * each / sum(least) for each in least]
@@ -314,7 +314,7 @@ def _make_view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
             _view_visualizers(panel.kind, each)
         )
     contents = [str(entity) for entity in overrides]
-    if panel.kind is Kind.STATES:
+    if panel.kind is ViewKind.STATES:
         return rrb.StateTimelineView(
             name=panel.title, contents=contents, overrides=overrides, time_view=axis
         )
@@ -328,10 +328,10 @@ def _make_view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
     )
 
 
-def _view_visualizers(kind: Kind, display_column: DisplayColumn) -> "Iterator[Visualizer]":
+def _view_visualizers(kind: ViewKind, display_column: DisplayColumn) -> "Iterator[Visualizer]":
     import rerun as rr
 
-    if kind is Kind.STATES:
+    if kind is ViewKind.STATES:
         looks = rr.StateConfiguration(
             values=list(colours.state_colours()),
             labels=[state.replace("_", " ") for state in colours.state_colours()],

@@ -17,7 +17,7 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.rrd.recording_table import TABS, frames_of_series
-from recordings.rrd.recording_views import Kind, Series, View
+from recordings.rrd.recording_views import View, ViewKind, ViewSeries
 from recordings.rrd.stored_names import STATE, entity_parts
 
 ROOT: Final = "display"
@@ -64,7 +64,7 @@ def is_long(run: Run) -> bool:
     return span is not None and span[1] - span[0] > LONG_NS
 
 
-def series_of_view(view: View, run: Run) -> Iterator[tuple[Series, str]]:
+def series_of_view(view: View, run: Run) -> Iterator[tuple[ViewSeries, str]]:
     """Series of a view for which this run has data, each with the name of its frame."""
     for series in view.series:
         for name in frames_of_series(series, run.frames):
@@ -72,7 +72,7 @@ def series_of_view(view: View, run: Run) -> Iterator[tuple[Series, str]]:
                 yield series, name
 
 
-def _has_numbers_to_draw(series: Series, frame: pl.DataFrame) -> bool:
+def _has_numbers_to_draw(series: ViewSeries, frame: pl.DataFrame) -> bool:
     """Whether the frame has values for the series."""
     if series.column not in frame.columns:
         return False
@@ -97,7 +97,7 @@ def drawn_columns_of_view(
     """
     drawn: list[DisplayColumn] = []
     for number, (series, name) in enumerate(series_of_view(view, run)):
-        if view.kind is Kind.STATES:
+        if view.kind is ViewKind.STATES:
             drawn.append(DisplayColumn(_lane_entity(series), STATE, series.label))
             continue
         method = entity_parts(name)[1] if series.frame == "estimates" else None
@@ -107,7 +107,7 @@ def drawn_columns_of_view(
         variance = _name_variance_column(series.std) if series.std else None
         dotted = series.frame in _SHORT or draws_as_points(display_frames[frame][series.column])
         extremes = (
-            view.kind is Kind.LINES
+            view.kind is ViewKind.LINES
             and _name_extreme_column(series.column, "min") in display_frames[frame].columns
         )
         # lines of one name have one entry in a legend, in the colour of the first
@@ -136,7 +136,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
             frame = select_arcs(run.frames[name])
             if series.frame == "findings":
                 frame = shortest_findings_first(frame, span_ns(run))
-            if view.kind is Kind.STATES:
+            if view.kind is ViewKind.STATES:
                 frames[_lane_entity(series)] = state_changes(series, frame, _period_ns(run))
             elif series.frame in _HELD:
                 frames[_name_display_column(name)] = _hold_rows_to_their_end(
@@ -184,7 +184,7 @@ def _name_display_column(name: str) -> str:
     return f"{ROOT}/{name}"
 
 
-def _lane_entity(series: Series) -> str:
+def _lane_entity(series: ViewSeries) -> str:
     return f"{LANES}/{series.label}"
 
 
@@ -284,7 +284,7 @@ def shortest_findings_first(findings: pl.DataFrame, span: tuple[int, int] | None
     return pl.DataFrame(parts, schema=dict(zip(names, types, strict=True)), orient="row")
 
 
-def state_changes(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
+def state_changes(series: ViewSeries, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
     """Rows at which a state begins; null in holes and after the last one."""
     column = pl.col(series.column)
     if frame.schema[series.column] == pl.Boolean:
@@ -314,10 +314,10 @@ def _decimate_frame(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     return bin_frame_rows(run.frames[name], wanted, span, width_ns)
 
 
-def bin_expressions(kind: Kind, series: Series) -> dict[str, pl.Expr]:
+def bin_expressions(kind: ViewKind, series: ViewSeries) -> dict[str, pl.Expr]:
     """Expressions for the binned columns of a series."""
     numbers = pl.col(series.column)
-    if kind is Kind.BANDS:
+    if kind is ViewKind.BANDS:
         mean = {series.column: numbers.mean()}
         if series.std is None:
             return mean

@@ -66,6 +66,7 @@ class PipedFile:
             raise self.fault
 
     def _drain(self, read: int, file: BinaryIO) -> None:
+        """Copy the pipe to the file; after an error, read on without writing."""
         # a library that has to stop in the middle of its queue may wait for ever: it never has to
         with open(read, "rb", buffering=0) as source:
             try:

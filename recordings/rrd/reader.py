@@ -165,7 +165,7 @@ def open_recording(path: str | Path) -> "Generator[OpenRecording]":
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RerunWarning)  # it warns and raises of the same fault
             store = rr.chunk.RrdReader(path).store()
-        held = OpenRecording(path, *_describe_store(path, store), store)
+        held = OpenRecording(path, *_read_manifest_and_provenance(path, store), store)
     yield held  # a fault of whoever reads is not the recording's
 
 
@@ -182,7 +182,8 @@ def _raise_one_line_errors(path: Path) -> Generator[None]:
         ) from error
 
 
-def _describe_store(path: Path, store: "LazyStore") -> tuple[Manifest, Provenance]:
+def _read_manifest_and_provenance(path: Path, store: "LazyStore") -> tuple[Manifest, Provenance]:
+    """Read what describes the recording; an error if another wrote it."""
     found: dict[str, Any] = {}
     for chunk in store.stream().filter(content=f"/__properties/{PROPERTY}"):
         batch = chunk.to_record_batch()

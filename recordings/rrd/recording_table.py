@@ -7,15 +7,15 @@ from collections.abc import Iterable
 from typing import Final
 
 from recordings.rrd.recording_views import (
-    Kind,
-    Methods,
-    Series,
+    MethodLayout,
     Tab,
     View,
+    ViewKind,
+    ViewSeries,
     band_view,
     line_view,
+    outlier_view,
     states_view,
-    wild_view,
 )
 from recordings.rrd.stored_names import entity_parts
 
@@ -41,10 +41,10 @@ _INDEX = line_view(
 )
 _LOADS = View(
     "Mass of each load",
-    Kind.BANDS,
+    ViewKind.BANDS,
     (
-        Series("loads", "mass_kg", "load ± u", "u_kg"),
-        Series("manoeuvres", "mass_kg", "a manoeuvre by itself", "mass_std_kg"),
+        ViewSeries("loads", "mass_kg", "load ± u", "u_kg"),
+        ViewSeries("manoeuvres", "mass_kg", "a manoeuvre by itself", "mass_std_kg"),
     ),
     wild=True,
 )
@@ -56,10 +56,10 @@ _YAW_FRICTION = band_view(
 )
 _COM = View(
     "Centre of mass",
-    Kind.BANDS,
+    ViewKind.BANDS,
     (
-        Series("planar", "com_x_m", "ahead", "com_x_std_m"),
-        Series("planar", "com_y_m", "to the left", "com_y_std_m"),
+        ViewSeries("planar", "com_x_m", "ahead", "com_x_std_m"),
+        ViewSeries("planar", "com_y_m", "to the left", "com_y_std_m"),
     ),
 )
 _DECISIONS = states_view(
@@ -128,10 +128,10 @@ TABS: Final = (
                 noise_share_x_1="along",
                 noise_share_z_1="yaw",
             ),
-            wild_view(
+            outlier_view(
                 "Predicted standard deviation of the mass", "gate", "predicted_std_x", "predicted"
             ),
-            wild_view(
+            outlier_view(
                 "Predicted standard deviation of the inertia",
                 "gate",
                 "predicted_std_z",
@@ -147,17 +147,17 @@ TABS: Final = (
             _FRICTION,
             band_view("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
         ),
-        methods=Methods.ROWS,
+        methods=MethodLayout.ROWS,
     ),
-    Tab("Turning", (_INERTIA, _YAW_FRICTION), methods=Methods.ROWS),
+    Tab("Turning", (_INERTIA, _YAW_FRICTION), methods=MethodLayout.ROWS),
     Tab(
         "Residuals",
         (
-            wild_view("Residual r.m.s.", "estimates", "residual_rms_N"),
-            wild_view("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
-            wild_view("Condition number", "estimates", "condition_1"),
+            outlier_view("Residual r.m.s.", "estimates", "residual_rms_N"),
+            outlier_view("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
+            outlier_view("Condition number", "estimates", "condition_1"),
         ),
-        methods=Methods.ROWS,
+        methods=MethodLayout.ROWS,
     ),
     Tab(
         "Manoeuvres",
@@ -375,7 +375,7 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
 }
 
 
-def frames_of_series(series: Series, frames: Iterable[str]) -> tuple[str, ...]:
+def frames_of_series(series: ViewSeries, frames: Iterable[str]) -> tuple[str, ...]:
     """Frames of a run that a series is drawn from, in the run's order."""
     return tuple(name for name in frames if entity_parts(name)[0] == series.frame)
 

@@ -6,7 +6,7 @@ from enum import Enum
 from analysis.model.schema import frame_schema
 
 
-class Kind(Enum):
+class ViewKind(Enum):
     """How a view draws its series."""
 
     LINES = "lines"
@@ -15,7 +15,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Series:
+class ViewSeries:
     """One column of one frame; `frame` "estimates" stands for every `estimates/<method>`.
 
     The label of a lane of states is also the last part of its entity path in the viewer.
@@ -32,8 +32,8 @@ class View:
     """One plot, whose series share a unit from the schema."""
 
     name: str
-    kind: Kind
-    series: tuple[Series, ...]
+    kind: ViewKind
+    series: tuple[ViewSeries, ...]
     threshold: str | None = None
     """The setting that is drawn as a constant line."""
     wild: bool = False
@@ -52,7 +52,7 @@ class View:
         return self.name if self.unit == "1" else f"{self.name} ({self.unit})"
 
 
-class Methods(Enum):
+class MethodLayout(Enum):
     """How a tab draws several methods: overlaid, or side by side."""
 
     ONE = "one of them, as an example for all"
@@ -78,26 +78,26 @@ class Tab:
     texts: tuple[str, ...] = ()
     events: bool = False
     context: tuple[View, ...] = ()
-    methods: Methods = Methods.ONE
+    methods: MethodLayout = MethodLayout.ONE
     pictures: tuple[str, ...] = ()
 
 
 def line_view(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
     """View of columns as lines, by label; `threshold` is a setting drawn as a limit."""
-    drawn = tuple(Series(frame, column, label) for column, label in series.items())
-    return View(name, Kind.LINES, drawn, threshold)
+    drawn = tuple(ViewSeries(frame, column, label) for column, label in series.items())
+    return View(name, ViewKind.LINES, drawn, threshold)
 
 
-def wild_view(name: str, frame: str, column: str, label: str = "") -> View:
+def outlier_view(name: str, frame: str, column: str, label: str = "") -> View:
     """View of a column with outliers, which are cut off."""
-    return View(name, Kind.LINES, (Series(frame, column, label),), wild=True)
+    return View(name, ViewKind.LINES, (ViewSeries(frame, column, label),), wild=True)
 
 
 def band_view(name: str, frame: str, column: str, std: str, label: str = "") -> View:
     """View of a column with a band of its standard deviation."""
-    return View(name, Kind.BANDS, (Series(frame, column, label, std),), wild=True)
+    return View(name, ViewKind.BANDS, (ViewSeries(frame, column, label, std),), wild=True)
 
 
 def states_view(name: str, *series: tuple[str, str, str]) -> View:
     """View of states as lanes: frame, column and label of each."""
-    return View(name, Kind.STATES, tuple(Series(*each) for each in series))
+    return View(name, ViewKind.STATES, tuple(ViewSeries(*each) for each in series))

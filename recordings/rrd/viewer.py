@@ -194,6 +194,7 @@ def _take_pictures(
     tabs: dict[str, Any],
     tab: str | None,
 ) -> Iterator[Screenshot]:
+    """Open the tabs one after the other, and take a picture of each."""
     for number, entity in enumerate(_list_children(tabs)):
         name = _tab_title(whole, entity)
         if tab is not None and tab.casefold() != name.casefold():

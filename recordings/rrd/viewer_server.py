@@ -59,7 +59,7 @@ def viewer_server() -> Generator[ViewerServer]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,  # ctrl-C is for the follower, which ends the server last
-        preexec_fn=_end_with_parent if sys.platform == "linux" else None,
+        preexec_fn=_end_when_parent_ends if sys.platform == "linux" else None,
     )
     try:
         _wait_for_page(process, page)
@@ -75,7 +75,7 @@ def _free_port() -> int:
         return int(free.getsockname()[1])
 
 
-def _end_with_parent() -> None:
+def _end_when_parent_ends() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 

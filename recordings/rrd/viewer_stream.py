@@ -17,7 +17,7 @@ from recordings.report import colours
 from recordings.rrd.blueprint import Page, Panel, lay_out_tabs
 from recordings.rrd.display_frames import DisplayColumn, bin_frame_rows, draws_as_points
 from recordings.rrd.drawn_rows import iter_drawn_batches
-from recordings.rrd.recording_views import Kind
+from recordings.rrd.recording_views import ViewKind
 from recordings.rrd.stored_names import SINCE_START, TIME
 from recordings.rrd.writer import Scene, make_scene, send_events, send_texts
 
@@ -133,7 +133,7 @@ def _make_panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> lis
             ]
             alone = draws_as_points(shown[field])
             drawn.append(DisplayColumn(entity, field, label, colour, dotted=alone))
-        panels.append(Panel(name, Kind.LINES, tuple(drawn)))
+        panels.append(Panel(name, ViewKind.LINES, tuple(drawn)))
     return panels
 
 

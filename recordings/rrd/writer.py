@@ -90,7 +90,7 @@ class Scene:
         name: name in the viewer's list.
         shown: drawn frames, with `t_ns`.
         layout: blueprint.
-        texts: in Markdown, by name.
+        texts: Markdown texts by name.
     """
 
     name: str

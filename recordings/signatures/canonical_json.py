@@ -105,6 +105,7 @@ def _refuse_constant(text: str) -> float:
 
 
 def _object_of_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """JSON object; an error if it repeats a name."""
     found = dict(pairs)
     if len(found) != len(pairs):
         raise ValueError("a name appears twice in one object")

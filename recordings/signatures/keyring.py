@@ -182,7 +182,7 @@ def add_key(keyring: Keyring, key: KnownKey) -> Keyring:
     same = keyring.find(key.public.key_id)
     if same is not None:
         raise EvidenceError(
-            f"{keyring.path}: holds key {key.public.key_id[:12]}… already, of {same.owner}"
+            f"{keyring.path}: already contains key {key.public.key_id[:12]}…, of {same.owner}"
         )
     return save_keyring(keyring.path, (*keyring.keys, key))
 

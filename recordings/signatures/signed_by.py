@@ -30,8 +30,8 @@ class SignedBy:
         return self.how in ("given", "known")
 
     @property
-    def add_line(self) -> str:
-        """Command that adds the key to the keyring."""
+    def command_to_add_key(self) -> str:
+        """Shell command with which the user adds the key to the keyring."""
         return f"payscope keys add {quote(self.public_key)} --owner OWNER"
 
     def __str__(self) -> str:
@@ -45,7 +45,7 @@ class SignedBy:
             case "unknown":
                 return f"signed by an unknown key {short} {itself}"
             case "given":
-                owner = f", which the keyring has of {self.owner}," if self.owner else ""
+                owner = f", which the keyring lists for {self.owner}," if self.owner else ""
                 return f"signed by the key given, {short}{owner} {itself}"
             case "known":
                 other = "" if self.claimed == self.owner else f" ({itself})"

@@ -18,7 +18,7 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.derived_values import mass_definition
+from recordings.calibration.derived_values import settings_that_define_mass
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
@@ -105,9 +105,11 @@ class MachineCalibration:
         if mine_id not in (None, self.machine_id):
             return f"belongs to machine '{self.machine_id}', not to '{mine_id}'"
         kept = dict(
-            _flatten_settings(mass_definition(self.weighing_machine(self.document.machine)))
+            _flatten_settings(
+                settings_that_define_mass(self.weighing_machine(self.document.machine))
+            )
         )
-        mine = dict(_flatten_settings(mass_definition(weighing)))
+        mine = dict(_flatten_settings(settings_that_define_mass(weighing)))
         name = "machine.name"
         if mine_id is None and kept[name] != mine[name]:
             return f"belongs to machine '{kept[name]}', not to '{mine[name]}'"
@@ -265,7 +267,7 @@ def require_known_signature(
     if not owner:
         raise EvidenceError(
             f"{request.folder}: is {signature}; get the key from the signer, and give it with "
-            f"--key KEY or keep it: {signature.add_line}"
+            f"--key KEY or keep it: {signature.command_to_add_key}"
         )
     add_key(keyring, KnownKey(key=signature.public_key, owner=owner))
     return replace(signature, how="known", owner=owner)

@@ -187,18 +187,20 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         made = stage / folder.name
         made.mkdir()
 
-        def path_of(log: str) -> Path:
+        def path_of_log(log: str) -> Path:
             return campaign_file.parent / log
 
         learnt = None
         if campaign.learns_priors and len(campaign.logs) >= LOGS_MIN:
             # under the machine's own priors: what they say of the nuisances together
-            first = replay_runs(campaign, machine, path_of, None, on_log)
+            first = replay_runs(campaign, machine, path_of_log, None, on_log)
             refuse_days(campaign_file, campaign, first, machine)
             refuse_unaccounted(campaign_file, campaign, first, stretch)
             learnt = first.learnt
         weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
-        replayed = replay_runs(campaign, weighing, path_of, made if recordings else None, on_log)
+        replayed = replay_runs(
+            campaign, weighing, path_of_log, made if recordings else None, on_log
+        )
         refuse_days(campaign_file, campaign, replayed, machine)
         refuse_machine(campaign_file, campaign, replayed, machine)
         refuse_unaccounted(campaign_file, campaign, replayed, stretch)
@@ -278,7 +280,7 @@ def previous_evidence(
     if by.how == "unknown" and not own:
         raise EvidenceError(
             f"{previous}: is {by}, so its signature cannot be verified; if the signer gave you "
-            f"this key in person, keep it with {by.add_line}"
+            f"this key in person, keep it with {by.command_to_add_key}"
         )
     return checked
 
@@ -380,6 +382,7 @@ def _signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> Signe
 
 
 def _make_next_link(before: CheckedBundle | None) -> Chain:
+    """Place of new evidence in the machine's chain."""
     if before is None or before.document is None:
         return Chain(counter=1, previous=None)
     last = before.document

@@ -159,6 +159,7 @@ def _weight_keys(source: Path, content: dict[str, Any]) -> list[str]:
 
 
 def _read_mass_tables(source: Path, block: dict[str, Any], keys: list[str]) -> list[dict[str, Any]]:
+    """Masses of one [[masses]] table that names a digital certificate."""
     from recordings.dcc.dcc_document import MOST_BYTES, parse_dcc
     from recordings.dcc.dcc_masses import read_certified_masses
     from recordings.dcc.dcc_signature import check_signature

@@ -113,7 +113,7 @@ def _make_single_run_campaign(
             "id": "check",
             "log": log.name,
             "loads": (_MASS,) if mass_on_board.value_kg else (),
-            "day": _check_day(last, log, mass_on_board.day),
+            "day": _day_of_log(last, log, mass_on_board.day),
         }
     )
     return last.campaign.model_copy(
@@ -127,7 +127,8 @@ def _make_single_run_campaign(
     )
 
 
-def _check_day(last: EvidenceDocument, log: Path, day: str | None) -> dt.date:
+def _day_of_log(last: EvidenceDocument, log: Path, day: str | None) -> dt.date:
+    """Given day, else the log's date in the machine's time zone."""
     if day is not None:
         try:
             return dt.date.fromisoformat(day)

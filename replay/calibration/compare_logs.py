@@ -135,6 +135,7 @@ def _compare_learnt_terms(
 
 
 def _do_terms_agree(evidence_term: TermOfLog, now: TermOfLog | None) -> bool:
+    """Whether a replayed term equals that of the evidence within tolerance."""
     if now is None:
         return False
     tolerance = _TERMS * evidence_term.prior_std

@@ -117,6 +117,7 @@ def _is_last(verification: Verification, last: Mapping[str, int]) -> bool:
 
 
 def _drop_expiry_finding(verification: Verification) -> Verification:
+    """The verification without its finding on expiry."""
     kept = tuple(
         each for each in verification.findings if each.outcome is not BundleOutcome.EXPIRED
     )

@@ -69,7 +69,7 @@ def command(
     from replay.calibration.check_mass import KnownMassOnBoard, check_mass
     from replay.calibration.dcc_output import DccOutput
     from replay.commands.print_tables import print_json, stdout_console
-    from replay.commands.progress_bar import Stages
+    from replay.commands.progress_bar import StageProgress
 
     if check is None and (check_u or certificate or day):
         raise typer.BadParameter("--check-u, --certificate and --day need --check")
@@ -81,7 +81,7 @@ def command(
         raise typer.BadParameter("--dcc-key and --dcc-certificate need --dcc")
     if check is not None and dcc is not None:
         raise typer.BadParameter("--dcc is for a campaign, not for --check")
-    with Stages(1) as stages:
+    with StageProgress(1) as stages:
         if check is not None and previous is not None:
             known = KnownMassOnBoard(check, check_u, certificate, day)
             made = check_mass(source, known, output, previous=previous, key_file=key, force=force)

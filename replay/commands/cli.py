@@ -153,14 +153,14 @@ def _raise_on_signals() -> list[int]:
     """
     received: list[int] = []
 
-    def leave(signal_number: int, _frame: FrameType | None) -> None:
+    def raise_for_signal(signal_number: int, _frame: FrameType | None) -> None:
         received.append(signal_number)
         if signal_number == signal.SIGINT:
             raise KeyboardInterrupt
         raise SystemExit(128 + signal_number)
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, leave)
+        signal.signal(number, raise_for_signal)
     return received
 
 
@@ -173,14 +173,14 @@ def _warn_of_old_names() -> Generator[None]:
         warnings.simplefilter("always", OldNameWarning)
         others, told = warnings.showwarning, set[str]()
 
-        def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
+        def show_warning_once(message: Warning | str, category: type[Warning], *rest: Any) -> None:
             if category is not OldNameWarning:
                 others(message, category, *rest)
             elif str(message) not in told:
                 told.add(str(message))
                 typer.echo(f"payscope: {one_line(str(message))}", err=True)
 
-        warnings.showwarning = show
+        warnings.showwarning = show_warning_once
         yield
 
 

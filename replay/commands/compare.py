@@ -79,7 +79,7 @@ def _print_differences(found: "Comparison", a: Path, b: Path, rtol: float) -> No
 
     screen = stdout_console()
 
-    def part(title: str, table: "Table", rows: int) -> None:
+    def print_part(title: str, table: "Table", rows: int) -> None:
         screen.print(f"\n{title}", markup=False)
         for column in table.columns:
             column.no_wrap = column.overflow != "fold"
@@ -97,13 +97,13 @@ def _print_differences(found: "Comparison", a: Path, b: Path, rtol: float) -> No
         ("losses, notes and stamps", found.provenance),
     ):
         if changes:
-            part(f"{title}:", _values_table(changes), len(changes))
+            print_part(f"{title}:", _values_table(changes), len(changes))
     if found.estimates:
         title = "estimates over the whole log, those that moved most first:"
-        part(title, _estimate_table("method", found.estimates), len(found.estimates))
+        print_part(title, _estimate_table("method", found.estimates), len(found.estimates))
     if found.manoeuvres:
         title = "manoeuvres, those that moved most first:"
-        part(title, _estimate_table("manoeuvre", found.manoeuvres), len(found.manoeuvres))
+        print_part(title, _estimate_table("manoeuvre", found.manoeuvres), len(found.manoeuvres))
     for name, only in (("A", found.only_a), ("B", found.only_b)):
         if only:
             screen.print()
@@ -113,7 +113,7 @@ def _print_differences(found: "Comparison", a: Path, b: Path, rtol: float) -> No
         title = (
             f"columns: {differing} of {found.columns} differ; the largest changes of each stage:"
         )
-        part(title, _column_table(found), 0)
+        print_part(title, _column_table(found), 0)
     whole = counted(found.columns, "column")
     exact = f"within a relative difference of {rtol:g}" if rtol else "bit for bit"
     said = f"Equal: {whole}, {exact}." if found.equal else f"They differ, compared {exact}."

@@ -28,19 +28,19 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace an existing converted log.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
-    """Convert a log to Parquet by topic: DIR is a log again, for payscope and for others.
+    """Convert a log to Parquet, by topic; payscope and other tools read DIR as a log.
 
-    DIR appears when it is whole. The same command takes up a conversion that was cut off.
+    DIR appears once it is complete. The same command resumes an interrupted conversion.
     """
     from replay.commands.common_options import time_axis_from_options
     from replay.commands.print_tables import print_json, stdout_console
-    from replay.commands.progress_bar import Stages
+    from replay.commands.progress_bar import StageProgress
     from replay.convert.convert_log import convert_log
     from replay.logs import open_log
 
     with (
         open_log(log, time=time_axis_from_options(time, time_unit, keys)) as opened,
-        Stages(1) as stages,
+        StageProgress(1) as stages,
     ):
         made = convert_log(opened, output, topics, force=force, on_span=stages.begin)
     if as_json:

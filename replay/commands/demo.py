@@ -8,7 +8,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from replay.demo.run_demo import Demo
+    from replay.demo.run_demo import DemoResults
 
 
 def command(
@@ -21,11 +21,11 @@ def command(
 ) -> None:
     """Simulate six loads × nine starts as ROS bags, calibrate, verify; then review a shift."""
     from replay.commands.print_tables import print_json, stdout_console
-    from replay.commands.progress_bar import Stages
+    from replay.commands.progress_bar import StageProgress
     from replay.commands.review import print_review
     from replay.demo.run_demo import STEPS, run_demo
 
-    with Stages(len(STEPS)) as stages:
+    with StageProgress(len(STEPS)) as stages:
         result = run_demo(output, seed=seed, force=force, on_stage=stages.begin)
     if as_json:
         print_json(result.to_dict())
@@ -36,7 +36,7 @@ def command(
         print_review(screen, result.reviewed)
 
 
-def _print_demo(result: "Demo") -> "RenderableType":
+def _print_demo(result: "DemoResults") -> "RenderableType":
     """Tables and notes of the demo for the terminal."""
     import polars as pl
     from rich.console import Group

@@ -10,7 +10,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from analysis.excitation import Design
+    from analysis.excitation import ExcitationDesign
 
 _TITLES: Final = {"mass_kg": "mass kg", "inertia_z_kg_m2": "Izz kg·m²", "com_x_m": "com x m"}
 _DIGITS: Final = {"mass_kg": 1, "inertia_z_kg_m2": 1, "com_x_m": 4}
@@ -88,7 +88,7 @@ def _parse_share(text: str) -> float:
     return value
 
 
-def _print_design(design: Design) -> RenderableType:
+def _print_design(design: ExcitationDesign) -> RenderableType:
     """Table and notes of a design for the terminal."""
     from rich.console import Group
 
@@ -120,7 +120,7 @@ def _print_design(design: Design) -> RenderableType:
     return Group(*_describe_timing(design), "", table, "", _describe_verdict(design))
 
 
-def _describe_timing(design: Design) -> list[str]:
+def _describe_timing(design: ExcitationDesign) -> list[str]:
     periods = {
         "force": design.scores[0].manoeuvre.force,
         "torque": design.scores[0].manoeuvre.torque,
@@ -133,7 +133,7 @@ def _describe_timing(design: Design) -> list[str]:
     return [*lines, f"window {design.window_s:.2f} s"]
 
 
-def _describe_verdict(design: Design) -> str:
+def _describe_verdict(design: ExcitationDesign) -> str:
     best, wanted = design.best, f"{design.accuracy:.3g}"
     if best is None:
         return "No waveform stays within the yard; give a longer --yard."

@@ -54,10 +54,10 @@ def command(
     Each cause comes with its measurement, its effect on the mass, the key of the machine file, and
     the causes that cannot be distinguished from it in this log. With --apply -o mended.toml the
     machine file is written with the proposals that improve the mass, and the log is replayed with
-    it. Exit status 1 if nothing pays.
+    it. Exit status 1 if no proposal improves the mass.
     """
     from replay.commands.print_tables import print_json
-    from replay.commands.progress_bar import Stages
+    from replay.commands.progress_bar import StageProgress
     from replay.explain.explain_run import ExplainRequest, explain_run
 
     picture, mended_file = picture_and_machine_file(output or [], apply=apply)
@@ -66,7 +66,7 @@ def command(
     asked = ExplainRequest(
         recording, machine, tuple(overrides or ()), at_s, picture, mended_file, force=force
     )
-    with Stages(_STAGES) as stages:
+    with StageProgress(_STAGES) as stages:
         explained, mended = explain_run(asked, stages.begin)
     if as_json:
         told = {} if mended is None else {"mended": _mended_machine_as_dict(mended)}
@@ -126,7 +126,7 @@ def _print_explanation(
 
     screen = stdout_console()
 
-    def part(title: str, lines: "Iterable[str]") -> None:
+    def print_part(title: str, lines: "Iterable[str]") -> None:
         listed = list(lines)
         if listed:
             screen.print(f"\n{title}", markup=False)
@@ -140,13 +140,13 @@ def _print_explanation(
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)
-    part("causes, the likeliest first:", describe_findings(explained))
+    print_part("causes, the likeliest first:", describe_findings(explained))
     if explained.manoeuvre is not None:
-        part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
-    part("conspicuous manoeuvres:", map(manoeuvre_line, explained.worst))
+        print_part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
+    print_part("conspicuous manoeuvres:", map(manoeuvre_line, explained.worst))
     around = "the gate around it:" if explained.at_s is not None else "the gate, by share of time:"
-    part(around, describe_gate(explained))
-    part("the motion:", determined_parameter_lines(explained.determined))
+    print_part(around, describe_gate(explained))
+    print_part("the motion:", determined_parameter_lines(explained.determined))
     if mended is not None:
         _print_mended_machine(screen, mended)
     if picture is not None:

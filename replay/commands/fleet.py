@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from replay.fleet.compare_results import DayRange
     from replay.fleet.gathered_tables import FleetResults
     from replay.fleet.run_fleet import FleetRun
-    from replay.fleet.task_engine import Engine
+    from replay.fleet.task_engine import TaskEngine
 
 app = typer.Typer(
     help="Replay a fleet's recordings on an engine; query, report and compare the results.",
@@ -83,7 +83,7 @@ def run_command(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Replay the recordings whose results are not there; each result is made once.
+    """Replay the recordings that have no result yet; each result is computed once.
 
     Exit status 1 if a recording has no result.
     """
@@ -207,9 +207,9 @@ def compare_command(
     ] = _SHOWN,
     as_json: AsJson = False,
 ) -> None:
-    """Tell whether other settings would have given other tonnes, where, and by how much.
+    """Show whether other settings would have changed the tonnes, where, and by how much.
 
-    Exit status 1 if they would.
+    Exit status 1 if they would have.
     """
     from replay.commands.print_tables import print_json
     from replay.fleet.compare_results import fleet_compare
@@ -257,7 +257,7 @@ def open_command(
     ] = None,
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
-    """Open a recording in the viewer; one that is not kept is made of its log."""
+    """Open a recording in the viewer; one that was not kept is replayed from its log."""
     import shutil
 
     from recordings.report.atomic_output import atomic_file
@@ -276,7 +276,7 @@ def open_command(
 
 def _make_engine(
     address: str | None, workers: int | None
-) -> "Callable[[], AbstractContextManager[Engine]]":
+) -> "Callable[[], AbstractContextManager[TaskEngine]]":
     from replay.fleet.ray_engine import ray_engine
 
     if address is not None and workers is not None:
@@ -304,7 +304,7 @@ def _replay_with_other_settings(
     results: "FleetResults",
     overrides: list[str],
     days: "DayRange",
-    engine: "Callable[[], AbstractContextManager[Engine]]",
+    engine: "Callable[[], AbstractContextManager[TaskEngine]]",
 ) -> "FleetResults":
     from replay.commands.fleet_progress import FleetProgress
     from replay.fleet.compare_results import RunCallbacks, replay_with_settings

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 if TYPE_CHECKING:
     from replay.fleet.log_sources import FleetLog
     from replay.fleet.recording_task import TaskOutcome
-    from replay.fleet.task_engine import Engine
+    from replay.fleet.task_engine import TaskEngine
 
 #: Bytes that take as long as whatever a recording takes besides its size.
 _BASE_BYTES: Final = 2_000_000
@@ -44,7 +44,7 @@ class FleetProgress:
         self._left = TimeLeft([log.size_bytes for log in logs])
         self._bar.update(self._task, total=len(logs))
 
-    def note_engine_slots(self, engine: "Engine") -> None:
+    def note_engine_slots(self, engine: "TaskEngine") -> None:
         """Take the number of parallel slots from the opened engine."""
         self._slots = engine.slots()
 
@@ -72,13 +72,13 @@ class TimeLeft:
     """Estimate of the time left, from the seconds per size of finished recordings."""
 
     def __init__(self, sizes_bytes: list[int]) -> None:
-        self._left = sum(map(_duration_weight, sizes_bytes))
-        self._squares = sum(_duration_weight(size) ** 2 for size in sizes_bytes)
+        self._left = sum(map(_size_weight, sizes_bytes))
+        self._squares = sum(_size_weight(size) ** 2 for size in sizes_bytes)
         self._done: list[tuple[float, float]] = []
 
     def add_recording(self, size_bytes: int, seconds: float | None) -> None:
         """Add a finished recording and its seconds on the node; None if it already existed."""
-        weight = _duration_weight(size_bytes)
+        weight = _size_weight(size_bytes)
         self._left -= weight
         self._squares -= weight**2
         if seconds is not None:
@@ -101,7 +101,8 @@ class TimeLeft:
         return low / slots, high / slots
 
 
-def _duration_weight(size_bytes: int) -> float:
+def _size_weight(size_bytes: int) -> float:
+    """Weight of a recording in the progress: its size plus a constant."""
     return float(size_bytes + _BASE_BYTES)
 
 

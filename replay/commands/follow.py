@@ -64,7 +64,7 @@ def command(
     Processes complete messages on disk, as on board. Ends when the recorder closes the log, when it
     has not grown for --idle-s, or on ctrl-C. With -o it is recorded as it goes. The replay of the
     log with settings.filter.causal=true then replaces that recording, and the followed results are
-    compared with it bit for bit. Started again, it goes on where it was.
+    compared with it bit for bit. Started again, it continues where it stopped.
     """
     import json
     from contextlib import ExitStack
@@ -86,18 +86,18 @@ def command(
     known = read_recording(noise).frames.get("noise") if noise else None
     digests = FollowedDigests()
 
-    def tell(line: str) -> None:
+    def print_message(line: str) -> None:
         typer.echo(f"payscope: {line}", err=True)
 
     with ExitStack() as opened:
         server = opened.enter_context(viewer_server()) if live else None
         if server is not None:
-            tell(f"open {server.page}")
+            print_message(f"open {server.page}")
         outputs = FollowedOutputs(
             logs,
             loaded,
             known,
-            tell,
+            print_message,
             output=output,
             reports=reports,
             server=server.address if server else None,
@@ -107,7 +107,7 @@ def command(
         opened.enter_context(warn_on_slow_compile(lambda: typer.echo(COMPILING, err=True)))
         panel = opened.enter_context(FollowPanel())
 
-        def show(following: Following, rows: list[FollowedRow]) -> None:
+        def show_new_rows(following: Following, rows: list[FollowedRow]) -> None:
             digests.add(rows)
             made = outputs.take(following, rows)
             for report in made:
@@ -120,14 +120,14 @@ def command(
         following = follow_logs(
             logs,
             loaded,
-            show,
+            show_new_rows,
             noise=known,
             idle_s=idle_s,
             valid_s=valid_s,
             until_u_kg=until_u,
         )
     for loss in following.losses:
-        tell(str(loss))
+        print_message(str(loss))
     follower = following.follower
     spins = f", inertia of {_format_count(follower.spins, 'spin')}" if follower.spins else ""
     typer.echo(

@@ -62,7 +62,7 @@ def print_frame(
         OutputError: the output cannot be written.
     """
 
-    def text() -> str:
+    def frame_as_text() -> str:
         match output_format:
             case "json":
                 return (
@@ -79,9 +79,9 @@ def print_frame(
 
     if output is None:
         if output_format == "csv":
-            sys.stdout.write(text())
+            sys.stdout.write(frame_as_text())
         else:
-            typer.echo(text(), nl=False)
+            typer.echo(frame_as_text(), nl=False)
         return
     with atomic_file(output, force=force) as partial:
         if output_format in _BINARY:
@@ -93,7 +93,7 @@ def print_frame(
                 frame.write_parquet(written)
             partial.write_bytes(written.getvalue())
         else:
-            partial.write_text(text(), encoding="utf-8")
+            partial.write_text(frame_as_text(), encoding="utf-8")
 
 
 def _format_times_as_text(frame: pl.DataFrame) -> pl.DataFrame:

@@ -87,9 +87,9 @@ def _show_progress(*, check: bool) -> AbstractContextManager[object]:
     """Progress of reading everything; an index alone is read before it is seen."""
     if not check:
         return nullcontext()
-    from replay.commands.progress_bar import Stages
+    from replay.commands.progress_bar import StageProgress
 
-    return Stages(1)
+    return StageProgress(1)
 
 
 def show(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:

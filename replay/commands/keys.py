@@ -82,7 +82,7 @@ def revoke(
         str, typer.Option(help="Reason of the revocation, such as a lost disk.")
     ] = "",
 ) -> None:
-    """Revoke a key: none of its signatures counts, but for those that a time stamp proves older."""
+    """Revoke a key: its signatures no longer count, except those that a time stamp proves older."""
     from recordings.signatures.keyring import load_keyring, revoke_key
 
     is_id = all(digit in "0123456789abcdef" for digit in key) and key != ""

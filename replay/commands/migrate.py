@@ -11,7 +11,7 @@ def command(
         list[Path], typer.Argument(help="Machine, campaign, fleet or scenario files (TOML).")
     ],
 ) -> None:
-    """Rewrite files whose keys have old names; comments, order and values stay."""
+    """Rewrite files whose keys have old names; comments, order and values are kept."""
     from estimators.errors import one_line
     from replay.machines.old_names import migrate_file
 

@@ -44,7 +44,7 @@ def command(
 ) -> None:
     """List the finished logs of a folder, each with its SHA-256, signed and chained to the last.
 
-    The list is only ever appended to. A campaign that names a stretch of it has to account for
+    The list is only ever appended to. A campaign that names a part of it has to account for
     every log in it; `payscope verify LIST` checks a list.
     """
     import time

@@ -60,7 +60,7 @@ def print_rows(titles: Sequence[str], rows: Sequence[Sequence[str]], left: Seque
     Nothing is cut: a cell that is much longer than the others runs over its column.
 
     Args:
-        titles: of the columns.
+        titles: titles of the columns.
         rows: their cells, one line each.
         left: columns that begin at the left; the others end at the right.
     """

@@ -18,7 +18,7 @@ COMPILING: Final = (
 )
 
 
-class Stages:
+class StageProgress:
     """Shows the current stage and measures the seconds of each."""
 
     def __init__(self, total: int, *, timing: bool = False, warns: bool = True) -> None:

@@ -52,7 +52,7 @@ def command(
 ) -> None:
     """Query topics of logs, frames of recordings, ledgers and results by SQL.
 
-    A topic is a table by its name in double quotes, or in a word: "/imu/data" is imu_data. A row
+    Each topic is a table, named in double quotes or as one word: "/imu/data" is imu_data. A row
     with a time is a moment that `view --at` opens.
     """
     from replay.commands.common_options import time_axis_from_options

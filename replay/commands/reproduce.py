@@ -50,7 +50,7 @@ def command(
     from estimators.errors import OutputError, nearest
     from recordings.paper.paper_items import ITEMS
     from recordings.paper.paper_page import check_reproduction, write_reproduction
-    from replay.commands.progress_bar import Stages
+    from replay.commands.progress_bar import StageProgress
     from replay.paper.reproduce_paper import Reproduction
 
     names = [item.name for item in ITEMS]
@@ -60,8 +60,8 @@ def command(
     wanted = [item for item in ITEMS if item.name in (items or names)]
     check_reproduction(wanted, output, output_format, force=force)
     reproduction = Reproduction(wanted, windows=trials, campaigns=campaigns, seed=seed)
-    with Stages(len(reproduction.repetitions)) as stages:
-        found = reproduction.find(stages.begin)
+    with StageProgress(len(reproduction.repetitions)) as stages:
+        found = reproduction.compute_items(stages.begin)
     about = (
         f"By `payscope reproduce --trials {trials} --campaigns {campaigns} --seed {seed}`: "
         "simulated with one machine model, replayed with the filter, gate and estimators that "

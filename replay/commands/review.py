@@ -143,7 +143,7 @@ def command(
     from estimators.errors import one_line
     from recordings.review.shift_facts import summarise_shift
     from replay.commands.print_tables import print_json, stdout_console
-    from replay.commands.progress_bar import Stages
+    from replay.commands.progress_bar import StageProgress
     from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
     from replay.review.give_verdicts import GivenVerdicts, is_review, recount_review
@@ -185,7 +185,7 @@ def command(
             settings = load_machine(machine, overrides or [])
             given = replace(given, spans=read_label_spans(logs, channels, settings))
         options = ReviewOptions(overrides or [], asked, target, full, decimal_comma)
-        with Stages(len(STAGES) + 3, timing=timing) as stages:
+        with StageProgress(len(STAGES) + 3, timing=timing) as stages:
             made = review_shift(logs, machine, output, options, stages.begin)
         if given:
             made = recount_review(output, given)

@@ -93,7 +93,7 @@ def command(
     in the file is one line, and ctrl-C ends with status 0.
     """
     from replay.commands.print_tables import print_json
-    from replay.commands.progress_bar import Stages
+    from replay.commands.progress_bar import StageProgress
     from replay.runs.run_logs import STEPS, RecordTo, replay_logs
 
     if live and output is None:
@@ -103,8 +103,8 @@ def command(
     settings = [*(overrides or []), *_empty_span_settings(empty)]
     asked = read_calibration(calibration, key, signed=require_signed)
 
-    def replay(to: RecordTo) -> "Answer":
-        with Stages(len(STEPS), timing=timing) as stages:
+    def replay_to(to: RecordTo) -> "Answer":
+        with StageProgress(len(STEPS), timing=timing) as stages:
             return replay_logs(
                 logs,
                 machine,
@@ -115,7 +115,7 @@ def command(
                 on_stage=stages.begin,
             )
 
-    def show(answer: "Answer") -> None:
+    def show_answer(answer: "Answer") -> None:
         if as_json:
             print_json(answer.to_dict())
         else:
@@ -123,10 +123,10 @@ def command(
 
     to = RecordTo(output, force, live)
     if watch:
-        _watch_machine_file(machine, to, settings, replay, show)
+        _watch_machine_file(machine, to, settings, replay_to, show_answer)
         return
-    answer = replay(to)
-    show(answer)
+    answer = replay_to(to)
+    show_answer(answer)
     if not answer.verdict.can_weigh:
         raise typer.Exit(1)
 
@@ -143,7 +143,7 @@ def _watch_machine_file(
     from replay.commands.print_tables import value_text
     from replay.runs.watch_machine_file import watch_machine_file
 
-    def on_answer(answer: "Answer", changed: "list[ValueChange]") -> None:
+    def print_changed_answer(answer: "Answer", changed: "list[ValueChange]") -> None:
         if changed:
             said = ", ".join(
                 f"{each.name} {value_text(each.a)} → {value_text(each.b)}" for each in changed
@@ -153,12 +153,12 @@ def _watch_machine_file(
         sys.stdout.flush()
         typer.echo(f"watching {machine}; ctrl-C ends", err=True)
 
-    def on_error(error: PayscopeError) -> None:
+    def print_error(error: PayscopeError) -> None:
         typer.echo(f"payscope: {one_line(str(error))}", err=True)
 
     # interrupted is how it ends
     with suppress(KeyboardInterrupt):
-        watch_machine_file(machine, to, settings, replay, on_answer, on_error)
+        watch_machine_file(machine, to, settings, replay, print_changed_answer, print_error)
 
 
 def _empty_span_settings(span: str | None) -> list[str]:

@@ -35,7 +35,9 @@ def command(
     end_s: Annotated[float | None, typer.Option("--to", help="Last second to print.")] = None,
     at_s: Annotated[
         float | None,
-        typer.Option("--at", help="Print what held at this second: its last row, or its spans."),
+        typer.Option(
+            "--at", help="Print the values at this second: the last row, or the spans around it."
+        ),
     ] = None,
     output_format: FormatOption = None,
     output: OutputFile = None,

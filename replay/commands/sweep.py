@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from recordings.plots.sweep_figure import SweptRow
     from replay.calibration.apply_evidence import CalibrationRequest
-    from replay.runs.sweep_settings import Row
+    from replay.runs.sweep_settings import SweepRow
 
 #: Whoever reads a file can scroll.
 _FILE_WIDTH: Final = 400
@@ -126,7 +126,7 @@ def _print_sweep(
     from recordings.report.picture import check_picture
     from replay.commands.frame_output import choose_format, print_frame
     from replay.commands.print_tables import stdout_console
-    from replay.commands.progress_bar import Stages
+    from replay.commands.progress_bar import StageProgress
     from replay.runs.sweep_settings import sweep_settings, value_combinations
 
     logs, machine_file, overrides, over = asked
@@ -143,7 +143,7 @@ def _print_sweep(
                 f"{figure}: is named for both -o and --figure; give two different files"
             )
     grid = value_combinations(over)
-    with Stages(len(grid)) as stages:
+    with StageProgress(len(grid)) as stages:
         rows = sweep_settings(
             logs,
             machine_file,
@@ -174,7 +174,7 @@ def _print_sweep(
     return any(row.answer.verdict.can_weigh for row in rows)
 
 
-def _make_swept_row(row: Row) -> SweptRow:
+def _make_swept_row(row: SweepRow) -> SweptRow:
     """Row for the sweep's figure."""
     from recordings.plots.sweep_figure import SweptRow
 
@@ -183,7 +183,7 @@ def _make_swept_row(row: Row) -> SweptRow:
     several = len(row.answer.loads) > 1 and known
     most = max(known, key=lambda load: load["payload_kg"]) if several else None
     return SweptRow(
-        over={names[key]: value for key, value in _type_swept_columns(row).items()},
+        over={names[key]: value for key, value in _parse_swept_values(row).items()},
         mass_kg=_quantity_by_method(row, "mass_kg"),
         mass_std_kg=_quantity_by_method(row, "mass_std_kg"),
         payload_kg=None if most is None else (most["payload_kg"], most["payload_u_kg"] or 0.0),
@@ -193,15 +193,15 @@ def _make_swept_row(row: Row) -> SweptRow:
     )
 
 
-def _nest_row_for_json(row: Row) -> dict[str, Any]:
+def _nest_row_for_json(row: SweepRow) -> dict[str, Any]:
     """Row in the format of `run --json`, with the varied settings and the errors."""
     # logs that are replayed many times are not hashed
     left_out = ("losses", "notes", "recording", "fingerprint")
     told = {name: value for name, value in row.answer.to_dict().items() if name not in left_out}
-    return {"over": _type_swept_columns(row), **told, **row.errors}
+    return {"over": _parse_swept_values(row), **told, **row.errors}
 
 
-def _make_result_frame(rows: Sequence[Row]) -> pl.DataFrame:
+def _make_result_frame(rows: Sequence[SweepRow]) -> pl.DataFrame:
     """Frame with a row per combination and a column per method and quantity."""
     names = shorten_dotted_names(rows[0].over)
     flat = [
@@ -209,7 +209,7 @@ def _make_result_frame(rows: Sequence[Row]) -> pl.DataFrame:
             **{
                 # a column holds no lists and tables: they stay as written
                 names[key]: row.over[key] if isinstance(value, list | dict) else value
-                for key, value in _type_swept_columns(row).items()
+                for key, value in _parse_swept_values(row).items()
             },
             **{
                 f"{method}_{name}": value
@@ -231,7 +231,7 @@ def _make_result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     return pl.from_dicts(flat, infer_schema_length=None)
 
 
-def calibrated_mass_fields(row: Row) -> dict[str, float | str | None]:
+def calibrated_mass_fields(row: SweepRow) -> dict[str, float | str | None]:
     """Fields of the calibrated mass, None for several loads; empty without a calibration."""
     loads = row.answer.loads
     if not loads or "calibrated_kg" not in loads[0]:
@@ -240,7 +240,7 @@ def calibrated_mass_fields(row: Row) -> dict[str, float | str | None]:
     return {name: loads[0][name] if len(loads) == 1 else None for name in names}
 
 
-def render_sweep(rows: Sequence[Row]) -> RenderableType:
+def render_sweep(rows: Sequence[SweepRow]) -> RenderableType:
     """Table of masses and verdicts, and a table of errors if the truth is known."""
     from rich.console import Group
 
@@ -259,10 +259,10 @@ def render_sweep(rows: Sequence[Row]) -> RenderableType:
 
 
 def method_table(
-    rows: Sequence[Row],
-    cell: Callable[[Row, str], str],
+    rows: Sequence[SweepRow],
+    cell: Callable[[SweepRow, str], str],
     more: Sequence[str] = (),
-    rest: Callable[[Row], Sequence[str]] = lambda _: (),
+    rest: Callable[[SweepRow], Sequence[str]] = lambda _: (),
 ) -> Table:
     """Table with a row per combination and a cell per method, plus further columns."""
     from replay.commands.print_tables import make_plain_table
@@ -279,7 +279,7 @@ def method_table(
     return table
 
 
-def calibrated_table(rows: Sequence[Row]) -> Table:
+def calibrated_table(rows: Sequence[SweepRow]) -> Table:
     """Table with the calibrated mass of each combination, or why there is none."""
     from replay.commands.print_tables import kg_text, make_plain_table
 
@@ -295,14 +295,14 @@ def calibrated_table(rows: Sequence[Row]) -> Table:
     return table
 
 
-def _format_mass(row: Row, method: str) -> str:
+def _format_mass(row: SweepRow, method: str) -> str:
     from replay.commands.print_tables import kg_text
 
     mass, std = (_quantity_by_method(row, name).get(method) for name in ("mass_kg", "mass_std_kg"))
     return kg_text(mass) + ("" if std is None else f" ± {std:.1f}")
 
 
-def _make_verdict_cells(row: Row) -> Sequence[str]:
+def _make_verdict_cells(row: SweepRow) -> Sequence[str]:
     failed = _failed_checks(row)
     loads = len(row.answer.loads)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
@@ -313,17 +313,17 @@ def _make_verdict_cells(row: Row) -> Sequence[str]:
     return f"{row.answer.accepted_share:.0%}", weighs
 
 
-def _failed_checks(row: Row) -> list[str]:
+def _failed_checks(row: SweepRow) -> list[str]:
     verdict = row.answer.verdict
     return [check.check for check in (*verdict.failed("mass"), *verdict.failed("inertia"))]
 
 
-def _quantity_by_method(row: Row, quantity: str) -> Mapping[str, float | None]:
+def _quantity_by_method(row: SweepRow, quantity: str) -> Mapping[str, float | None]:
     """A quantity of the answer by method; empty for a log without masses."""
     return row.answer.rows[0].quantities[quantity] if row.answer.rows else {}
 
 
-def _type_swept_columns(row: Row) -> dict[str, Any]:
+def _parse_swept_values(row: SweepRow) -> dict[str, Any]:
     from replay.machines.toml_file import read_value
 
     return {key: read_value(text) for key, text in row.over.items()}

@@ -63,9 +63,9 @@ def command(
     Several folders are checked each by itself, and as the chain of their machine: gaps, forks and
     links that do not fit are found.
 
-    Exit status 0 where all holds; 3 tampered, 5 incomplete, 4 irreproducible, 6 not within limits,
+    Exit status 0 if verified; 3 tampered, 5 incomplete, 4 irreproducible, 6 not within limits,
     7 expired, 8 made by another version: the first of these that is found. Nothing in the folder is
-    run.
+    executed.
     """
     if page:
         _write_page(folders or [], output, force=force)

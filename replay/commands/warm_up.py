@@ -10,7 +10,7 @@ def command(
         bool, typer.Option(help=("Compile all loops again, even if they are cached."))
     ] = False,
 ) -> None:
-    """Compile the numerical code ahead: a minute and a half, once a version.
+    """Compile the numerical code in advance: a minute and a half, once per version.
 
     Without it the first short log takes some seconds more, and a longer one waits until the loops
     that it needs are compiled. Several processes may compile at once.
@@ -25,10 +25,10 @@ def command(
             "writable; set NUMBA_CACHE_DIR to a writable folder"
         )
     if force or not are_all_compiled():
-        from replay.commands.progress_bar import Stages
+        from replay.commands.progress_bar import StageProgress
         from replay.warm_up.compile_loops import STEPS, compile_loops
 
-        with Stages(len(STEPS), warns=False) as stages:
+        with StageProgress(len(STEPS), warns=False) as stages:
             compile_loops(stages.begin)
         mark_all_compiled()
     typer.echo(f"everything is compiled: {folder}")

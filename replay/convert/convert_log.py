@@ -130,7 +130,7 @@ def convert_log(
             done, taken_up = making.convert_by_spans(folder, span_messages, on_span)
             described = making.describe(folder, done)
             kept = {part.file for topic in described.topics for part in topic.parts}
-            folder.drop_records(kept)
+            folder.remove_all_except(kept)
             write_file_whole(folder.path / DESCRIPTION, described.model_dump_json(indent=1))
             _replace_folder(folder.path, target)
     except OSError as error:

@@ -166,7 +166,7 @@ class UnfinishedFolder:
             elif each.name != _LOCK:
                 each.unlink()
 
-    def drop_records(self, kept: set[str]) -> None:
+    def remove_all_except(self, kept: set[str]) -> None:
         """Remove everything except the parts of a finished conversion.
 
         Args:

@@ -113,7 +113,7 @@ _TARGET_KG: Final = 200.0
 
 
 @dataclass(frozen=True, slots=True)
-class Demo:
+class DemoResults:
     """Results of the demo, and the files it made."""
 
     calibrated: CalibrationOutcome
@@ -137,7 +137,9 @@ class Demo:
         }
 
 
-def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None]) -> Demo:
+def run_demo(
+    folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None]
+) -> DemoResults:
     """Simulate, calibrate, verify the evidence, replay in one time line, record, draw.
 
     Then a shift of the same machine is simulated and reviewed under that evidence.
@@ -194,7 +196,7 @@ def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], 
     by = CalibrationRequest(evidence, keys[1], signed=True)
     asked = ReviewOptions(calibration=by, target_kg=_TARGET_KG)
     reviewed = review_shift(hauled, machine_file, page, asked)
-    return Demo(
+    return DemoResults(
         calibrated,
         verified,
         replayed.frames["calibration"],

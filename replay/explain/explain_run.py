@@ -136,6 +136,7 @@ def frames_to_explain(request: ExplainRequest, on_stage: Callable[[str], None]) 
 
 
 def _is_other_machine(recording: OpenRecording, machine: Machine) -> bool:
+    """Whether the machine file differs from that of the recording."""
     about = recording.provenance
     recorded = Machine.model_validate({**about.machine, "settings": about.settings})
     return bool(changed_settings(recorded, machine))

@@ -14,7 +14,7 @@ import numpy as np
 from analysis.explain import Finding
 from analysis.model.answer import Answer, answer
 from analysis.model.run_record import Run
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from estimators.errors import DataError, MachineError
 from recordings.report.finding_text import findings_of_run
 from replay.explain.mended_file import Proposal, proposals_of_finding
@@ -177,7 +177,7 @@ def _reads_gravity(run: Run) -> bool:
     if "specific_force_z_m_s2" not in frame.columns:
         return False
     stands = (frame["phase"] == "standstill").fill_null(value=False).to_numpy()
-    z = values(frame, "specific_force_z_m_s2")[stands]
+    z = column_values(frame, "specific_force_z_m_s2")[stands]
     pull = float(run.provenance.machine["machine"].get("gravity_m_s2", 9.80665))
     return bool(z.size) and abs(float(np.nanmedian(z)) / pull - 1.0) < _GRAVITY_1
 

@@ -85,7 +85,7 @@ class MendedMachine:
 
 
 @dataclass(frozen=True)
-class Replays:
+class ProposalReplays:
     """Replays of one log with different proposals in its machine file.
 
     Attributes:
@@ -125,7 +125,7 @@ class Replays:
 
 
 @dataclass
-class Progress:
+class ProposalProgress:
     """Proposals accepted and rejected so far.
 
     Attributes:
@@ -171,7 +171,7 @@ def mend_machine_file(
     ):
         trial = Path(folder) / file.name
 
-        def load(text: str, keys: Sequence[str]) -> Machine:
+        def load_trial_machine(text: str, keys: Sequence[str]) -> Machine:
             trial.write_text(text, encoding="utf-8")
             others = [o for o in source.overrides if o.partition("=")[0].strip() not in keys]
             try:
@@ -179,7 +179,9 @@ def mend_machine_file(
             except MachineError as error:
                 raise MachineError(str(error).removeprefix(f"{trial}: ")) from None
 
-        progress = try_all_proposals(before, Replays(CachedLog(opened), text, load, file, on_stage))
+        progress = try_all_proposals(
+            before, ProposalReplays(CachedLog(opened), text, load_trial_machine, file, on_stage)
+        )
     if not progress.changes:
         return _mended_machine(None, progress, before)
     with atomic_file(output[0], force=output[1]) as partial:
@@ -187,14 +189,14 @@ def mend_machine_file(
     return _mended_machine(output[0], progress, before)
 
 
-def try_all_proposals(before: Run, replays: Replays) -> Progress:
+def try_all_proposals(before: Run, replays: ProposalReplays) -> ProposalProgress:
     """Try the proposals one by one, and accept those that help.
 
     Args:
         before: replay without proposals.
         replays: replays of the log.
     """
-    tried = Progress(before)
+    tried = ProposalProgress(before)
     for _ in range(_MOST):
         finding = _find_next_proposal(tried)
         if finding is None:
@@ -214,8 +216,8 @@ def try_all_proposals(before: Run, replays: Replays) -> Progress:
             RejectedProposal(each, "the mass remains withheld")
             for each in _first_proposal_of_each_cause(tried.changes)
         ]
-        return Progress(before, taken_back=tried.taken_back)
-    take_back_needless(tried, replays)
+        return ProposalProgress(before, taken_back=tried.taken_back)
+    reject_unneeded_proposals(tried, replays)
     return tried
 
 
@@ -224,7 +226,7 @@ def _first_proposal_of_each_cause(changes: Sequence[Proposal]) -> list[Proposal]
     return list({each.cause: each for each in reversed(changes)}.values())[::-1]
 
 
-def take_back_needless(progress: Progress, replays: Replays) -> None:
+def reject_unneeded_proposals(progress: ProposalProgress, replays: ProposalReplays) -> None:
     """Reject proposals accepted while the mass was withheld that turn out unnecessary."""
     for finding in progress.while_withheld[:-1]:
         others = [each for each in progress.changes if each.cause != finding.cause]
@@ -248,14 +250,14 @@ def _read_machine_text(file: Path) -> str:
         raise MachineError(f"{file}: cannot be read ({error})") from None
 
 
-def _find_next_proposal(progress: Progress) -> Finding | None:
+def _find_next_proposal(progress: ProposalProgress) -> Finding | None:
     """Most likely untried cause with a proposal that no remaining cause explains."""
     return next(
         (each for each in list_untried(progress) if each.cause not in list_masked(progress)), None
     )
 
 
-def list_untried(progress: Progress) -> list[Finding]:
+def list_untried(progress: ProposalProgress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
     shown = findings_of_run(progress.run)
     return [
@@ -265,7 +267,7 @@ def list_untried(progress: Progress) -> list[Finding]:
     ]
 
 
-def list_masked(progress: Progress) -> dict[str, str]:
+def list_masked(progress: ProposalProgress) -> dict[str, str]:
     """Causes that a remaining cause may explain, with that cause.
 
     Causes that invalidate the mass are left out, since trying them loses nothing.
@@ -294,7 +296,7 @@ def _finding_key(finding: Finding) -> tuple[str, str | None]:
     return finding.cause, finding.channel
 
 
-def try_proposal(progress: Progress, finding: Finding, replays: Replays) -> None:
+def try_proposal(progress: ProposalProgress, finding: Finding, replays: ProposalReplays) -> None:
     """Replay with a proposal, and accept or reject it."""
     progress.seen.add(_finding_key(finding))
     changes = list(proposals_of_finding(finding))
@@ -318,7 +320,7 @@ def try_proposal(progress: Progress, finding: Finding, replays: Replays) -> None
     progress.taken_back.append(RejectedProposal(changes[0], why))
 
 
-def _mended_machine(path: Path | None, progress: Progress, before: Run) -> MendedMachine:
+def _mended_machine(path: Path | None, progress: ProposalProgress, before: Run) -> MendedMachine:
     return MendedMachine(
         path,
         tuple(progress.changes),

@@ -18,7 +18,7 @@ from replay.fleet.last_run import LastRun, NamedFiles, TaskLimits
 from replay.fleet.log_sources import FleetLog, list_fleet_logs
 from replay.fleet.machine_setups import MachineSetup, machine_setups
 from replay.fleet.run_fleet import FleetRun, OnDone, fleet_run
-from replay.fleet.task_engine import Engine
+from replay.fleet.task_engine import TaskEngine
 
 WHAT_IF: Final = "what-if"
 #: Hexadecimal digits of a digest that tell settings apart.
@@ -54,7 +54,7 @@ class RunCallbacks:
 
     logs: Callable[[Sequence[FleetLog]], None] = lambda _: None
     done: OnDone = lambda _, __: None
-    engine: Callable[[Engine], None] = lambda _: None
+    engine: Callable[[TaskEngine], None] = lambda _: None
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class OtherSettings:
         return self.last.fleet
 
     @property
-    def limits(self) -> TaskLimits:
+    def task_limits(self) -> TaskLimits:
         """Resource limits of one recording."""
         return self.last.limits
 
@@ -95,7 +95,7 @@ class OtherSettings:
 
 @cache
 def _lenient_machine_setups(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
-    """Setups of a machine without evidence of other settings, read once."""
+    """Setups of a machine, read once; evidence made with other settings is skipped."""
     return machine_setups(machine, files, lenient=True)
 
 
@@ -117,7 +117,7 @@ def replay_with_settings(
     results: FleetResults,
     overrides: Sequence[str],
     days: DayRange,
-    engine: Callable[[], AbstractContextManager[Engine]],
+    engine: Callable[[], AbstractContextManager[TaskEngine]],
     callbacks: RunCallbacks,
 ) -> tuple[FleetResults, FleetRun, int]:
     """Replay logs under other settings, each once, and keep the results separately.

@@ -94,7 +94,7 @@ class Fleet:
         return self.rules.fleet.name
 
     @property
-    def limits(self) -> TaskLimits:
+    def task_limits(self) -> TaskLimits:
         """Resource limits of one recording."""
         return self.rules.limits
 

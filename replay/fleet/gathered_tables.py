@@ -22,7 +22,7 @@ from analysis.fleet.calibration_steps import FleetCalibration
 from analysis.fleet.fleet_tables import TABLES, table_schema
 from estimators.errors import FleetError, OutputError
 from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
-from replay.fleet.object_store import Store
+from replay.fleet.object_store import ObjectStore
 from replay.fleet.results_layout import MARK, ResultName, parquet_bytes, parse_result_name
 from replay.frames.select_statement import Tables, query_fault, select_rows
 
@@ -40,7 +40,7 @@ class FleetResults:
         store: storage of the results.
     """
 
-    store: Store
+    store: ObjectStore
 
     @cached_property
     def names(self) -> Mapping[str, Sequence[ResultName]]:
@@ -173,7 +173,7 @@ def fleet_results(place: str) -> FleetResults:
     Raises:
         FleetError: there are no results.
     """
-    store = Store(place)
+    store = ObjectStore(place)
     if store.folder is not None and not store.folder.is_dir():
         raise FleetError(f"{place}: no such folder; `payscope fleet run` makes one")
     found = FleetResults(store)
@@ -201,7 +201,7 @@ def fleet_query(results: FleetResults, sql: str) -> pl.DataFrame:
     """Run a query over the tables of a fleet.
 
     Args:
-        results: of a fleet.
+        results: results of a fleet.
         sql: one SELECT in the dialect of polars.
 
     Raises:

@@ -91,7 +91,7 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
             # nobody sits beside a fleet to be asked
             raise EvidenceError(
                 f"{folder}: is {by.signed_by}; if the signer gave you this key in person, keep it "
-                f"with {by.signed_by.add_line}"
+                f"with {by.signed_by.command_to_add_key}"
             )
         try:
             weighing = by.require_machine(by.weighing_machine(machine), files.file)
@@ -133,6 +133,7 @@ def last_day_of_campaign(calibration: MachineCalibration) -> dt.date:
 
 
 def _is_mass_check(folder: Path) -> bool:
+    """Whether a folder contains the check of a single mass."""
     try:
         content = json.loads((folder / "evidence.json").read_bytes())
     except (OSError, ValueError):

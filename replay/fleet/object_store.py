@@ -35,7 +35,7 @@ class StoredObject:
     stamp: str
 
 
-class Store:
+class ObjectStore:
     """A folder, or a prefix of a bucket."""
 
     def __init__(self, place: str) -> None:
@@ -45,14 +45,14 @@ class Store:
         self._made: Any = None
 
     @property
-    def _store(self) -> Any:
+    def _opened_store(self) -> Any:
         if self._made is None:
             self._made = _open_store(self.place, self.folder)
         return self._made
 
-    def __reduce__(self) -> tuple[type["Store"], tuple[str]]:
+    def __reduce__(self) -> tuple[type["ObjectStore"], tuple[str]]:
         """Pickle the place only, since a connection belongs to a process."""
-        return Store, (self.place,)
+        return ObjectStore, (self.place,)
 
     def full_name(self, name: str) -> str:
         """Full path or address of an object."""
@@ -62,7 +62,7 @@ class Store:
         """All objects below a prefix, by name, without unfinished ones."""
         if self.folder is not None and not (self.folder / prefix).is_dir():
             return []
-        batches = self._run_operation(prefix, lambda: list(self._store.list(prefix or None)))
+        batches = self._run_operation(prefix, lambda: list(self._opened_store.list(prefix or None)))
         found = (_stored_object(each) for batch in batches for each in batch)
         return sorted(found, key=lambda each: each.name)
 
@@ -85,7 +85,7 @@ class Store:
     def find_object(self, name: str) -> StoredObject | None:
         """Object of this name; None if it does not exist."""
         try:
-            return _stored_object(self._run_operation(name, lambda: self._store.head(name)))
+            return _stored_object(self._run_operation(name, lambda: self._opened_store.head(name)))
         except FileNotFoundError:
             return None
 
@@ -95,7 +95,7 @@ class Store:
         Raises:
             FileNotFoundError: the object does not exist.
         """
-        return bytes(self._run_operation(name, lambda: self._store.get(name).bytes()))
+        return bytes(self._run_operation(name, lambda: self._opened_store.get(name).bytes()))
 
     def read_all(self, names: Iterable[str]) -> Iterator[bytes]:
         """Contents of several objects, in order."""
@@ -105,37 +105,37 @@ class Store:
     def read_some(self, names: Iterable[str]) -> Iterator[bytes | None]:
         """Contents of several objects, in order; None for each that does not exist."""
 
-        def read(name: str) -> bytes | None:
+        def read_if_present(name: str) -> bytes | None:
             try:
                 return self.read(name)
             except FileNotFoundError:
                 return None
 
         with ThreadPoolExecutor(_AT_ONCE) as pool:
-            yield from pool.map(read, names)
+            yield from pool.map(read_if_present, names)
 
     def write(self, name: str, data: bytes) -> None:
         """Write an object atomically, replacing an existing one."""
-        self._run_operation(name, lambda: self._store.put(name, data))
+        self._run_operation(name, lambda: self._opened_store.put(name, data))
 
     def write_file(self, name: str, path: Path) -> None:
         """Write a file's content as an object."""
-        self._run_operation(name, lambda: self._store.put(name, path))
+        self._run_operation(name, lambda: self._opened_store.put(name, path))
 
     def fetch(self, name: str, to: Path) -> None:
         """Copy an object to a file in parts."""
 
-        def fetch() -> None:
+        def copy_parts() -> None:
             with to.open("wb") as file:
-                for part in self._store.get(name).stream(min_chunk_size=_CHUNK):
+                for part in self._opened_store.get(name).stream(min_chunk_size=_CHUNK):
                     file.write(part)
 
-        self._run_operation(name, fetch)
+        self._run_operation(name, copy_parts)
 
     def delete(self, names: list[str]) -> None:
         """Remove objects."""
         if names:
-            self._run_operation(names[0], lambda: self._store.delete(names))
+            self._run_operation(names[0], lambda: self._opened_store.delete(names))
 
     def _run_operation(self, name: str, work: Any) -> Any:
         """Run an operation, and raise its error as a message of one line."""
@@ -156,9 +156,9 @@ def _stored_object(said: Mapping[str, Any]) -> StoredObject:
 
 
 @cache
-def open_store_once(place: str) -> Store:
+def open_store_once(place: str) -> ObjectStore:
     """Open a store, or return the one already open in this process."""
-    return Store(place)
+    return ObjectStore(place)
 
 
 def _open_store(place: str, folder: Path | None) -> Any:

@@ -169,6 +169,7 @@ class RayEngine:
         )
 
     def _fetch_result(self, reference: Any) -> Any:
+        """Result of a task, or the reason why Ray lost it."""
         from ray import exceptions
 
         try:

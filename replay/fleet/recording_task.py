@@ -32,10 +32,10 @@ from analysis.model.run_record import Run
 from estimators.errors import DataError, LogError, PayscopeError
 from estimators.file_digest import file_sha256
 from recordings import write_recording
-from recordings.review.review_state import take_review_state
+from recordings.review.review_state import collect_review_state
 from replay.fleet.log_sources import FleetLog
 from replay.fleet.machine_setups import MachineSetup, setup_of_day
-from replay.fleet.object_store import Store, open_store_once
+from replay.fleet.object_store import ObjectStore, open_store_once
 from replay.fleet.results_layout import MARK, ResultName, result_key, write_result
 from replay.inputs.channel_inputs import package_versions
 from replay.logs import Log, open_log
@@ -85,6 +85,7 @@ class _LimitWatch(threading.Thread):
             raise LimitError(self._reason)
 
     def _limit_exceeded(self) -> str:
+        """Limit of time or memory that is exceeded, in words; empty if none."""
         if time.monotonic() > self._end:
             return f"took longer than {self._seconds:g} s, its limit"
         used = resident_bytes() - self._held
@@ -202,12 +203,12 @@ class _ResultInTransit:
         shown = UNDATED if day is None else str(day)
         self._name = ResultName(setup.name, shown, result_key(setup.basis, digests))
 
-    def is_there(self, store: Store) -> bool:
+    def is_there(self, store: ObjectStore) -> bool:
         """Whether the result is already complete in the store."""
         recorded = not self._task.recording or store.has_object(self._name.recording)
         return recorded and store.has_object(self._name.table_object_name(MARK))
 
-    def write(self, store: Store, run: Run | None, row: dict[str, object]) -> None:
+    def write(self, store: ObjectStore, run: Run | None, row: dict[str, object]) -> None:
         """Write the result; `run` is None for a refused log."""
         log, setup = self._task.log, self._setup
         whole: dict[str, object] = {
@@ -259,7 +260,7 @@ def tables_of_replay(
     run: Run, setup: MachineSetup
 ) -> tuple[dict[str, pl.DataFrame], dict[str, object]]:
     """Tables of a run, and its row of `results`."""
-    state = take_review_state(run, "", "", {})
+    state = collect_review_state(run, "", "", {})
     shares = pl.DataFrame(
         {"reason": list(state.gate_shares), "share_1": list(state.gate_shares.values())},
         schema={column.name: column.dtype for column in GATE_SHARES.columns},
@@ -312,7 +313,7 @@ def interrupt_over_limits(seconds: float, memory_bytes: int) -> Generator[None]:
     """
     watch = _LimitWatch(seconds, memory_bytes)
     before = signal.signal(signal.SIGALRM, watch.interrupt)
-    if sys.stderr is not None and _has_file(sys.stderr):
+    if sys.stderr is not None and _has_file_descriptor(sys.stderr):
         # also where the interpreter's lock is held for ever
         faulthandler.dump_traceback_later(seconds + 2 * _GRACE_S, exit=True)
     watch.start()
@@ -334,7 +335,7 @@ def resident_bytes() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def _has_file(stream: object) -> bool:
+def _has_file_descriptor(stream: object) -> bool:
     try:
         return stream.fileno() >= 0  # pyright: ignore[reportAttributeAccessIssue] asked for right here
     except (AttributeError, OSError, ValueError):

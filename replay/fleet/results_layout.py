@@ -10,7 +10,7 @@ from urllib.parse import quote, unquote
 import polars as pl
 
 from analysis.fleet.fleet_tables import RESULTS, TABLES, rows_of_table
-from replay.fleet.object_store import Store
+from replay.fleet.object_store import ObjectStore
 
 #: A result is there when its row of this table is, which is written last.
 MARK: Final = RESULTS.name
@@ -56,7 +56,7 @@ def result_key(basis: str, digests: Sequence[str]) -> str:
 
 
 def write_result(
-    store: Store,
+    store: ObjectStore,
     name: ResultName,
     t0_unix_ns: int | None,
     frames: Mapping[str, pl.DataFrame],

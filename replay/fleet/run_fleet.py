@@ -14,10 +14,10 @@ from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.last_run import CALIBRATIONS, FAILED, CurrentMachine, LastRun, TaskLimits
 from replay.fleet.log_sources import FleetLog
 from replay.fleet.machine_setups import MachineSetup, setup_of_day
-from replay.fleet.object_store import S3, Store
+from replay.fleet.object_store import S3, ObjectStore
 from replay.fleet.recording_task import ReplayTask, TaskOutcome, replay_one
 from replay.fleet.results_layout import MARK, RECORDINGS, parse_result_name
-from replay.fleet.task_engine import Engine, LostTask, TaskWork
+from replay.fleet.task_engine import LostTask, TaskEngine, TaskWork
 from replay.inputs.channel_inputs import package_versions
 
 
@@ -30,7 +30,7 @@ class FleetPlan(Protocol):
         ...
 
     @property
-    def limits(self) -> TaskLimits:
+    def task_limits(self) -> TaskLimits:
         """Resource limits of one recording."""
         ...
 
@@ -94,9 +94,9 @@ def fleet_run(
     logs: Sequence[FleetLog],
     plan: FleetPlan,
     destination: str,
-    engine: Callable[[], AbstractContextManager[Engine]],
+    engine: Callable[[], AbstractContextManager[TaskEngine]],
     on_done: OnDone = lambda _, __: None,
-    on_engine: Callable[[Engine], None] = lambda _: None,
+    on_engine: Callable[[TaskEngine], None] = lambda _: None,
     *,
     recordings: bool = False,
 ) -> FleetRun:
@@ -111,10 +111,10 @@ def fleet_run(
         recordings: whether to keep every recording's `.rrd`.
         engine: opens an engine; not called if all results exist.
         on_done: called with each finished log and its outcome.
-        on_engine: told the engine once it is open.
+        on_engine: called with the engine once it is open.
     """
     place = destination if destination.startswith(S3) else str(Path(destination).absolute())
-    results = FleetResults(Store(place))
+    results = FleetResults(ObjectStore(place))
     did = FleetRun(destination)
     tasks, setups = _plan_tasks(logs, plan, place, did, recordings=recordings)
     for log in logs:
@@ -126,7 +126,7 @@ def fleet_run(
         )
         for machine, each in setups.items()
     }
-    results.set_last_run(LastRun(fleet=plan.name, limits=plan.limits, machines=machines))
+    results.set_last_run(LastRun(fleet=plan.name, limits=plan.task_limits, machines=machines))
     _remember_calibrations(results, setups)
     left, there = _split_finished(tasks, results)
     for task, outcome in there:
@@ -168,8 +168,8 @@ def _plan_tasks(
             did.failed[log.source] = str(error)
             continue
         by_machine[setups[0].name] = setups
-        memory = plan.limits.memory_bytes(log.size_bytes)
-        seconds = plan.limits.seconds
+        memory = plan.task_limits.memory_bytes(log.size_bytes)
+        seconds = plan.task_limits.seconds
         tasks.append(ReplayTask(log, setups, place, recordings, seconds, memory, here))
     return tasks, by_machine
 

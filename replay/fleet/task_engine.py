@@ -28,7 +28,7 @@ class LostTask:
     reason: str
 
 
-class Engine(Protocol):
+class TaskEngine(Protocol):
     """Runs a function over tasks."""
 
     def slots(self) -> int:

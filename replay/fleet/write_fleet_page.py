@@ -36,9 +36,9 @@ class FleetReport:
     """A report.
 
     Attributes:
-        page: what its page shows.
-        path: of the page.
-        friction: of each machine, where a limit was asked for.
+        page: contents of the page.
+        path: path of the written page.
+        friction: friction trend of each machine, if a limit was given.
     """
 
     page: FleetPage
@@ -72,9 +72,9 @@ def fleet_report(
     """Write the page of a fleet.
 
     Args:
-        results: of the fleet.
+        results: results of the fleet.
         destination: where they are, as commands on the page name it.
-        name: of the fleet.
+        name: name of the fleet.
         page: the file to write.
         force: whether a page that is there may be replaced.
         friction_limit_N_s_m: viscous friction whose day is asked for.
@@ -123,6 +123,7 @@ def add_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
 
 
 def _drift_of_chart(chart: MachineChart) -> dict[str, Any]:
+    """Flagged change of a chart as JSON-compatible values."""
     found = chart.chart
     assert found.flagged is not None
     assert found.since is not None

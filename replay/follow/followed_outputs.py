@@ -64,7 +64,7 @@ class FollowedOutputs:
         """Examine the existing outputs.
 
         Args:
-            paths: of the logs.
+            paths: paths of the logs.
             machine: the machine of the follower.
             noise: noise given to the follower, if any.
             tell: called with a line when an output continues or is abandoned.

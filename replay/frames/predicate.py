@@ -84,6 +84,7 @@ def time_range(predicate: pl.Expr, column: str) -> TimeRange:
 def _range_of_comparison(
     predicate: pl.Expr, left: pl.Expr, right: pl.Expr, column: str
 ) -> TimeRange:
+    """Range of log times that a comparison allows."""
     for compare, mirrored in _MIRRORED.items():
         if compare(left, right).meta.eq(predicate):
             if right.meta.root_names():

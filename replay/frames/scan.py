@@ -116,7 +116,7 @@ Batches = Callable[[list[str] | None, pl.Expr | None, int | None], Iterator[pl.D
 def lazy_batches(batches: Batches, schema: pl.Schema, name: str) -> pl.LazyFrame:
     """Lazy frame of batches, which a process may abandon half-read."""
 
-    def read(
+    def iter_requested_rows(
         columns: list[str] | None,
         predicate: pl.Expr | None,
         n_rows: int | None,
@@ -125,7 +125,7 @@ def lazy_batches(batches: Batches, schema: pl.Schema, name: str) -> pl.LazyFrame
         del batch_size  # a hint; the size of a batch is the file's
         return _READERS.read(batches(columns, predicate, n_rows))
 
-    return register_io_source(read, schema=schema, explain_name=name)
+    return register_io_source(iter_requested_rows, schema=schema, explain_name=name)
 
 
 def lazy_frame(source: TopicSource) -> pl.LazyFrame:
@@ -162,12 +162,12 @@ class LogStream:
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
         import pyarrow as pa  # slow to import
 
-        def arrow(frame: pl.DataFrame) -> Any:
+        def to_plain_arrow(frame: pl.DataFrame) -> Any:
             # views of strings are news to pandas and to others
             return frame.to_arrow(compat_level=pl.CompatLevel.oldest())
 
-        schema = arrow(self.schema.to_frame()).schema
-        batches = (batch for frame in self for batch in arrow(frame).to_batches())
+        schema = to_plain_arrow(self.schema.to_frame()).schema
+        batches = (batch for frame in self for batch in to_plain_arrow(frame).to_batches())
         reader: Any = pa.RecordBatchReader.from_batches(schema, batches)
         return reader.__arrow_c_stream__(requested_schema)
 

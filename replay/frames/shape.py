@@ -112,6 +112,7 @@ class TopicShape:
         return pl.Array(dtype, length) if is_array else pl.List(dtype)
 
     def _is_named(self, leaf: LeafField) -> bool:
+        """Whether enumerated values of a leaf are shown by name."""
         return bool(leaf.value_names) and self._options.enums == "name"
 
     def _make_column(

@@ -61,7 +61,7 @@ def _replay_draft(log: Log, text: str) -> Run | None:
 
 
 def _can_weigh(replayed: Run) -> bool:
-    return Verdict.of(replayed.frames["verdict"]).can_weigh
+    return Verdict.from_frame(replayed.frames["verdict"]).can_weigh
 
 
 def _propose_keeping_braking(replayed: Run) -> list[str]:

@@ -73,7 +73,7 @@ _LARGEST: Final = 1e6
 
 
 @dataclass(frozen=True, slots=True)
-class Guess:
+class ChannelGuess:
     """Guessed source of a channel: topic (None in a table) and field.
 
     For a table also the unit, if not the channel's, and the reason for the guess.
@@ -181,9 +181,9 @@ def _make_log_lines(time: TimeAxis) -> list[str]:
     return [f"{key} = {toml_value(value)}" for key, value in keys.items() if value is not None]
 
 
-def _guess_from_recognised(recognition: Recognition) -> list[Guess]:
+def _guess_from_recognised(recognition: Recognition) -> list[ChannelGuess]:
     return [
-        Guess(each.column, each.topic, each.field, each.unit, each.reason)
+        ChannelGuess(each.column, each.topic, each.field, each.unit, each.reason)
         for each in recognition.channels
         if each.field and not each.is_comment
     ]
@@ -235,7 +235,7 @@ def profile_line(each: FieldProfile) -> str:
     return _replace_unprintable(f"{each.field}{unit}{rate}: {span}  {each.course}")
 
 
-def _note_on_wheel_speed(guess: Guess) -> str:
+def _note_on_wheel_speed(guess: ChannelGuess) -> str:
     """Comment that a JointState's velocity is usually that of a wheel."""
     is_speed = guess.field.startswith("velocity[") and guess.column.endswith("_m_s")
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
@@ -251,7 +251,7 @@ def _recognise_joints(log: Log, topics: pl.DataFrame) -> Recognition:
     return found
 
 
-def _choose_best_guesses(topics: pl.DataFrame) -> Iterator[Guess]:
+def _choose_best_guesses(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
     taken: set[str] = set()
     for guess in _list_candidates(topics):
         if guess.column not in taken:
@@ -259,7 +259,7 @@ def _choose_best_guesses(topics: pl.DataFrame) -> Iterator[Guess]:
             yield guess
 
 
-def _list_candidates(topics: pl.DataFrame) -> Iterator[Guess]:
+def _list_candidates(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
     for row in topics.sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
             continue
@@ -269,10 +269,10 @@ def _list_candidates(topics: pl.DataFrame) -> Iterator[Guess]:
             for field in row["fields"]:
                 column = _SHORT.get(field, field)
                 if column in _COLUMNS:
-                    yield Guess(column, None, field)
+                    yield ChannelGuess(column, None, field)
         for column, field in _BY_TYPE.get(kind, {}).items():
             if field in fields:
-                yield Guess(column, row["topic"], field)
+                yield ChannelGuess(column, row["topic"], field)
 
 
 def _derivable_channels(found: set[str]) -> dict[str, str]:
@@ -305,7 +305,7 @@ def _describe_lacking_channels(found: set[str], asked: list[str], *, kinematic: 
     return lacking
 
 
-def notes_on_topics(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[str]:
+def notes_on_topics(topics: pl.DataFrame, guesses: list[ChannelGuess]) -> Iterator[str]:
     """Notes on list fields without a used element, and on unreadable topics."""
     used = {(guess.topic, guess.field.partition("[")[0]) for guess in guesses}
     for row in topics.iter_rows(named=True):

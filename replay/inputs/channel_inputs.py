@@ -291,6 +291,7 @@ def drop_repeated_samples(
 
 
 def _add_stamp_column(frame: pl.DataFrame) -> pl.DataFrame:
+    """Add the stamp of each message: header stamp, else log time."""
     header = pl.col("header_stamp_ns")
     own = pl.when(header.is_not_null() & (header != 0)).then(header)
     return frame.with_columns(own.otherwise(pl.col("log_time_ns")).alias(_STAMP))

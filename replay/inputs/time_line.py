@@ -135,7 +135,8 @@ def offset_note(offsets: Mapping[Log, int]) -> list[str]:
         return []
     names = ", ".join(log.path.name for log in offsets)
     return [
-        f"the logs' times begin at 0 each: they are taken to follow one another as given ({names})"
+        "the times of each log begin at 0: the logs are taken to follow one another as given "
+        f"({names})"
     ]
 
 

@@ -221,11 +221,11 @@ def _list_recorder_files(folder: Path) -> list[Path]:
     """Files of a recorder that splits its log, ordered by the numbers in their names."""
     found = [path for path in folder.iterdir() if format_suffix(path) in _TAILS]
     return sorted(
-        found, key=lambda path: [_natural_order(part) for part in re.split(r"(\d+)", path.name)]
+        found, key=lambda path: [_natural_sort_key(part) for part in re.split(r"(\d+)", path.name)]
     )
 
 
-def _natural_order(part: str) -> tuple[int, str]:
+def _natural_sort_key(part: str) -> tuple[int, str]:
     return (int(part), "") if part.isdigit() else (-1, part)
 
 

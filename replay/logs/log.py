@@ -38,7 +38,7 @@ class LogCheck:
     crcs: int
 
 
-def _nothing_stays_open() -> None:
+def _do_nothing() -> None:
     pass
 
 
@@ -68,7 +68,7 @@ class Log(ABC):
     )
 
     def __init__(
-        self, path: Path, log_format: str, close: Callable[[], None] = _nothing_stays_open
+        self, path: Path, log_format: str, close: Callable[[], None] = _do_nothing
     ) -> None:
         """Initialise an open log.
 

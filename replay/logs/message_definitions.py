@@ -116,6 +116,7 @@ def _is_empty(connection: Connection) -> bool:
 
 
 def _compile_self_described(connection: Connection) -> MessageType:
+    """Message type from a JSON schema or protobuf descriptors."""
     try:
         if connection.encoding == "json":
             from replay.logs.json_types import json_type
@@ -160,6 +161,7 @@ def _make_typestore(connection: Connection) -> Typestore:
 
 
 def _typestore_with_type(name: str) -> Typestore:
+    """Type store of the first ROS 2 release that knows a type."""
     for release in _RELEASES:
         store = get_typestore(release)
         if name in store.fielddefs:
@@ -257,11 +259,11 @@ def _make_decoder(store: Typestore, connection: Connection) -> Callable[[bytes],
     ros1 = connection.encoding == "ros1"
     deserialize = store.deserialize_ros1 if ros1 else store.deserialize_cdr
 
-    def decode(data: bytes) -> Any:
+    def decode_message(data: bytes) -> Any:
         try:
             return deserialize(data, connection.type)
         # the last: rosbags writes code for a long double that calls what it does not have
         except (SerdeError, *BROKEN_BYTES, NameError) as error:
             raise BrokenBytesError(error) from error
 
-    return decode
+    return decode_message

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
-from replay.logs.decoding.decoder import Tally, frame_schema_of_fields
+from replay.logs.decoding.decoder import DecodeTally, frame_schema_of_fields
 from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
 from replay.logs.log import Log, LogCheck
 from replay.logs.machine_ids import machine_ids
@@ -23,7 +23,7 @@ from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import Connection, Container, LossList, make_empty_times
 
 if TYPE_CHECKING:
-    from replay.logs.decoding.batch_stream import Stream
+    from replay.logs.decoding.batch_stream import TopicStream
 
 #: Recorders write messages a little out of order; when they fall back further, a clock was set.
 _CLOCK_JUMP_NS: Final = 1_000_000_000
@@ -100,13 +100,13 @@ class MessageLog(Log):
     def _scan(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[pl.DataFrame]:
-        from replay.logs.decoding.batch_stream import drain_all
+        from replay.logs.decoding.batch_stream import feed_and_drain_streams
 
         stream = self._begin_reading(topic, fields)
         streams = {connection.id: stream for connection in self._topics[topic].connections}
         groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
         try:
-            for _, rows in drain_all(groups, streams):
+            for _, rows in feed_and_drain_streams(groups, streams):
                 yield rows
         except GeneratorExit:  # the rest is not requested
             self._note_losses(topic, stream.tally)
@@ -120,13 +120,13 @@ class MessageLog(Log):
         start_ns: int | None,
         end_ns: int | None,
     ) -> Iterator[tuple[str, pl.DataFrame]]:
-        from replay.logs.decoding.batch_stream import drain_all
+        from replay.logs.decoding.batch_stream import feed_and_drain_streams
 
         readings = {topic: self._begin_reading(topic, names) for topic, names in fields.items()}
         topics = {stream: topic for topic, stream in readings.items()}
         streams = {c.id: s for t, s in readings.items() for c in self._topics[t].connections}
         groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
-        for stream, rows in drain_all(groups, streams):
+        for stream, rows in feed_and_drain_streams(groups, streams):
             yield topics[stream], rows
         for topic, stream in readings.items():
             fault = self._describe_unreadable(topic, stream.tally)
@@ -163,40 +163,42 @@ class MessageLog(Log):
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
         return found
 
-    def _begin_reading(self, topic: str, fields: Sequence[str]) -> "Stream":
-        from replay.logs.decoding.batch_stream import Stream
+    def _begin_reading(self, topic: str, fields: Sequence[str]) -> "TopicStream":
+        from replay.logs.decoding.batch_stream import TopicStream
 
         kind = self._require_decodable_topic(topic).kind
         assert kind is not None, "it is usable"
         picked = self._resolve(topic, fields, kind)
-        return Stream(make_decoder(kind, picked), frame_schema_of_fields(picked))
+        return TopicStream(make_decoder(kind, picked), frame_schema_of_fields(picked))
 
     def _take_all_messages(
-        self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "Stream"]
+        self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "TopicStream"]
     ) -> None:
         # numba is slow to import, and a log can be described without it
-        from replay.logs.decoding.batch_stream import take_all
+        from replay.logs.decoding.batch_stream import feed_streams
 
-        take_all(groups, streams)
+        feed_streams(groups, streams)
 
-    def _finish_reading(self, topic: str, stream: "Stream") -> pl.DataFrame:
+    def _finish_reading(self, topic: str, stream: "TopicStream") -> pl.DataFrame:
         frame = stream.finish()
         self._note_tally(topic, stream.tally)
         return frame
 
     def _resolve(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
+        """Find the requested fields in the message type."""
         try:
             return [resolve(name, kind.record) for name in dict.fromkeys(fields)]
         except FieldError as error:
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 
-    def _note_tally(self, topic: str, tally: Tally) -> None:
+    def _note_tally(self, topic: str, tally: DecodeTally) -> None:
+        """Raise an error if nothing was decoded, else note what was not."""
         fault = self._describe_unreadable(topic, tally)
         if fault:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {fault}")
         self._note_losses(topic, tally)
 
-    def _describe_unreadable(self, topic: str, tally: Tally) -> str:
+    def _describe_unreadable(self, topic: str, tally: DecodeTally) -> str:
         """Why nothing of a topic can be read; empty if something can."""
         kind = self._topics[topic].kind
         assert kind is not None, "it was read"
@@ -207,7 +209,7 @@ class MessageLog(Log):
             f"{kind.record.name}: {tally.first_fault}"
         )
 
-    def _note_losses(self, topic: str, tally: Tally) -> None:
+    def _note_losses(self, topic: str, tally: DecodeTally) -> None:
         if tally.undecodable:
             total = tally.rows + tally.undecodable
             self._read_losses.note(

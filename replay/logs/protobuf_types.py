@@ -45,14 +45,14 @@ def protobuf_type(name: str, descriptors: bytes) -> MessageType:
     except (KeyError, TypeError) as error:
         raise _unusable_error(error) from error
 
-    def decode(data: bytes) -> Any:
+    def decode_message(data: bytes) -> Any:
         try:
             return read(data)
         except DecodeError as error:
             raise BrokenBytesError(error) from error
 
     record = _Types().record(descriptor, ())
-    return MessageType(record, ros1=False, decode=decode, library=PROTOBUF)
+    return MessageType(record, ros1=False, decode=decode_message, library=PROTOBUF)
 
 
 def _unusable_error(why: object) -> BrokenBytesError:

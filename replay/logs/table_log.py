@@ -320,6 +320,7 @@ class TableLog(Log):
         return frame.filter(inside).sort("log_time_ns", maintain_order=True)
 
     def _values_of_cells(self, values: pl.Series) -> pl.Series:
+        """Cells as numbers, times in ns or text, whichever they are."""
         if isinstance(self._columns, CsvColumns):
             return self._guess_type(values) if values.dtype == pl.String else values
         if values.dtype.is_float() or values.dtype.is_decimal():

@@ -129,7 +129,7 @@ def open_list(path: Path) -> Generator[OpenList]:
         size = os.fstat(number).st_size
         if size > MOST_LIST_BYTES:
             raise EvidenceError(f"{path}: is larger than the {MOST_LIST_BYTES} bytes of a list")
-        whole, tail = split_lines(_read_all(number, size))
+        whole, tail = split_lines(_read_descriptor(number, size))
         lines = [parse_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)]
         second = second_copy_path(path)
         check_list_end(path, lines, read_kept_end(second))
@@ -141,7 +141,7 @@ def open_list(path: Path) -> Generator[OpenList]:
         os.close(number)
 
 
-def _read_all(descriptor: int, size: int) -> bytes:
+def _read_descriptor(descriptor: int, size: int) -> bytes:
     parts: list[bytes] = []
     while size > 0 and (part := os.read(descriptor, size)):
         parts.append(part)

@@ -10,12 +10,12 @@ from analysis.paper.replayed_campaign import ReplayedCampaign
 from analysis.paper.simulated_sources import (
     Extracts,
     Repetition,
-    Study,
+    StudySettings,
     machine_with_paper_noise,
     plan_repetitions,
 )
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from recordings.paper.paper_items import Item, ItemResult, find
+from recordings.paper.paper_items import Item, ItemResult, compute_item
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
@@ -36,7 +36,7 @@ class Reproduction:
     ) -> None:
         self._items = tuple(items)
         self._digests = Extracts()
-        study = Study(
+        study = StudySettings(
             scenario=Scenario().with_seed(seed),
             machine=machine_with_paper_noise(load_machine("cat262c.toml")),
             windows=windows,
@@ -49,7 +49,7 @@ class Reproduction:
             plan_repetitions(needs, study, self._digests)
         )
 
-    def find(self, on_stage: Callable[[str], None]) -> list[ItemResult]:
+    def compute_items(self, on_stage: Callable[[str], None]) -> list[ItemResult]:
         """Run all repetitions, then make the items.
 
         Args:
@@ -61,7 +61,7 @@ class Reproduction:
         for repetition in self.repetitions:
             on_stage(repetition.name)
             repetition.take()
-        return [find(item, self._digests) for item in self._items]
+        return [compute_item(item, self._digests) for item in self._items]
 
 
 def replay_simulated(

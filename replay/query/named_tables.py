@@ -51,10 +51,10 @@ class NamedTables:
         if name in self.tables:
             fault = f"query: two tables are named '{name}', one of {where}; query them separately"
 
-            def refuse() -> pl.LazyFrame:
+            def raise_query_error() -> pl.LazyFrame:
                 raise QueryError(fault)
 
-            self.tables[name] = refuse
+            self.tables[name] = raise_query_error
         else:
             self.tables[name] = table
 
@@ -124,12 +124,12 @@ def _add_recordings(found: NamedTables) -> int | None:
         for name, frame in recording_frames(path, with_source=len(found.recordings) > 1).items():
             by_name.setdefault(name, []).append(frame)
     for name, frames in by_name.items():
-        found.add(name, partial(_concatenate, frames), str(frames[0].recording))
+        found.add(name, partial(_concatenate_lazily, frames), str(frames[0].recording))
     starts = {frame.t0_unix_ns for frames in by_name.values() for frame in frames}
     return starts.pop() if len(found.recordings) == 1 else None
 
 
-def _concatenate(frames: Sequence[RecordingFrame]) -> pl.LazyFrame:
+def _concatenate_lazily(frames: Sequence[RecordingFrame]) -> pl.LazyFrame:
     if len(frames) == 1:
         return frames[0].lazy()
     return pl.concat([frame.lazy() for frame in frames], how="diagonal_relaxed")
@@ -170,7 +170,7 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
     if not topics:
         raise LogError(f"{', '.join(map(str, paths))}: no topics to query")
 
-    def topic_rows(topic: str, of_logs: Sequence[Path]) -> pl.LazyFrame:
+    def rows_of_topic(topic: str, of_logs: Sequence[Path]) -> pl.LazyFrame:
         chosen = named if len(paths) == 1 else of_logs
         first = opened_log(of_logs[0], options.time)
         source = topic_source(
@@ -188,10 +188,10 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
         return rows.select((since_start / 1e9).alias(AT_S), pl.all())
 
     for topic, of_logs in topics.items():
-        found.add(topic, partial(topic_rows, topic, of_logs), str(of_logs[0]))
+        found.add(topic, partial(rows_of_topic, topic, of_logs), str(of_logs[0]))
     for path in topics.get(TABLE, ()):
         # tables go by their own names as well, alike or not
-        found.add(path.stem, partial(topic_rows, TABLE, [path]), str(path))
+        found.add(path.stem, partial(rows_of_topic, TABLE, [path]), str(path))
 
 
 def add_opening_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:

@@ -54,7 +54,7 @@ class RecordingFrame:
     def lazy(self) -> pl.LazyFrame:
         """Lazy frame, read when its rows are collected."""
 
-        def batches(
+        def iter_recorded_rows(
             columns: list[str] | None, predicate: pl.Expr | None, n_rows: int | None
         ) -> Iterator[pl.DataFrame]:
             wanted = list(self.schema) if columns is None else columns
@@ -62,7 +62,7 @@ class RecordingFrame:
             rows = self._read(dict.fromkeys(needed)).head(n_rows or self.stored.rows)
             yield (rows if predicate is None else rows.filter(predicate)).select(wanted)
 
-        return lazy_batches(batches, self.schema, f"{self.recording} {self.stored.name}")
+        return lazy_batches(iter_recorded_rows, self.schema, f"{self.recording} {self.stored.name}")
 
     def _read(self, needed: dict[str, None]) -> pl.DataFrame:
         own = [each.name for each in self.stored.columns]

@@ -272,6 +272,7 @@ def slope_correlation(log: Log, one: ChannelProposal, other: ChannelProposal) ->
 
 
 def _correlate(x: Floats, y: Floats) -> float | None:
+    """Correlation of two series; None if one is constant or not finite."""
     # what has a square beyond a float64 is scaled to 1 first
     x, y = (each / (float(np.abs(each).max()) or 1.0) for each in (x, y))
     if not (np.isfinite(y).all() and x.std() > 0 and y.std() > 0):

@@ -35,7 +35,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
     wheels, turns = _find_wheels(names)
     if wheels:
         for side, joints in wheels.items():
-            _fill_channels_of_side(log, topic, start_ns, side, joints, found, turns=turns)
+            _fill_side_channels(log, topic, start_ns, side, joints, found, turns=turns)
     elif len(names) == 1:
         for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
             for field in fields_with_values(log, topic, array, names, start_ns):
@@ -67,7 +67,7 @@ def _find_wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
     return (by_side if alike else {}), bool(wheels)
 
 
-def _fill_channels_of_side(
+def _fill_side_channels(
     log: Log,
     topic: str,
     start_ns: int,
@@ -77,6 +77,7 @@ def _fill_channels_of_side(
     *,
     turns: bool,
 ) -> None:
+    """Fill torque and speed of one side from its joints."""
     efforts = fields_with_values(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
     if torque not in found.taken_columns:

@@ -66,6 +66,7 @@ _LONG: Final = 4
 
 
 def _compile_words(words: tuple[str, ...]) -> re.Pattern[str] | None:
+    """Pattern of the long words; None without any."""
     long = [word for word in words if len(word) > _LONG]
     return re.compile("|".join(long)) if long else None
 

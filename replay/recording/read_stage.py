@@ -58,10 +58,10 @@ class RecordedStage:
         return declared.time_column
 
     def calibrate_loads(self, request: "CalibrationRequest") -> Self:
-        """Loads with calibrated masses.
+        """Calibrate the masses of the frame `loads`.
 
         Raises:
-            RecordingError: another frame.
+            RecordingError: the stage is another frame than `loads`.
             EvidenceError: the evidence is refused.
         """
         if self.name != "loads":
@@ -138,4 +138,5 @@ class RecordedStage:
         return column
 
     def _since_start_ns(self, column: str) -> pl.Expr:
+        """Time since the first sample, from a stamp or a grid time."""
         return pl.col(column) - (self.t0_unix_ns if column == "log_time_ns" else 0)

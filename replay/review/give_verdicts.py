@@ -86,7 +86,7 @@ class GivenVerdicts:
         """Refuse incomplete verdicts.
 
         Raises:
-            ReviewError: in a line.
+            ReviewError: the verdicts are incomplete; one line.
         """
         if self.named_cycles and not self.author.strip():
             raise ReviewError("a verdict on a cycle needs an author; add --author NAME")

@@ -30,8 +30,8 @@ from recordings.review.review_state import (
     RECORDING,
     ReviewState,
     changed_settings_of_review,
+    collect_review_state,
     read_state,
-    take_review_state,
 )
 from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
 from recordings.review.torn_logs import TornLog
@@ -152,7 +152,7 @@ def review_shift(
                 digest = file_sha256(stage / RECORDING)
                 torn = find_torn_logs(opened, channel_fields(machine), made.run.provenance)
                 energy = _shift_energy(made.run, machine)
-                state = take_review_state(made.run, key, digest, plain, made.mixed, torn, energy)
+                state = collect_review_state(made.run, key, digest, plain, made.mixed, torn, energy)
             else:
                 assert before is not None
                 state = before
@@ -254,11 +254,11 @@ def frames_to_keep(run: Run, *, full: bool) -> Run:
 def sort_by_first_message(logs: list[Log]) -> list[Log]:
     """Sort logs by their first messages, so that the order of arguments does not matter."""
 
-    def begins(log: Log) -> tuple[int, str]:
+    def first_message_of_log(log: Log) -> tuple[int, str]:
         first = log.topics()["start_ns"].min()
         return (first if isinstance(first, int) else 0, str(log.path))
 
-    return sorted(logs, key=begins)
+    return sorted(logs, key=first_message_of_log)
 
 
 def frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
@@ -285,6 +285,7 @@ def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> st
 def _resolved_inputs(
     machine: Machine, options: ReviewOptions, calibration: MachineCalibration | None
 ) -> dict[str, Any]:
+    """Everything but the logs that a review depends on."""
     return {
         **resolve_machine(machine),
         "settings": machine.settings.model_dump(mode="json"),

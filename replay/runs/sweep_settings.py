@@ -34,7 +34,7 @@ _LOADS_MIN = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class SweepRow:
     """Result for one combination: its overrides, the answer, and the answer's errors.
 
     `errors` holds by name and method: `error_kg`, the log's mass less a reference; with the truth
@@ -57,7 +57,7 @@ def sweep_settings(
     reference_kg: float | None,
     calibration: "CalibrationRequest | None" = None,
     on_stage: Callable[[str], None],
-) -> list[Row]:
+) -> list[SweepRow]:
     """Replay logs on one time line for each combination; each topic is decoded once.
 
     Args:
@@ -86,7 +86,7 @@ def sweep_settings(
         by.require_machine(by.weighing_machine(load_machine(machine_file, overrides)), machine_file)
         machines = [by.weighing_machine(machine) for machine in machines]
     truth = true_trials(logs) if has_truth(logs) else None
-    rows: list[Row] = []
+    rows: list[SweepRow] = []
     with ExitStack() as stack:
         opened: dict[LogSection, list[CachedLog]] = {}
         for each, machine in zip(grid, machines, strict=True):
@@ -112,7 +112,7 @@ def sweep_settings(
             if truth is not None:
                 errors |= _rms_errors_by_truth(replayed, truth, weighs=told.verdict.can_weigh)
             values = dict(part.split("=", 1) for part in each)
-            rows.append(Row(values, told, errors))
+            rows.append(SweepRow(values, told, errors))
     return rows
 
 
@@ -169,7 +169,7 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
         fastest.
 
     Raises:
-        MachineError: in one line: it is not a range or list, or a key is given twice.
+        MachineError: --over is not a range or list, or gives a key twice; one line.
     """
     axes = [_parse_axis(each) for each in over]
     keys = [axis[0].partition("=")[0] for axis in axes]
@@ -188,6 +188,7 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
 
 
 def _parse_axis(over: str) -> list[str]:
+    """Overrides of one --over option."""
     key, equals, text = (part.strip() for part in over.partition("="))
     if not (key and equals and text):
         raise MachineError(f"--over {over}: {_HOW}")

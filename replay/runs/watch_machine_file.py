@@ -46,7 +46,7 @@ def watch_machine_file(
         on_error: called with the error in a changed file; watching continues.
 
     Raises:
-        PayscopeError: of the first replay.
+        PayscopeError: the first replay failed.
     """
     # a file that is gone is not the shipped one of its name
     path = machine_path(machine_file).absolute()
@@ -101,6 +101,7 @@ def machine_file_changes(path: Path) -> Iterator[None]:
 
 
 def _file_signature(path: Path) -> _Signature:
+    """Time, size and inode by which a change shows; None if absent."""
     try:
         about = path.stat()
     except OSError:

@@ -114,7 +114,7 @@ class Judged:
     @property
     def verdict(self) -> Verdict:
         """The checks."""
-        return Verdict.of(self.run.frames["verdict"])
+        return Verdict.from_frame(self.run.frames["verdict"])
 
     def check(self, name: str) -> Check:
         """One of them."""

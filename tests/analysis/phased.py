@@ -9,8 +9,8 @@ from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.verdict import Verdict
 from analysis.simulation import Scenario, solve_motion
 from analysis.stages.estimation.masses import summarise_masses, withhold_masses
-from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import gate
+from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import align
@@ -71,9 +71,9 @@ def pooled(log, machine, method="pooled"):
     """The mass of a method over the whole log, and its standard deviation, in kg."""
     excited = excitation(log, machine)
     settings = machine.settings
-    gated = gate(excited, settings)
-    table = summarise_masses(excited, gated, trace(excited, gated, settings), machine)
-    opinion = Verdict.of(judge_checks(CheckInputs(excited, gated, machine)))
+    gated = gate_windows(excited, settings)
+    table = summarise_masses(excited, gated, trace_estimates(excited, gated, settings), machine)
+    opinion = Verdict.from_frame(judge_checks(CheckInputs(excited, gated, machine)))
     table = withhold_masses(table, opinion, ())
     row = table.row(by_predicate=pl.col("method") == method, named=True)
     return row["mass_kg"], row["mass_std_kg"]

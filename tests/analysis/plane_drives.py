@@ -12,8 +12,8 @@ from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import fit_planar
 from analysis.stages.estimation.masses import summarise_masses, withhold_masses
-from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import gate
+from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
@@ -172,10 +172,10 @@ def replayed(said, loader=None):
     settings = loader.settings
     aligned, excitation = _to_excitation(said, loader)
     noise = channel_noise(aligned, excitation, loader)
-    gated = gate(excitation, settings, noise)
-    estimates = trace(excitation, gated, settings, noise)
+    gated = gate_windows(excitation, settings, noise)
+    estimates = trace_estimates(excitation, gated, settings, noise)
     judged = judge_checks(CheckInputs(excitation, gated, loader))
-    opinion = Verdict.of(judged)
+    opinion = Verdict.from_frame(judged)
     return {
         "aligned": aligned,
         "excitation": excitation,

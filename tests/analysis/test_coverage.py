@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 
 from analysis.model.axes import straight_regressor
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.stages.gating.gate import gate
+from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pool_by_manoeuvre, pooled_samples
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
@@ -77,7 +77,7 @@ def found(seeds, starts, plain):
     rows = []
     for seed in seeds:
         excitation = excitation_of_starts(seed, starts, plain)
-        gated = gate(excitation, plain.settings)
+        gated = gate_windows(excitation, plain.settings)
         table = pool_by_manoeuvre(excitation, gated, plain.settings).filter(
             pl.col("mass_kg").is_not_null()
         )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.model.axes import straight_regressor
-from analysis.stages.gating.gate import gate
+from analysis.stages.gating.gate import gate_windows
 from estimators.methods import rls
 
 TRUE_KG = 3614.0
@@ -24,7 +24,7 @@ def errors(drive, excitation_of, machine):
         A, f = straight_regressor(excitation, settings)
         first = int(np.argmax(np.isfinite(A).all(axis=1)))
         every = np.arange(f.size) >= first + window - 1
-        accepted = gate(excitation, settings)["accepted_x"].to_numpy()
+        accepted = gate_windows(excitation, settings)["accepted_x"].to_numpy()
         for gated in (True, False):
             for directional in (True, False):
                 options = rls.RlsOptions(settings.trace.forgetting, directional)

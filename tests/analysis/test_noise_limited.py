@@ -5,8 +5,8 @@ import polars as pl
 import pytest
 
 from analysis.stages.estimation.masses import summarise_masses
-from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import gate
+from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
@@ -61,8 +61,8 @@ def weighed(starts, force_of_speed, speed_noise_m_s, known=True, seed=1, index=N
     aligned, _ = align(channels, machine)
     excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
     noise = channel_noise(aligned, excitation, machine) if known else None
-    gated = gate(excitation, machine.settings, noise)
-    estimates = trace(excitation, gated, machine.settings, noise)
+    gated = gate_windows(excitation, machine.settings, noise)
+    estimates = trace_estimates(excitation, gated, machine.settings, noise)
     table = summarise_masses(excitation, gated, estimates, machine, noise)
     rows = {row["method"]: row for row in table.iter_rows(named=True)}
     return rows, estimates["ls"]["mass_kg"].drop_nulls().to_numpy(), gated
@@ -129,9 +129,9 @@ def test_clean_starts_keep_their_windows(throttle_N):
         channels, _ = derive(read_measured_channels(placed, machine)[0], machine)
         aligned, _ = align(channels, machine)
         excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
-        before = gate(excitation, machine.settings)["accepted_x"].to_numpy()
+        before = gate_windows(excitation, machine.settings)["accepted_x"].to_numpy()
         noise = channel_noise(aligned, excitation, machine)
-        gated = gate(excitation, machine.settings, noise)
+        gated = gate_windows(excitation, machine.settings, noise)
         after = gated["accepted_x"].to_numpy()
         assert not (after & ~before).any()
         assert set(gated.filter(before & ~after)["reason_x"].cast(pl.String)) <= {"noise_limited"}

@@ -19,15 +19,15 @@ from hypothesis import strategies as st
 from numba import njit
 
 from replay.logs.bag import bag_grammar as bag_grammar
-from replay.logs.blocks.slabs import Grammar, SlabIndex
-from replay.logs.decoding.decode_plan import Plan
+from replay.logs.blocks.slabs import RecordGrammar, SlabIndex
+from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.unaligned import load64
 from replay.logs.mcap import mcap_grammar as mcap_grammar
 from replay.logs.messages.message_fields import resolve
 from replay.logs.messages.message_types import RecordType, Scalar
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.sqlite.database_pages import LEAF, RowFilter, page_layout
-from replay.logs.sqlite.leaf_pages import Tables, child_pages, scan_leaves
+from replay.logs.sqlite.leaf_pages import ScannedRows, fill_child_pages, scan_leaves
 from replay.logs.storage.file_bytes import FileBytes
 from tests.replay.guarded import Guarded
 from tests.replay.logs.decoding.random_types import Sample, Types, types
@@ -81,7 +81,7 @@ def _decoding(encoding: str) -> Callable[[], None]:
         rng = Random(seed)
         sample = Sample(drawn, encoding, seed, count=1)
         (whole,) = sample.stored(encoding)
-        plan = Plan(sample.kind.record, ros1=sample.ros1, fields=fields_of(sample))
+        plan = DecodePlan(sample.kind.record, ros1=sample.ros1, fields=fields_of(sample))
         head = 0 if encoding == "ros1" else 4
         # elements that a list does not have are looked for at neither edge
         plan.decode(_batch(GUARDED.at_begin(whole), [0], [len(whole)]))
@@ -105,7 +105,7 @@ def _decoding(encoding: str) -> Callable[[], None]:
 def text() -> None:
     """Characters of several bytes that the end of their message cuts."""
     record = RecordType("t/msg/Label", (("label", Scalar("string")),))
-    plan = Plan(record, ros1=True, fields=[resolve("label", record)])
+    plan = DecodePlan(record, ros1=True, fields=[resolve("label", record)])
     for character in ("é", "€", "🚜"):
         for before in range(9):
             whole = b"x" * before + character.encode()
@@ -114,7 +114,7 @@ def text() -> None:
                 plan.decode(_batch(GUARDED.at_end(stored), [0], [len(stored)]))
 
 
-def _scanning(grammar: Grammar, records: bytes) -> Callable[[], None]:
+def _scanning(grammar: RecordGrammar, records: bytes) -> Callable[[], None]:
     def scan() -> None:
         rng = Random(1)
         whole = [records[at:] for at in range(len(records))]
@@ -194,8 +194,10 @@ def sqlite_pages() -> None:
     for page in chain(pages, damaged, led_astray, cut_off):
         data = GUARDED.at_end(page)
         found = (np.empty(shape, np.int64) for shape in ((5, 60), (5, 9), (2, 3)))
-        scan_leaves(data, slots, layout, wanted, 512, 2**20, np.zeros(7, np.int64), Tables(*found))
-        child_pages(data, slots, layout.usable_bytes, np.empty(86, np.uint32))
+        scan_leaves(
+            data, slots, layout, wanted, 512, 2**20, np.zeros(7, np.int64), ScannedRows(*found)
+        )
+        fill_child_pages(data, slots, layout.usable_bytes, np.empty(86, np.uint32))
 
 
 CASES = {

@@ -21,7 +21,7 @@ def test_long_compiling_is_told_in_one_line_on_stderr(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], long_s: float
 ) -> None:
     monkeypatch.setattr(progress_bar, "LONG_S", long_s)
-    with progress_bar.Stages(1):
+    with progress_bar.StageProgress(1):
         compile_something()
     said = capsys.readouterr()
     assert said.out == ""
@@ -36,7 +36,7 @@ def test_nothing_is_told_after_the_work(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(progress_bar, "LONG_S", 0.0)
-    with progress_bar.Stages(1):
+    with progress_bar.StageProgress(1):
         pass
     compile_something()
     assert capsys.readouterr().err == ""

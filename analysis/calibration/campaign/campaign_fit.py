@@ -17,7 +17,7 @@ from analysis.calibration.use.error_limits import (
     DecisionRule,
     ErrorLimits,
     error_limit_kg,
-    error_limits,
+    judge_error_limits,
 )
 from analysis.model.machine import Body
 from estimators.errors import CampaignError, DataError
@@ -93,7 +93,7 @@ def fit_campaign(
     except DataError as fault:
         no_fit = str(fault).removeprefix("calibration: ")
         return CampaignFit(None, no_fit, points_outside_fit(readings, known), None)
-    limits = None if rule is None else error_limits(fitted, rule)
+    limits = None if rule is None else judge_error_limits(fitted, rule)
     return CampaignFit(fitted, "", fitted.points, limits)
 
 
@@ -238,8 +238,8 @@ def load_references(
         if body.empty_mass_kg is None or body.empty_mass_u_kg is None:
             lacks = "empty_mass_kg" if body.empty_mass_kg is None else "empty_mass_u_kg"
             raise CampaignError(
-                f"neither campaign nor machine file has machine.{lacks}, part of every reference; "
-                'give it, or calibrate payload with method.estimator = "joint_payload"'
+                f"neither the campaign nor the machine file has machine.{lacks}, part of every "
+                'reference; give it, or calibrate payload with method.estimator = "joint_payload"'
             )
         reference_kg = reference_kg + body.empty_mass_kg
         covariance_kg2 = covariance_kg2 + body.empty_mass_u_kg**2

@@ -224,7 +224,7 @@ class CalibrationCampaign(BaseModel):
         return self
 
     def _check_disjoint(self) -> None:
-        """No start counts twice."""
+        """Raise an error if two runs overlap, so that no start counts twice."""
         spans = sorted(
             (run.log, run.from_s or 0.0, np.inf if run.to_s is None else run.to_s, run.id)
             for run in self.runs

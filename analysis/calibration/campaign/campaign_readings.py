@@ -83,7 +83,7 @@ def responses_of_runs_to_learnt_means(
     """Responses of the runs in one log to errors of learnt means; empty without any.
 
     Args:
-        replayed: the replay of that log, under learnt priors.
+        replayed: replay of the log under learnt priors.
         runs: the campaign's runs in it, in order.
         estimator: estimator of the mass.
     """
@@ -187,6 +187,7 @@ def _make_reading_row(
     common_u_kg: float | None,
     withheld: str,
 ) -> dict[str, Any]:
+    """Row of a reading; without a finite mass, with the reason."""
     known = mass_kg is not None and bool(np.isfinite(mass_kg))
     reason = withheld or ("" if known else _NOTHING)
     return {

@@ -26,13 +26,13 @@ def rms_errors(calibration: pl.DataFrame) -> pl.DataFrame:
     estimated = pl.col("estimate_kg").is_not_null()
     reference = pl.col("reference_kg").filter(estimated)
 
-    def rms(column: str) -> pl.Expr:
+    def rms_of_column(column: str) -> pl.Expr:
         return (pl.col(column) ** 2).mean().sqrt()
 
     return calibration.group_by("method", maintain_order=True).agg(
         loads=estimated.sum().cast(pl.Int64),
-        rmse_kg=rms("error_kg"),
-        rmse_left_out_kg=rms("error_left_out_kg"),
+        rmse_kg=rms_of_column("error_kg"),
+        rmse_left_out_kg=rms_of_column("error_left_out_kg"),
         rmse_constant_kg=reference.std(ddof=0),
         load_range_kg=reference.max() - reference.min(),
     )

@@ -83,6 +83,7 @@ def unused_day(used: list[Point]) -> str:
 
 
 def _covariance_determinant(inversion: Inversion) -> float:
+    """Determinant of the covariance of level and slope of the line."""
     covariance = np.tensordot(inversion.variance_kg2, inversion.on_line, 1)
     return float(np.linalg.det(covariance))
 
@@ -90,6 +91,7 @@ def _covariance_determinant(inversion: Inversion) -> float:
 def _widest_interval_kg(
     calibration: Calibration, inversion: Inversion, at_kg: list[float]
 ) -> float:
+    """Largest half interval of a later mass at these masses."""
     confidence_1, readings = calibration.confidence_1, float(calibration.budget_at[1])
     return max(inversion.half_interval_kg(mass_kg, confidence_1, readings) for mass_kg in at_kg)
 

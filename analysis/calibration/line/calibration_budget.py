@@ -112,6 +112,7 @@ def line_parts(inversion: Inversion, mass_kg: float) -> tuple[float, float, floa
 
 
 def _make_stated_row(one: StatedPart, size: float) -> BudgetRow:
+    """Row of a stated component; zero if the line absorbs it."""
     if one.absorbed:
         before = "" if one.u_kg is None else f"; {one.u_kg / size:.3g} kg without a calibration"
         known = f"{one.known}; the line takes it with it{before}"

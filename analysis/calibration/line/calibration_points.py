@@ -91,6 +91,7 @@ def average_runs(
 
 
 def _check_frames(readings: pl.DataFrame, references: pl.DataFrame, covariance_kg2: Floats) -> None:
+    """Raise an error if references or their covariance are inconsistent."""
     loads = references.height
     if references["load_id"].n_unique() != loads:
         raise DataError(
@@ -111,6 +112,7 @@ def _check_frames(readings: pl.DataFrame, references: pl.DataFrame, covariance_k
 
 
 def _check_points(points: Points) -> None:
+    """Raise an error if the points cannot determine a line."""
     loads = np.unique(points.x_kg).size
     if loads < LOADS_MIN:
         raise DataError(

@@ -58,7 +58,7 @@ def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
     loads, count = design.shape[1], points.y_kg.size
     names = estimated_effects(points, loads, day_known=day_known_kg is not None)
     above = loads - 2
-    below = count - loads - (points.days - 1 if DAY in names else 0)
+    below = count - loads - (points.day_count - 1 if DAY in names else 0)
     against = "run to run, at the same load"
     if RUN not in names:
         below, against = points.within.freedom, "repeatability; run to run would look the same"
@@ -119,7 +119,7 @@ def fit_calibration(
     campaign = average_runs(readings, references, covariance_kg2)
     points = campaign.points
     line, test = fit_tested_line(points, options.day_known_kg)
-    day_unknown = options.day_known_kg is None and points.days == 1
+    day_unknown = options.day_known_kg is None and points.day_count == 1
     common_kg = largest_common_kg(campaign.readings)
     counted_kg = common_kg if day_unknown else 0.0
     inversion = Inversion.from_line(line, extra_variance_kg2(options.stated, counted_kg))
@@ -153,9 +153,9 @@ def fit_calibration(
         repeatability_kg=by_name[REPEATABILITY].std_kg if REPEATABILITY in by_name else None,
         repeatability_freedom=points.within.freedom,
         run_kg=by_name[RUN].std_kg if RUN in by_name else None,
-        run_freedom=line.freedom - (points.days - 1 if day and day.estimated else 0),
+        run_freedom=line.freedom - (points.day_count - 1 if day and day.estimated else 0),
         day_kg=day.std_kg if day else None,
-        day_freedom=points.days - 1 if day and day.estimated else None,
+        day_freedom=points.day_count - 1 if day and day.estimated else None,
         components=components,
         few_days=line.few_days,
         most_readings=line.most_readings,
@@ -240,6 +240,7 @@ def degrees_of_freedom(
 
 
 def _upper_covariance_entries(covariance: Floats) -> tuple[float, float, float]:
+    """Variance of the level, covariance, variance of the slope."""
     return float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
 
 
@@ -275,6 +276,7 @@ def calibration_notes(calibration: Calibration) -> tuple[str, ...]:
 
 
 def _notes_on_days(calibration: Calibration) -> list[str]:
+    """Notes on what the runs' days show of changes from day to day."""
     days = len({point.day for point in calibration.points if point.readings})
     if calibration.day_freedom is None and calibration.day_kg is not None:
         return []
@@ -297,6 +299,7 @@ def _notes_on_days(calibration: Calibration) -> list[str]:
 
 
 def _notes_on_line(calibration: Calibration) -> list[str]:
+    """Notes on a large offset, an undetermined slope, lack of fit and attenuation."""
     found: list[str] = []
     middle_kg = sum(calibration.range_kg) / 2.0
     share = calibration.beta_kg / middle_kg if middle_kg else 0.0

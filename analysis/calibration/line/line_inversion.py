@@ -148,13 +148,17 @@ class Inversion:
         if distance_kg < 0.0:
             return 1.0 - self.exceedance_probability(-distance_kg, mass_kg, readings, u_random_kg)
 
-        def missing_kg(tail: float) -> float:
+        def half_interval_excess_kg(tail: float) -> float:
             confidence_1 = 1.0 - 2.0 * tail
             return self.half_interval_kg(mass_kg, confidence_1, readings, u_random_kg) - distance_kg
 
-        if missing_kg(_TAIL_MIN) <= 0.0:
+        if half_interval_excess_kg(_TAIL_MIN) <= 0.0:
             return _TAIL_MIN
-        return float(brentq(missing_kg, _TAIL_MIN, 0.5, xtol=1e-12)) if distance_kg else 0.5
+        return (
+            float(brentq(half_interval_excess_kg, _TAIL_MIN, 0.5, xtol=1e-12))
+            if distance_kg
+            else 0.5
+        )
 
     def _half_interval_kg(
         self, mass_kg: float, confidence_1: float | None, readings: float, u_random_kg: float

@@ -64,7 +64,7 @@ class Points:
         return self.covariance_kg2[np.ix_(self.load, self.load)]
 
     @property
-    def days(self) -> int:
+    def day_count(self) -> int:
         """Number of days."""
         return np.unique(self.day).size
 
@@ -124,7 +124,7 @@ def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tu
     points for both; otherwise the scatter of runs includes that of days.
     """
     names: list[str] = []
-    count, days = points.y_kg.size, points.days
+    count, days = points.y_kg.size, points.day_count
     if points.within.freedom:
         names.append(REPEATABILITY)
     if count > parameters:
@@ -254,6 +254,6 @@ def fit_line(
         residual_kg=line.residual,
         point_covariance_kg2=scatter.covariance_for_variances(variances.value) + slope**2 * x_cov,
         adjusted_kg=line.x + centre_kg,
-        few_days=points.days - 1 if DAY in names and points.days < DAYS_ENOUGH else None,
+        few_days=points.day_count - 1 if DAY in names and points.day_count < DAYS_ENOUGH else None,
         most_readings=int(points.readings.max()),
     )

@@ -127,12 +127,14 @@ def expected_information(
 
 
 def _reml_projection(design: Floats, effects: Floats, known: Floats, value: Floats) -> Floats:
+    """Projection matrix P of restricted maximum likelihood."""
     weight = np.linalg.inv(np.tensordot(value, effects, 1) + known)
     weighted = weight @ design
     return weight - weighted @ np.linalg.solve(design.T @ weighted, weighted.T)
 
 
 def _fisher_information(through: Floats, within_run: WithinRunVariance, value: Floats) -> Floats:
+    """Expected information on the variances; readings add to the first."""
     information = 0.5 * np.einsum("kij,lji->kl", through, through)
     if within_run.freedom:
         information[0, 0] += 0.5 * within_run.freedom / value[0] ** 2

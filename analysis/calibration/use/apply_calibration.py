@@ -11,7 +11,7 @@ from analysis.calibration.line.calibration import CalibratedMass, Calibration
 from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_drift_against
 from analysis.calibration.use.mass_differences import NORMAL, difference_on_line
-from analysis.model.schema import CALIBRATED, conform
+from analysis.model.schema import CALIBRATED, conform_to_schema
 from estimators.errors import DataError, nearest
 
 #: The estimators of frame `loads`: m̂ and the random part of its standard uncertainty.
@@ -86,7 +86,7 @@ def calibrate_loads(
     types = dict.fromkeys(CALIBRATED, pl.Float64)
     types |= {"calibrated_reason": pl.String, "calibrated_said": pl.String}
     columns = {n: pl.Series([one.get(n) for one in found], dtype=t) for n, t in types.items()}
-    return conform("loads", loads.with_columns(**columns))
+    return conform_to_schema("loads", loads.with_columns(**columns))
 
 
 def _calibrate_load_columns(
@@ -145,6 +145,7 @@ def _calibrate_load(
     off_kg: float,
     unlike_u_kg: float,
 ) -> CalibratedMass:
+    """Calibrated mass of a load, or the reason why it has none."""
     estimate_kg, withheld_for = row["estimate_kg"], row["withheld_for"]
     if refusal:
         return CalibratedMass(None, None, None, None, refusal)

@@ -119,7 +119,7 @@ def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
     return _R51_LIMITS_E[rule.in_service][step] * e_kg
 
 
-def error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
+def judge_error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
     """Judge later masses at each load of the campaign.
 
     A later mass is assumed to err by the mean leave-one-out error of its load, and by the
@@ -178,12 +178,14 @@ def errors_of_points(calibration: Calibration) -> list[tuple[str, float, float]]
 
 
 def _row_verdict(outside_1: float, risk_1: float) -> str:
+    """Verdict on one load by the probability that a mass is beyond the limits."""
     if outside_1 <= risk_1:
         return WITHIN
     return OUTSIDE if outside_1 >= 1.0 - risk_1 else UNDECIDED
 
 
 def _overall_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
+    """The worst verdict of all loads, its risk and its sentence."""
     verdicts = {row.verdict for row in rows}
     verdict = next(v for v in (OUTSIDE, UNDECIDED, WITHIN) if v in verdicts)
     when = "in service" if rule.in_service else "at first verification"

@@ -107,6 +107,7 @@ def learn_terms_of_logs(log_terms: Iterable[TermOfLog]) -> dict[LearnableTerm, L
 
 
 def _pool_term(log_terms: Sequence[TermOfLog]) -> LearntTerm:
+    """Prior of a term from the logs' estimates, which count once with the old prior."""
     # all floats are Python's own: evidence is written and read back to the last bit
     prior = float(max(each.prior_std for each in log_terms))
     told = [own for each in log_terms if (own := estimate_without_prior(each)) is not None]

@@ -40,9 +40,9 @@ def integrate_log(scenario: Scenario, load_kg: float, load_index: int) -> Integr
     trial_s = [0.0]
     for trial in range(scenario.campaign.runs):
         for number, manoeuvre in enumerate(scenario.campaign.trial):
-            driver.drive(trial, number, manoeuvre, trial_s[-1])
+            driver.drive_manoeuvre(trial, number, manoeuvre, trial_s[-1])
         trial_s.append(driver.time_s)
-    driver.end()
+    driver.end_log()
     return IntegratedLog(
         scenario,
         np.array(trial_s),
@@ -76,7 +76,7 @@ class TrialDriver(MachineDriver):
         self._stands_loaded = bool(scenario.chassis.pitch_deg_kg or scenario.loading.spill_1_s)
         self._added_kg, self._lost_kg = 0.0, 0.0
 
-    def drive(
+    def drive_manoeuvre(
         self, trial: int, manoeuvre_number: int, manoeuvre: Manoeuvre, trial_begin_s: float
     ) -> None:
         """Drive one manoeuvre, from standing to standing."""
@@ -92,7 +92,7 @@ class TrialDriver(MachineDriver):
         load_end_kg, direction, throttle = load_kg, None, None
         match manoeuvre:
             case Rest():
-                times = self.rest(manoeuvre.duration_s, self.mass_kg)
+                times = self.stand_still(manoeuvre.duration_s, self.mass_kg)
             case Start():
                 body = replace(body, coulomb_x_N=self.draw_coulomb())
                 sign = self._direction_of_start(manoeuvre)
@@ -110,7 +110,7 @@ class TrialDriver(MachineDriver):
                     load_kg,
                     loading.spill_1_s,
                 )
-                times, filled_kg, spilled_kg = self.start(order, body)
+                times, filled_kg, spilled_kg = self.drive_start(order, body)
                 load_end_kg += filled_kg - spilled_kg
                 self._lost_kg += spilled_kg
                 if self._stands_loaded:
@@ -142,9 +142,9 @@ class TrialDriver(MachineDriver):
         )
         stage = DriveStage(begin_s, body.mass_kg, coulomb_N=body.coulomb_x_N)
         self.state[plant.BRAKE] = -body.mass_kg * self.uphill_m_s2()
-        self.advance(FREE, stage, excite.duration_s, wave)
+        self.integrate_stage(FREE, stage, excite.duration_s, wave)
         braking_s = self.time_s
-        self.brake(stage._replace(begin_s=braking_s))
+        self.brake_to_stop(stage._replace(begin_s=braking_s))
         return ManoeuvreTimes("excite", begin_s, begin_s, None, braking_s, self.time_s)
 
     def _follow_pedal(self, travel: Travel, body: RigidBody) -> ManoeuvreTimes:
@@ -174,7 +174,7 @@ class TrialDriver(MachineDriver):
                 self.state[[plant.WHEEL, plant.BODY]] = leg.wanted_m_s[0]
                 self.state[plant.DRIVE] = self._cruise_force(stage, full_N)
             duration_s = (leg.wanted_m_s.size - 1) * WAVE_STEP_S
-            self.advance(
+            self.integrate_stage(
                 FREE,
                 stage,
                 duration_s,
@@ -187,8 +187,8 @@ class TrialDriver(MachineDriver):
                 )
             if leg.stand_s is not None:
                 shut = stage._replace(begin_s=self.time_s, pedal_N_s_m=0.0, one_way=0.0)
-                self.brake(shut)
-                self.rest(leg.stand_s, body.mass_kg)
+                self.brake_to_stop(shut)
+                self.stand_still(leg.stand_s, body.mass_kg)
                 if travel.to_and_fro:
                     way = -1.0 if self.position_m > begin_m else 1.0
         self.starts += 1
@@ -199,15 +199,15 @@ class TrialDriver(MachineDriver):
         slow_s = self.scenario.campaign.valve_lag_s / _PEDAL_STEPS_A_LAG
         return None if self._swings or slow_s <= self._step_s else math.ceil(duration_s / slow_s)
 
-    def end(self) -> None:
+    def end_log(self) -> None:
         """End the log with a rest or, in motion, just after its last sample."""
         rest_s = self.scenario.campaign.rest_s
         if self.state[plant.WHEEL] == 0.0:
-            self.rest(rest_s + STEP_S, self.mass_kg)
+            self.stand_still(rest_s + STEP_S, self.mass_kg)
         else:
             drive_N = float(self.state[plant.DRIVE])
             stage = DriveStage(self.time_s, self.mass_kg, drive_N=drive_N, facing=self.facing)
-            self.advance(FREE, stage, STEP_S)
+            self.integrate_stage(FREE, stage, STEP_S)
 
     def _direction_of_start(self, start: Start) -> float:
         sign = 1.0 if start.direction == "forward" else -1.0
@@ -257,5 +257,6 @@ def travel_legs(travel: Travel, dice: np.random.Generator, step_s: float) -> Ite
 
 
 def _ramp_pedal_speed(begin_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:
+    """Target speeds of a ramp, one per integration step."""
     steps = round(abs(end_m_s - begin_m_s) / travel.acceleration_m_s2 / step_s)
     return np.linspace(begin_m_s, end_m_s, steps, endpoint=False)

@@ -94,14 +94,14 @@ class MachineDriver:
 
     def reserve_rows(self, duration_s: float) -> None:
         """Reserve memory for a drive of this duration."""
-        self.kept.reserve(math.ceil((duration_s + 2.0 * _LONGEST_STOP_S) / self._step_s))
+        self.kept.reserve_rows(math.ceil((duration_s + 2.0 * _LONGEST_STOP_S) / self._step_s))
 
-    def rest(self, duration_s: float, mass_kg: float) -> ManoeuvreTimes:
+    def stand_still(self, duration_s: float, mass_kg: float) -> ManoeuvreTimes:
         """Stand with the brakes on."""
         begin_s = self.time_s
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
         stage = DriveStage(self.time_s, mass_kg, holds=1.0, facing=self.facing)
-        self.advance(REST, stage, duration_s, steps=None if self._swings else 1)
+        self.integrate_stage(REST, stage, duration_s, steps=None if self._swings else 1)
         return ManoeuvreTimes("rest", begin_s, None, None, None, self.time_s)
 
     def half_turn(self, rate_rad_s: float, mass_kg: float) -> ManoeuvreTimes:
@@ -110,7 +110,7 @@ class MachineDriver:
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
         stage = DriveStage(self.time_s, mass_kg, holds=1.0, facing=self.facing)
         steps = max(_TURN_STEPS, math.ceil(duration_s / self._step_s)) if self._swings else None
-        rows = self.advance(TURNING, stage, duration_s, steps=steps or _TURN_STEPS)
+        rows = self.integrate_stage(TURNING, stage, duration_s, steps=steps or _TURN_STEPS)
         phase = (rows[:, plant.TIME] - begin_s) / duration_s * 2.0 * math.pi
         turned = (phase - np.sin(phase)) / 2.0
         rows[:, plant.YAW_RATE] = rate_rad_s * (1.0 - np.cos(phase)) / 2.0
@@ -120,7 +120,9 @@ class MachineDriver:
         self.facing = -self.facing
         return ManoeuvreTimes("spin", begin_s, begin_s, None, None, self.time_s)
 
-    def start(self, order: StartOrder, body: RigidBody) -> tuple[ManoeuvreTimes, float, float]:
+    def drive_start(
+        self, order: StartOrder, body: RigidBody
+    ) -> tuple[ManoeuvreTimes, float, float]:
         """Drive one start: throttle, cruise, coast if so ordered, brake.
 
         Returns:
@@ -164,7 +166,7 @@ class MachineDriver:
             facing=self.facing,
         )
         self.state[plant.DRIVE] = 0.0
-        self.advance(OPEN, opened, order.start_s)
+        self.integrate_stage(OPEN, opened, order.start_s)
         if not self._moved:
             raise ScenarioError(
                 f"start {self.starts} does not move {body.mass_kg:g} kg with "
@@ -175,7 +177,7 @@ class MachineDriver:
         def spilled_kg() -> float:
             return order.load_kg * -math.expm1(-order.spill_1_s * (self.time_s - begin_s))
 
-        def now(stage: DriveStage) -> DriveStage:
+        def stage_from_now(stage: DriveStage) -> DriveStage:
             lost_kg = spilled_kg()
             return stage._replace(
                 begin_s=self.time_s,
@@ -183,7 +185,7 @@ class MachineDriver:
                 load_kg=order.load_kg - lost_kg,
             )
 
-        steady = now(opened)._replace(one_way=0.0, stick_share=0.0)
+        steady = stage_from_now(opened)._replace(one_way=0.0, stick_share=0.0)
         cruise_s = order.cruise_s
         if order.distance_m is not None:
             cruise_s = self._cruise_duration_s(
@@ -191,27 +193,27 @@ class MachineDriver:
             )
         lead_s = min(brakes.gentle_lead_s, cruise_s) if brakes.gentle_m_s2 else 0.0
         keeping = steady._replace(drive_N=self._cruise_force(steady, full_N))
-        self.advance(STEADY, keeping, cruise_s - lead_s)
+        self.integrate_stage(STEADY, keeping, cruise_s - lead_s)
         filled_kg += order.fill_kg_s * (cruise_s - lead_s)
         braking_s = self.time_s
-        braked = now(keeping)._replace(
+        braked = stage_from_now(keeping)._replace(
             fill_kg_s=0.0,
             gentle_m_s2=brakes.gentle_m_s2,
             gentle_from_s=braking_s,
         )
         if lead_s:
-            self.advance(BRAKING, braked, lead_s)
-        shut = now(braked)._replace(drive_N=0.0)
+            self.integrate_stage(BRAKING, braked, lead_s)
+        shut = stage_from_now(braked)._replace(drive_N=0.0)
         if order.coast_s:
-            self.advance(FREE, shut, order.coast_s)
+            self.integrate_stage(FREE, shut, order.coast_s)
         if not brakes.gentle_m_s2:
             braking_s = self.time_s
-        self.brake(now(shut))
+        self.brake_to_stop(stage_from_now(shut))
         self.starts += 1
         times = ManoeuvreTimes("start", begin_s, begin_s, steady_s, braking_s, self.time_s)
         return times, filled_kg, spilled_kg()
 
-    def brake(self, stage: DriveStage) -> None:
+    def brake_to_stop(self, stage: DriveStage) -> None:
         """Brake until the machine stands.
 
         Raises:
@@ -225,14 +227,14 @@ class MachineDriver:
             stage = stage._replace(gentle_m_s2=gentle_m_s2, gentle_from_s=stage.begin_s)
         braking_m_s2 = 0.0 if gentle_m_s2 else self.scenario.campaign.braking_m_s2
         brake_N = math.copysign(stage.mass_kg * braking_m_s2, speed)
-        self.advance(BRAKING, stage._replace(brake_N=brake_N), _LONGEST_STOP_S, stops=True)
+        self.integrate_stage(BRAKING, stage._replace(brake_N=brake_N), _LONGEST_STOP_S, stops=True)
         if self.state[plant.WHEEL] != 0.0:
             raise ScenarioError(
                 "campaign.braking_m_s2: does not stop the machine on this slope; give a larger "
                 "value"
             )
 
-    def advance(
+    def integrate_stage(
         self,
         kind: int,
         stage: DriveStage,

@@ -213,7 +213,7 @@ class ShiftDriver(MachineDriver):
             distance_m=distance_m,
         )
         from_m, begin_kg = self.position_m, self._load_kg
-        times, _, spilled_kg = self.start(order, body)
+        times, _, spilled_kg = self.drive_start(order, body)
         if spilled_kg:
             self._load_kg -= spilled_kg
             self._note_spill("spill", spilled_kg, times.start_s, from_m)
@@ -228,7 +228,7 @@ class ShiftDriver(MachineDriver):
     def _pour_part_of_load(self) -> None:
         """Stand, and pour a part of the load halfway through the standstill."""
         half_s, loaded = self.shift.dump_s / 2.0, self._body_with_load()
-        times = self.rest(half_s, loaded.mass_kg)
+        times = self.stand_still(half_s, loaded.mass_kg)
         self._note_boom(_CARRY, at_s=times.start_s)
         self._note_boom(_POUR, at_s=self.time_s)
         self._note_manoeuvre(times, loaded)
@@ -236,7 +236,7 @@ class ShiftDriver(MachineDriver):
         self._load_kg -= poured_kg
         self._note_spill("pour", poured_kg, self.time_s, self.position_m)
         left = self._body_with_load()
-        self._note_manoeuvre(self.rest(half_s, left.mass_kg), left)
+        self._note_manoeuvre(self.stand_still(half_s, left.mass_kg), left)
         self._note_boom(_CARRY, at_s=self.time_s)
 
     def _dig_into_pile(self, operator: np.random.Generator) -> None:
@@ -256,7 +256,7 @@ class ShiftDriver(MachineDriver):
             digging_s=digging_s,
             fill_kg_s=(wanted_kg - self._carried_kg) / digging_s,
         )
-        times, filled_kg, _ = self.start(order, body)
+        times, filled_kg, _ = self.drive_start(order, body)
         begin_kg, self._load_kg = self._load_kg, self._load_kg + filled_kg
         self._note_manoeuvre(times, body, 1.0, 1.0, begin_kg)
         self._note_boom(_CARRY, at_s=self.time_s + _LIFT_S)
@@ -271,7 +271,7 @@ class ShiftDriver(MachineDriver):
         """Stand, dump halfway through the standstill, and return the time of the dump in s."""
         shift, loaded = self.shift, self._body_with_load()
         drawn = self._cycle_generator("shift_carry_back").exponential(shift.carry_back_kg)
-        times = self.rest(shift.dump_s / 2.0, loaded.mass_kg)
+        times = self.stand_still(shift.dump_s / 2.0, loaded.mass_kg)
         self._note_boom(_CARRY, at_s=times.start_s)
         self._note_boom(_DUMP, at_s=self.time_s)
         self._note_manoeuvre(times, loaded)
@@ -279,14 +279,15 @@ class ShiftDriver(MachineDriver):
         self._load_kg = self._carried_kg = float(min(drawn, shift.carry_back_most_kg, load_kg))
         self._note_spill("dump", load_kg - self._load_kg, dumped_s, self.position_m)
         empty = self._body_with_load()
-        self._note_manoeuvre(self.rest(shift.dump_s / 2.0, empty.mass_kg), empty)
+        self._note_manoeuvre(self.stand_still(shift.dump_s / 2.0, empty.mass_kg), empty)
         self._note_boom(_DRIVE, at_s=self.time_s)
         return dumped_s
 
     def _rest_between_cycles(self, operator: np.random.Generator) -> None:
         body = self._body_with_load()
         self._note_manoeuvre(
-            self.rest(float(self.shift.pause_s * operator.uniform(0.5, 1.5)), body.mass_kg), body
+            self.stand_still(float(self.shift.pause_s * operator.uniform(0.5, 1.5)), body.mass_kg),
+            body,
         )
 
     def _take_due_breaks(self) -> None:
@@ -312,8 +313,9 @@ class ShiftDriver(MachineDriver):
         self._burnt_kg = min(self._burnt_kg + hours * self.shift.fuel_kg_h, self.shift.fuel_tank_kg)
 
     def _note_stand(self, kind: str, duration_s: float) -> None:
+        """Stand for a while, and record it; only idling burns fuel."""
         body, begin_s = self._body_with_load(), self.time_s
-        self._note_manoeuvre(self.rest(duration_s, body.mass_kg), body)
+        self._note_manoeuvre(self.stand_still(duration_s, body.mass_kg), body)
         self.stands.append(Stand(kind, begin_s, self.time_s))
         if kind != "idle":
             self._burnt_until_s = self.time_s

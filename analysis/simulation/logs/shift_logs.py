@@ -86,7 +86,7 @@ class ShiftSimulation:
                 self._driver.drive_cycle()
             end_s = self._driver.time_s if is_last else min(span.end_s, self._driver.time_s)
             self._spans.append(span._replace(end_s=end_s))
-            heading_rad += self._driver.kept.forget(span.start_s - _LOOK_BACK_S)
+            heading_rad += self._driver.kept.drop_rows_before(span.start_s - _LOOK_BACK_S)
             yield self._simulate_log(index, self._spans[-1], heading_rad, start_ns)
 
     def collect_truth(self) -> ShiftTruth:
@@ -95,14 +95,14 @@ class ShiftSimulation:
         cycles = pl.DataFrame([each._asdict() for each in self._driver.cycles])
         starts = [span.start_s for span in self._spans]
 
-        def log_of(time_s: float) -> int | None:
+        def log_index_at(time_s: float) -> int | None:
             found = bisect_right(starts, time_s) - 1
             return found if found >= 0 and time_s <= self._spans[found].end_s else None
 
         logs = pl.DataFrame(
             {
-                "first_log": [log_of(each.start_s) for each in self._driver.cycles],
-                "last_log": [log_of(each.end_s) for each in self._driver.cycles],
+                "first_log": [log_index_at(each.start_s) for each in self._driver.cycles],
+                "last_log": [log_index_at(each.end_s) for each in self._driver.cycles],
             },
             schema={"first_log": pl.Int64, "last_log": pl.Int64},
         )

@@ -54,15 +54,15 @@ class ManoeuvreTimes(NamedTuple):
     def subtract_begin(self, begin_s: float) -> "ManoeuvreTimes":
         """The times relative to `begin_s`."""
 
-        def later(time_s: float | None) -> float | None:
+        def since_begin(time_s: float | None) -> float | None:
             return None if time_s is None else time_s - begin_s
 
         return ManoeuvreTimes(
             self.kind,
             self.start_s - begin_s,
-            later(self.drive_s),
-            later(self.steady_s),
-            later(self.braking_s),
+            since_begin(self.drive_s),
+            since_begin(self.steady_s),
+            since_begin(self.braking_s),
             self.end_s - begin_s,
         )
 

@@ -143,7 +143,7 @@ def repeat_trial(
     period_ns = math.ceil(motion.duration_s * 1e9)
     trial_ns = start_ns + period_ns * np.arange(trials + 1, dtype=np.int64)
 
-    def sample(time_ns: NDArray[np.int64]) -> Channels:
+    def sample_repeated_trial(time_ns: NDArray[np.int64]) -> Channels:
         trial = np.clip((time_ns - start_ns) // period_ns, 0, trials - 1)
         return motion.sample_channels((time_ns - start_ns - trial * period_ns) * np.float64(1e-9))
 
@@ -157,7 +157,7 @@ def repeat_trial(
         for number, times in enumerate(motion.manoeuvres)
     )
     end_ns = int(trial_ns[-1]) + to_whole_ns(scenario.campaign.rest_s)
-    return Timeline(start_ns, end_ns, trial_ns, driven, sample)
+    return Timeline(start_ns, end_ns, trial_ns, driven, sample_repeated_trial)
 
 
 def continuous_timeline(
@@ -178,11 +178,11 @@ def continuous_timeline(
     """
     trial_ns = start_ns + np.rint(trial_s * 1e9).astype(np.int64)
 
-    def sample(time_ns: NDArray[np.int64]) -> Channels:
+    def sample_whole_log(time_ns: NDArray[np.int64]) -> Channels:
         return motion((time_ns - start_ns) * np.float64(1e-9))
 
     end_ns = int(trial_ns[-1]) + to_whole_ns(scenario.campaign.rest_s)
-    return Timeline(start_ns, end_ns, trial_ns, driven, sample)
+    return Timeline(start_ns, end_ns, trial_ns, driven, sample_whole_log)
 
 
 def _unix_ns_after(start_ns: int, seconds: float | None) -> int | None:

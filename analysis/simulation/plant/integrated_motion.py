@@ -149,6 +149,7 @@ def _row_before(rows: Floats, time_s: float, known: int) -> int:
 
 @inlined
 def _value_or_rate(row: Floats, which: int) -> float:
+    """Rate of an interpolated quantity at a row."""
     if which == FORCE_RATE:
         return row[plant.GROUND] - row[plant.BRAKED]
     if which == FILLING:

@@ -29,16 +29,16 @@ class RowBuffer:
     def free_rows(self, count: int) -> Floats:
         """(at least count, 16) free memory after the rows, to be filled and committed."""
         if self._size + count > len(self._rows):
-            self.reserve(self._size + 2 * count)
+            self.reserve_rows(self._size + 2 * count)
         return self._rows[self._size : self._size + count]
 
-    def reserve(self, count: int) -> None:
+    def reserve_rows(self, count: int) -> None:
         """Reserve memory for more rows; untouched memory is free."""
         grown = np.empty((self._size + count, plant.COLUMNS))
         grown[: self._size] = self.rows
         self._rows = grown
 
-    def forget(self, before_s: float) -> float:
+    def drop_rows_before(self, before_s: float) -> float:
         """Drop rows before a time except the last, and return the heading change in them.
 
         At least two rows are kept. Arrays handed out before keep their memory.

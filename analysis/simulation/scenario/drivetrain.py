@@ -203,6 +203,6 @@ class SimulatedRolling(BaseModel):
         return self
 
     @property
-    def highest(self) -> float:
+    def highest_coefficient(self) -> float:
         """The coefficient of the heavier ground."""
         return self.coefficient + max(self.second_ground_more, 0.0)

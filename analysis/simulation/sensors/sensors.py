@@ -87,10 +87,10 @@ def _delay_and_filter_signals(
     delay_s, lag_s = times_s
     length_ns = timeline.end_ns - timeline.start_ns
 
-    def signals(time_ns: NDArray[np.int64]) -> Mapping[str, Floats]:
+    def true_signals_at(time_ns: NDArray[np.int64]) -> Mapping[str, Floats]:
         return motion_signals(timeline.sample(time_ns), (time_ns - timeline.start_ns) / length_ns)
 
-    return low_pass(signals, at_ns - round(delay_s * 1e9), lag_s)
+    return low_pass(true_signals_at, at_ns - round(delay_s * 1e9), lag_s)
 
 
 def _measure_imu(
@@ -255,6 +255,7 @@ def _true_speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Float
 def _swap_sides_if_defective(
     scenario: Scenario, name: str, readings: dict[str, Floats]
 ) -> dict[str, Floats]:
+    """Exchange left and right if the scenario has them swapped."""
     left, right = name.format("left"), name.format("right")
     if scenario.defects.sides_swapped:
         return {left: readings[right], right: readings[left]}
@@ -307,7 +308,7 @@ def measure_boom(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
 ) -> dict[str, Floats]:
     """Angles of boom and bucket, positive up, in rad."""
-    hints, noise = _require_hints(timeline, at_ns), _shift_noise(scenario)
+    hints, noise = _require_hints(timeline, at_ns), _boom_noise_rad(scenario)
     return {
         "boom_rad": hints.boom_rad + streams.draw_white_noise("boom_rad", noise),
         "bucket_rad": hints.bucket_rad + streams.draw_white_noise("bucket_rad", noise),
@@ -355,7 +356,7 @@ def _require_hints(timeline: Timeline, at_ns: NDArray[np.int64]) -> Hints:
     return timeline.hints(at_ns)
 
 
-def _shift_noise(scenario: Scenario) -> float:
+def _boom_noise_rad(scenario: Scenario) -> float:
     assert scenario.shift is not None
     return scenario.shift.boom_noise_rad
 

@@ -21,7 +21,7 @@ def arc_phases(
     down_s = steady_s + manoeuvre.duration_s
     end_s = down_s + manoeuvre.ramp_s
 
-    def state(time_s: Floats) -> MotionState:
+    def arc_state(time_s: Floats) -> MotionState:
         up = np.clip((time_s - begin_s) / manoeuvre.ramp_s, 0.0, None)
         down = np.clip((time_s - down_s) / manoeuvre.ramp_s, 0.0, None)
         level = _interpolate_smooth_step(up) - _interpolate_smooth_step(down)
@@ -52,14 +52,15 @@ def arc_phases(
 
     held = "arc" if manoeuvre.yaw_rate_rad_s and manoeuvre.speed_m_s else None
     phases = [
-        MotionPhase(None, begin_s, steady_s, state),
-        MotionPhase(held, steady_s, down_s, state),
-        MotionPhase(None, down_s, end_s, state),
+        MotionPhase(None, begin_s, steady_s, arc_state),
+        MotionPhase(held, steady_s, down_s, arc_state),
+        MotionPhase(None, down_s, end_s, arc_state),
     ]
     return phases, ManoeuvreTimes("arc", begin_s, begin_s, steady_s, down_s, end_s)
 
 
 def _driving_component(total: Values, rate: Values) -> Values:
+    """The part of a ramp in which force and rate have one sign."""
     return np.where(total * rate >= 0.0, total, 0.0)
 
 

@@ -106,13 +106,13 @@ class _Trial:
         """Phase of standing at a heading, held by the brakes."""
         hold = self.body.required_drive(_STILL, _STILL, heading_rad, _STILL)
 
-        def state(time_s: Floats) -> MotionState:
+        def standing_state(time_s: Floats) -> MotionState:
             zero = np.zeros_like(time_s)
             return MotionState(
                 zero, zero, zero, zero - hold.x, zero, zero, zero, zero - hold.z, zero + heading_rad
             )
 
-        return MotionPhase("standstill", start_s, end_s, state)
+        return MotionPhase("standstill", start_s, end_s, standing_state)
 
     def _straight_or_spin(
         self, manoeuvre: Start | Spin, axis: int, sign: float, begin_s: float, heading_rad: float
@@ -154,11 +154,11 @@ class _Trial:
         lag_s = self.scenario.campaign.valve_lag_s
         breakaway_s = begin_s - lag_s * math.log1p(-max((coulomb + against) / full, 0.0))
 
-        def drive(time_s: Floats) -> Floats:
+        def opening_drive(time_s: Floats) -> Floats:
             return full * -np.expm1(-(time_s - begin_s) / lag_s)
 
-        def state(time_s: Floats) -> MotionState:
-            zero, opening = np.zeros_like(time_s), drive(time_s)
+        def stalled_state(time_s: Floats) -> MotionState:
+            zero, opening = np.zeros_like(time_s), opening_drive(time_s)
             driven, braked = sign * opening, sign * np.minimum(opening - against, 0.0)
             held = zero - hold[1 - axis]
             x, z = (
@@ -167,9 +167,9 @@ class _Trial:
             return MotionState(zero, zero, *x, zero, zero, *z, zero + heading_rad)
 
         start = np.zeros(7)
-        start[1 + 3 * axis] = sign * drive(np.array([breakaway_s]))[0]
+        start[1 + 3 * axis] = sign * opening_drive(np.array([breakaway_s]))[0]
         start[6] = heading_rad
-        return MotionPhase("standstill", begin_s, breakaway_s, state), start
+        return MotionPhase("standstill", begin_s, breakaway_s, stalled_state), start
 
     def _excited_trial(
         self, manoeuvre: Excite, begin_s: float, heading_rad: float
@@ -179,7 +179,7 @@ class _Trial:
         end_s = begin_s + manoeuvre.duration_s
         waves: list[ForceWave | TorqueWave] = [wave for wave in (force, torque) if wave]
 
-        def drive(time_s: float) -> tuple[float, float]:
+        def waveform_drive(time_s: float) -> tuple[float, float]:
             since = float(time_s - begin_s)
             return self.scenario.drive_through_valves(
                 force(since) if force else 0.0, torque(since) if torque else 0.0
@@ -191,7 +191,7 @@ class _Trial:
         machine = DrivenMotion(
             self.body, self.scenario.campaign.valve_lag_s, (force is not None, torque is not None)
         )
-        asked = Commands(drive, kinks_s=kinks)
+        asked = Commands(waveform_drive, kinks_s=kinks)
         driven, state = machine.follow_until(None, begin_s, end_s, state, asked)
         braked = machine.follow_until_rest("braking", end_s, state, self._brake_commands(state))
         phases = [*driven, *braked]
@@ -213,10 +213,10 @@ class _Trial:
 def _constant_drive(axis: int, value: float) -> Callable[[float], tuple[float, float]]:
     pair = (value, 0.0) if axis == 0 else (0.0, value)
 
-    def asked(_time_s: float) -> tuple[float, float]:
+    def commanded_drive(_time_s: float) -> tuple[float, float]:
         return pair
 
-    return asked
+    return commanded_drive
 
 
 @dataclass(frozen=True)
@@ -246,7 +246,7 @@ class DrivenMotion:
             DataError: no state of Coulomb friction on both axes is consistent.
         """
         phases: list[MotionPhase] = []
-        machine = self._apply_stiction(state, self.free)
+        machine = self._find_consistent_stiction(state, self.free)
         for stage_s in [*(k for k in sorted(asked.kinks_s) if start_s < k < end_s), end_s]:
             while start_s < stage_s:
                 phase, state, changed = machine.integrate(name, start_s, stage_s, state, asked)
@@ -256,7 +256,7 @@ class DrivenMotion:
                     _check_progress(phases)
                     state[[RATES[axis] for axis in changed]] = 0.0
                     loose = [axis for axis in changed if machine.grip[axis] is None]
-                    machine = self._apply_stiction(state, self.free, loose)
+                    machine = self._find_consistent_stiction(state, self.free, loose)
         return phases, state
 
     def follow_until_rest(
@@ -266,7 +266,7 @@ class DrivenMotion:
         phases: list[MotionPhase] = []
         moving = [axis for axis in (0, 1) if self.free[axis] and state[RATES[axis]] != 0.0]
         while moving:
-            machine = self._apply_stiction(state, free=(0 in moving, 1 in moving))
+            machine = self._find_consistent_stiction(state, free=(0 in moving, 1 in moving))
             last_s = start_s + _LONGEST_STOP_S
             phase, state, stood = machine.integrate(name, start_s, last_s, state, asked, stop=True)
             phases.append(phase)
@@ -275,7 +275,7 @@ class DrivenMotion:
             moving = [axis for axis in moving if axis not in stood]
         return phases
 
-    def _apply_stiction(
+    def _find_consistent_stiction(
         self, state: Floats, free: tuple[bool, bool], loose: Sequence[int] = ()
     ) -> Stiction:
         """Grip of friction in `state`, just after it has released the `loose` axes."""
@@ -292,6 +292,7 @@ class DrivenMotion:
 
 
 def _check_progress(phases: Sequence[MotionPhase]) -> None:
+    """Raise an error if friction sticks and slips without advancing."""
     recent = phases[-_MOST_CHANGES_AT_ONCE:]
     if len(recent) == _MOST_CHANGES_AT_ONCE and recent[-1].end_s - recent[0].start_s < 1e-9:
         raise DataError(

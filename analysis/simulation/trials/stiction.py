@@ -113,7 +113,7 @@ class Stiction:
 
         rows = np.r_[tuple(_ROWS[axis] for axis in (0, 1) if self.free[axis])]
 
-        def full(part: Floats) -> Floats:
+        def expand_to_full_state(part: Floats) -> Floats:
             whole = np.empty((7, *part.shape[1:]))
             whole.T[...] = state
             whole[rows] = part
@@ -132,16 +132,19 @@ class Stiction:
             rtol=1e-12,
             atol=1e-12,
             dense_output=True,
-            events=[_GripChange(self, axis, full) for axis in changes] or None,
+            events=[_GripChange(self, axis, expand_to_full_state) for axis in changes] or None,
         )
         assert solution.sol is not None
         last_s = float(solution.t[-1])
         phase = MotionPhase(
-            name, start_s, last_s, self._states_with_stiction_function(full, solution.sol)
+            name,
+            start_s,
+            last_s,
+            self._states_with_stiction_function(expand_to_full_state, solution.sol),
         )
         found: Sequence[Floats] = solution.t_events or ()
         changed = [axis for axis, at in zip(changes, found, strict=True) if at.size]
-        return phase, full(solution.sol(np.array([last_s])))[:, 0], changed
+        return phase, expand_to_full_state(solution.sol(np.array([last_s])))[:, 0], changed
 
     def _make_state_rates(
         self, state: Floats, asked: Commands
@@ -156,7 +159,7 @@ class Stiction:
             asked.drive,
         )
 
-        def rates(time_s: float, part: Floats) -> list[float]:
+        def state_rates(time_s: float, part: Floats) -> list[float]:
             # plain numbers: called ten thousands of times
             moving: list[float] = part.tolist()
             x = moving[:3] if free_x else still[:3]
@@ -170,12 +173,12 @@ class Stiction:
                 rate += [float(turn), (torque - z[1]) / lag_s, (brake_z - z[2]) / lag_s, z[0]]
             return rate
 
-        return rates
+        return state_rates
 
     def _states_with_stiction_function(
         self, full: Callable[[Floats], Floats], solved: Callable[[Floats], Floats]
     ) -> Callable[[Floats], MotionState]:
-        def states(time_s: Floats) -> MotionState:
+        def states_at(time_s: Floats) -> MotionState:
             v, drive_x, brake_x, omega, drive_z, brake_z, heading = whole = full(solved(time_s))
             acceleration = self.accelerations(self.net_force_and_torque(whole))
             kept = self.body.required_drive(
@@ -188,7 +191,7 @@ class Stiction:
             dv, turn = np.broadcast_arrays(*acceleration, v)[:2]
             return MotionState(v, dv, drive_x, brake_x, omega, turn, drive_z, brake_z, heading)
 
-        return states
+        return states_at
 
 
 class _GripChange:

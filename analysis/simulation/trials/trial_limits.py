@@ -65,7 +65,9 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
                 f"the square of the centre of mass's distance; give more than {least:.0f}"
             )
     trial = scenario.campaign.trial
-    limits = _Limits(scenario, *bodies, turns=any(_turns_machine(manoeuvre) for manoeuvre in trial))
+    limits = _TrialLimits(
+        scenario, *bodies, turns=any(_turns_machine(manoeuvre) for manoeuvre in trial)
+    )
     for number, manoeuvre in enumerate(trial):
         key = f"campaign.manoeuvres.{number}" if scenario.campaign.manoeuvres else ""
         limits.check(manoeuvre, key)
@@ -98,7 +100,7 @@ def _turns_machine(manoeuvre: Manoeuvre) -> bool:
 
 
 @dataclass(frozen=True)
-class _Limits:
+class _TrialLimits:
     scenario: Scenario
     lightest: RigidBody
     heaviest: RigidBody
@@ -123,7 +125,11 @@ class _Limits:
     def _rolling_m_s2(self) -> float:
         """Largest deceleration by rolling resistance of a slow machine."""
         terrain = self.scenario.terrain
-        return self.scenario.rolling.highest * terrain.gravity_m_s2 * math.cos(terrain.slope_rad)
+        return (
+            self.scenario.rolling.highest_coefficient
+            * terrain.gravity_m_s2
+            * math.cos(terrain.slope_rad)
+        )
 
     def _uphill_m_s2(self, sign: float) -> float:
         """Largest deceleration by gravity when driving along `sign`."""

@@ -18,7 +18,7 @@ from analysis.model.axes import (
 )
 from analysis.model.machine import Machine
 from analysis.model.methods import METHODS, AxisNoise, LogSummary, Method
-from analysis.model.schema import build, values
+from analysis.model.schema import build_frame, column_values
 from analysis.model.settings import Settings
 from analysis.model.verdict import Verdict
 from analysis.model.windows import runs_of_flagged_samples
@@ -60,9 +60,9 @@ def summarise_masses(
         columns[f"rows{suffix}"] = pl.Series([frame.height for frame in rows.values()])
         columns[f"withheld{suffix}"] = pl.Series([False] * len(rows))
     empty_kg = machine.machine.empty_mass_kg
-    table = build("masses", columns)
-    payload = values(table, "mass_kg") - (np.nan if empty_kg is None else empty_kg)
-    return build("masses", {**table.to_dict(), "payload_kg": payload})
+    table = build_frame("masses", columns)
+    payload = column_values(table, "mass_kg") - (np.nan if empty_kg is None else empty_kg)
+    return build_frame("masses", {**table.to_dict(), "payload_kg": payload})
 
 
 def withhold_masses(
@@ -88,7 +88,7 @@ def withhold_masses(
             *(pl.when(turns).then(None).otherwise(n).alias(n) for n in about_z),
             turns.alias("withheld_z"),
         ]
-    return build("masses", totals.with_columns(columns).to_dict())
+    return build_frame("masses", totals.with_columns(columns).to_dict())
 
 
 def pooled_over_log(
@@ -213,6 +213,7 @@ def _braking_remedy(what: str) -> str:
 
 
 def _longest_run(good: pl.Series) -> int:
+    """Longest run of true values, in rows."""
     first, last = runs_of_flagged_samples(good.to_numpy())
     lengths = last + 1 - first
     return int(lengths.max()) if lengths.size else 0

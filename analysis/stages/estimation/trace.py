@@ -11,7 +11,7 @@ import polars as pl
 
 from analysis.model.axes import Axis, available_axes, regressor, trace_columns
 from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
-from analysis.model.schema import build
+from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import settled_windows
 from analysis.stages.gating.segments import pooled_samples
@@ -20,7 +20,7 @@ from estimators.arrays import Floats, Ints
 from estimators.estimate import Trace
 
 
-def trace(
+def trace_estimates(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     settings: Settings,
@@ -67,7 +67,7 @@ def _trace_methods(
     window = settings.gate.window_samples
 
     @cache
-    def fed(feed: FeedKind) -> tuple[Any, ...]:
+    def inputs_for_feed(feed: FeedKind) -> tuple[Any, ...]:
         match feed:
             case FeedKind.WINDOWS:
                 return window, gated[f"accepted_{axis.letter}"].to_numpy()
@@ -81,10 +81,10 @@ def _trace_methods(
         method = METHODS[name]
         options = method.options(settings.trace, noise)
         if method.feed is FeedKind.SETTLED and begins:
-            fed_by = (*fed(method.feed), options)
+            fed_by = (*inputs_for_feed(method.feed), options)
             traced = trace_by_load(method, A, f, fed_by, begins)
         else:
-            traced = method.estimator.trace(A, f, *fed(method.feed), options)
+            traced = method.estimator.trace(A, f, *inputs_for_feed(method.feed), options)
         if method.feed is not FeedKind.SEGMENTS:
             unseen = systematic_errors(method, A, f, traced.index, traced.theta, settings, noise)
             std = traced.std
@@ -126,4 +126,4 @@ def _estimates_frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
         for axis, rows in traced.items()
     ]
     frame = pl.concat(parts, how="diagonal").sort("t_ns", maintain_order=True)
-    return build("estimates", frame.to_dict())
+    return build_frame("estimates", frame.to_dict())

@@ -18,7 +18,7 @@ import polars as pl
 
 from analysis.model.axes import X, regressor
 from analysis.model.machine import Machine
-from analysis.model.schema import build
+from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import speed_rate_span_rows
@@ -83,7 +83,9 @@ def find_digging_starts(excitation: pl.DataFrame, machine: Machine) -> pl.DataFr
     found = [each.row for each in find_pile_contacts(met)]
     names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
     columns = zip(*found, strict=True) if found else ([],) * len(names)
-    return build("digging", {n: pl.Series(list(c)) for n, c in zip(names, columns, strict=True)})
+    return build_frame(
+        "digging", {n: pl.Series(list(c)) for n, c in zip(names, columns, strict=True)}
+    )
 
 
 @dataclass(frozen=True, slots=True)

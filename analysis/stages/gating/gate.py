@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.axes import Axis, X, available_axes, regressor
-from analysis.model.schema import PHASE, REASON, build, values
+from analysis.model.schema import PHASE, REASON, build_frame, column_values
 from analysis.model.settings import Settings
 from analysis.model.windows import flagged_windows, samples_in_windows
 from analysis.stages.gating.gate_rules import UNKNOWN, Codes, decide_windows, flag_rows, is_braking
@@ -22,7 +22,7 @@ from estimators.numerics import nearest_neighbours
 _STANDARD_GRAVITY_M_S2 = 9.80665
 
 
-def gate(
+def gate_windows(
     excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None = None
 ) -> pl.DataFrame:
     """Judge the window of exactly `window_samples` rows that ends at each row, axis by axis.
@@ -43,7 +43,7 @@ def gate(
     columns: dict[str, Floats | pl.Series] = {"t_ns": excitation["t_ns"]}
     for axis in available_axes(excitation):
         columns |= _judge_axis(axis, excitation, settings, noise)
-    return build("gate", columns)
+    return build_frame("gate", columns)
 
 
 def _judge_axis(
@@ -66,12 +66,12 @@ def _judge_axis(
 
     first = int(np.argmin(missing)) if n and not missing.all() else n
     slips = find_slipping_samples(
-        values(excitation, "speed_rate_x_m_s2"), _machine_acceleration(excitation), settings
+        column_values(excitation, "speed_rate_x_m_s2"), _machine_acceleration(excitation), settings
     )
     brakes = _decelerates_on_axis(axis, excitation, settings)
     flags = {"gap": missing, **flag_rows(axis, phase, f, brakes, slips, settings.gate)}
 
-    def nearest(left: Ints) -> Floats:
+    def window_information(left: Ints) -> Floats:
         return nearest_neighbours.window_mutual_information(
             A[:, 0].copy(), f, window, left, settings.gate.ksg_neighbours
         )
@@ -81,7 +81,7 @@ def _judge_axis(
         seen,
         np.arange(n) < first + window - 1,
         {why: flagged_windows(flag, window) for why, flag in flags.items()},
-        nearest,
+        window_information,
         settings.gate,
     )
     columns: dict[str, Floats | pl.Series] = {
@@ -169,12 +169,12 @@ def _decelerates_on_axis(axis: Axis, excitation: pl.DataFrame, settings: Setting
     """Whether speed, or yaw rate, decreases at each sample; no brake need be applied."""
     if axis is X:
         return is_braking(phase_codes(excitation))
-    return yaw_speeding_sign(values(excitation, "yaw_rate_rad_s"), settings) < 0
+    return yaw_speeding_sign(column_values(excitation, "yaw_rate_rad_s"), settings) < 0
 
 
 def _machine_acceleration(excitation: pl.DataFrame) -> Floats:
-    pitch = values(excitation, "pitch_rad") if "pitch_rad" in excitation.columns else None
-    return subtract_gravity(values(excitation, "specific_force_x_m_s2"), pitch)
+    pitch = column_values(excitation, "pitch_rad") if "pitch_rad" in excitation.columns else None
+    return subtract_gravity(column_values(excitation, "specific_force_x_m_s2"), pitch)
 
 
 def subtract_gravity(specific_force: Floats, pitch: Floats | None) -> Floats:

@@ -69,7 +69,7 @@ def flag_rows(
         force: (rows,) force or yaw torque.
         brakes: (rows,) whether travel or spin slows down.
         slips: (rows,) whether the wheels slip.
-        settings: what is refused.
+        settings: settings of the gate, which say what is refused.
 
     Returns:
         By reason, (rows,) each. `standstill` flags what moves: it is the reason where no row does.
@@ -114,7 +114,7 @@ def decide_windows(
 
     Args:
         axis: straight motion or spins.
-        statistics: of each window, NaN where it misses a sample.
+        statistics: statistics of each window, NaN for a window with a missing sample.
         warming_up: (windows,) whether the log has had no whole window yet.
         holds: whether each window holds a row flagged `gap` or as in `row_flags`, in that order.
         nearest: computes the mutual information of some windows by nearest neighbours, in nat.

@@ -5,7 +5,7 @@ import polars as pl
 
 from analysis.model.axes import Axis, X, Z, available_axes, regressor, trace_columns
 from analysis.model.methods import METHODS
-from analysis.model.schema import PHASE, REASON, build
+from analysis.model.schema import PHASE, REASON, build_frame
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import accepted_samples
 from analysis.stages.motion.phases import TURNS
@@ -51,9 +51,9 @@ def pool_by_manoeuvre(
 
     Args:
         excitation: the regressor and the phases.
-        gated: which windows are accepted.
+        gated: frame `gate` with the accepted windows.
         settings: window, what is refused.
-        noise: of the columns, where it is known.
+        noise: noise of the columns, if known.
     """
     turns = TURNS if Z not in available_axes(excitation) else ("arc", "turning")
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
@@ -123,4 +123,4 @@ def pool_by_manoeuvre(
         )
         .join(estimates, on="segment_id", how="left", maintain_order="left")
     )
-    return build("segments", table.to_dict())
+    return build_frame("segments", table.to_dict())

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from analysis.model.axes import YAW_COLUMNS
 from analysis.model.machine import Body, Machine
-from analysis.model.schema import FRAMES, build, values
+from analysis.model.schema import FRAMES, build_frame, column_values
 from analysis.stages.motion.phases import classify_motion_phases, speed_rate
 from estimators.arrays import Floats
 
@@ -22,12 +22,12 @@ def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame
         `excitation`.
     """
     settings = machine.settings
-    speed = values(smoothed, "speed_x_m_s")
+    speed = column_values(smoothed, "speed_x_m_s")
     rate = speed_rate(speed, settings)
     declared = {column.name for column in FRAMES["excitation"].columns}
     columns: dict[str, NDArray[np.float64] | pl.Series] = {
         # arrays: of series, `build` would look for NaN by a query
-        name: values(smoothed, name) if smoothed[name].dtype.is_float() else smoothed[name]
+        name: column_values(smoothed, name) if smoothed[name].dtype.is_float() else smoothed[name]
         for name in smoothed.columns
         if name in declared
     }
@@ -40,28 +40,30 @@ def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame
         columns["regressor_acc_y_m_s2"] = lateral_acceleration(smoothed, machine)
     columns["speed_rate_x_m_s2"] = rate
     columns["phase"] = classify_motion_phases(smoothed, speed, rate, settings)
-    return build("excitation", columns)
+    return build_frame("excitation", columns)
 
 
 def longitudinal_force(smoothed: pl.DataFrame, body: Body) -> Floats:
     """Equation (17), (rows,) in N: (τ_r + τ_l) / r over the share of the measured wheels."""
     if "force_x_N" in smoothed.columns:
-        return values(smoothed, "force_x_N") / body.force_share
+        return column_values(smoothed, "force_x_N") / body.force_share
     radius = float(body.wheel_radius_m or np.nan)
-    total = values(smoothed, "torque_right_N_m") + values(smoothed, "torque_left_N_m")
+    total = column_values(smoothed, "torque_right_N_m") + column_values(smoothed, "torque_left_N_m")
     return total / radius / body.force_share
 
 
 def yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:
     """Equation (18), (rows,) in N·m: (τ_r - τ_l) / r · L/2 over the share; None when unknown."""
     if "torque_z_N_m" in smoothed.columns:
-        return values(smoothed, "torque_z_N_m") / body.force_share
+        return column_values(smoothed, "torque_z_N_m") / body.force_share
     sides = {"torque_right_N_m", "torque_left_N_m"}
     if body.wheel_radius_m is None or body.track_width_m is None:
         return None
     if not sides <= set(smoothed.columns):
         return None
-    difference = values(smoothed, "torque_right_N_m") - values(smoothed, "torque_left_N_m")
+    difference = column_values(smoothed, "torque_right_N_m") - column_values(
+        smoothed, "torque_left_N_m"
+    )
     return difference / body.wheel_radius_m * body.track_width_m / 2.0 / body.force_share
 
 
@@ -73,10 +75,10 @@ def regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
     is given).
     """
     if machine.settings.forces.acceleration == "specific_force":
-        return values(smoothed, "specific_force_x_m_s2")
-    acceleration = values(smoothed, "acc_x_m_s2")
+        return column_values(smoothed, "specific_force_x_m_s2")
+    acceleration = column_values(smoothed, "acc_x_m_s2")
     if "pitch_rad" in smoothed.columns:
-        pitch = values(smoothed, "pitch_rad")
+        pitch = column_values(smoothed, "pitch_rad")
         acceleration = acceleration + machine.machine.gravity_m_s2 * np.sin(pitch)
     return acceleration
 
@@ -89,9 +91,11 @@ def lateral_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
     """
     measured = "specific_force_y_m_s2" in smoothed.columns
     if machine.settings.forces.acceleration == "specific_force" and measured:
-        return values(smoothed, "specific_force_y_m_s2")
-    acceleration = values(smoothed, "yaw_rate_rad_s") * values(smoothed, "speed_x_m_s")
+        return column_values(smoothed, "specific_force_y_m_s2")
+    acceleration = column_values(smoothed, "yaw_rate_rad_s") * column_values(
+        smoothed, "speed_x_m_s"
+    )
     if "roll_rad" in smoothed.columns:
-        roll = values(smoothed, "roll_rad")
+        roll = column_values(smoothed, "roll_rad")
         acceleration = acceleration + machine.machine.gravity_m_s2 * np.sin(roll)
     return acceleration

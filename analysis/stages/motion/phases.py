@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.schema import PHASE, values
+from analysis.model.schema import PHASE, column_values
 from analysis.model.settings import Settings
 from analysis.stages.motion.smooth import trailing_mean
 from estimators.arrays import Bools, Floats
@@ -108,9 +108,9 @@ def classify_motion_phases(
     Returns:
         (rows,) enum of phases.
     """
-    yaw_rate = np.nan_to_num(values(smoothed, "yaw_rate_rad_s"))
+    yaw_rate = np.nan_to_num(column_values(smoothed, "yaw_rate_rad_s"))
     # a derivative of the gyroscope is too noisy by itself to tell a steady arc
-    yaw_acc = average_like_speed_rate(values(smoothed, "yaw_acc_rad_s2"), settings)
+    yaw_acc = average_like_speed_rate(column_values(smoothed, "yaw_acc_rad_s2"), settings)
     if "yaw_acc_rad_s2" not in smoothed.columns:
         yaw_acc = speed_rate(yaw_rate, settings)
     mean_speed = _mean_over_span(speed, rate, settings)

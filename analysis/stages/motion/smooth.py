@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.schema import build, values
+from analysis.model.schema import build_frame, column_values
 from analysis.model.settings import SmoothSettings
 
 
@@ -27,9 +27,9 @@ def smooth(aligned: pl.DataFrame, settings: SmoothSettings) -> pl.DataFrame:
     for name in aligned.columns:
         if name in ("t_ns", "gap"):
             continue
-        x = np.where(gap, np.nan, values(aligned, name))
+        x = np.where(gap, np.nan, column_values(aligned, name))
         columns[name] = trailing_mean(x, settings.samples)
-    return build("aligned", {"t_ns": aligned["t_ns"], **columns, "gap": aligned["gap"]})
+    return build_frame("aligned", {"t_ns": aligned["t_ns"], **columns, "gap": aligned["gap"]})
 
 
 def trailing_mean(x: NDArray[np.float64], samples: int) -> NDArray[np.float64]:

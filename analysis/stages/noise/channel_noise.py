@@ -16,7 +16,7 @@ import polars as pl
 
 from analysis.model.axes import YAW_COLUMNS
 from analysis.model.machine import Machine
-from analysis.model.schema import NOISE_COLUMNS, NOISE_SOURCES, build, values
+from analysis.model.schema import NOISE_COLUMNS, NOISE_SOURCES, build_frame, column_values
 from analysis.model.settings import NoiseSettings
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
 from analysis.stages.noise.grid_noise import (
@@ -141,7 +141,7 @@ def channel_noise(
         clip_to_limits(found, sources, x, samples.moving, [each.derivative_of for each in made])
         override_by_settings(found, sources, axis, machine.settings.noise)
         tables.append(_noise_frame(tuple(axis), found, sources))
-    return build("noise", pl.concat(tables).to_dict())
+    return build_frame("noise", pl.concat(tables).to_dict())
 
 
 def note_noise_sources(noise: pl.DataFrame) -> list[str]:
@@ -177,12 +177,12 @@ def add_noise_of_samples(
     if not unseen.any():
         return
 
-    def of_grid(aligned: pl.DataFrame) -> Floats:
+    def grid_columns(aligned: pl.DataFrame) -> Floats:
         columns = _force_and_yaw_columns(aligned, machine)
         x = np.column_stack([columns[name] for name in names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
-    told = simulate_grid_noise_covariances(read, machine, of_grid)
+    told = simulate_grid_noise_covariances(read, machine, grid_columns)
     if told is None:
         return
     for column in np.flatnonzero(unseen):
@@ -206,13 +206,13 @@ def _force_and_yaw_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str,
     body = machine.machine
     columns = {
         "regressor_acc_x_m_s2": regressor_acceleration(aligned, machine),
-        "speed_x_m_s": values(aligned, "speed_x_m_s"),
+        "speed_x_m_s": column_values(aligned, "speed_x_m_s"),
         "force_x_N": longitudinal_force(aligned, body),
     }
     torque = yaw_torque(aligned, body)
     columns |= {} if torque is None else {"torque_z_N_m": torque}
     return columns | {
-        name: values(aligned, name)
+        name: column_values(aligned, name)
         for name in YAW_COLUMNS
         if name in aligned.columns and name not in columns
     }
@@ -221,6 +221,7 @@ def _force_and_yaw_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str,
 def _standing_and_moving_samples(
     x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: float
 ) -> NoiseSamples:
+    """Settled standstills and moving samples, for the noise."""
     after, before = round(_AFTER_STOP_S * rate_hz), round(_BEFORE_START_S * rate_hz)
     quiet = [(a + after, b - before) for a, b in find_true_runs(stands) if b - before > a + after]
     quiet = quiet[:: max(len(quiet) // _MOST_STRETCHES, 1)]
@@ -272,7 +273,7 @@ def estimate_covariances(
         of = how.derivative_of
         if of >= 0 and not (live[column] and live[of]):
             shared = np.sqrt(np.maximum(spectra[column, column] * spectra[of, of], 0.0))
-            slope = how.slope(at)
+            slope = how.derivative_response(at)
             turn = slope / np.maximum(np.abs(slope), np.finfo(float).tiny)
             spectra[of, column] = shared * turn
             spectra[column, of] = shared * turn.conj()

@@ -75,7 +75,7 @@ class ColumnResponse:
             power = power * filters.low_pass_power_gain(at / self.cutoff, causal=self.causal)
         return power
 
-    def slope(self, at: Floats) -> Complexes:
+    def derivative_response(self, at: Floats) -> Complexes:
         """Transfer function of one derivative, at frequencies over the rate."""
         if self.causal:
             return np.asarray(self.rate_hz * (1.0 - np.exp(-2j * np.pi * at)), np.complex128)
@@ -97,14 +97,14 @@ def is_hidden_by_grid(
     own_hz = {name: 1e9 / rates.mean_period_ns(t, 1e9 / PAPER_HZ) for name, (t, _) in read.items()}
     derived = any(channel.differentiates for channel in machine.channels.values())
 
-    def of(names: Iterable[str]) -> list[float]:
+    def source_rates_hz(names: Iterable[str]) -> list[float]:
         made_of = frozenset[str]().union(*(rates.source_channels(name, machine) for name in names))
         return [own_hz[name] for name in made_of if name in own_hz]
 
     found: list[bool] = []
     for names in columns:
-        mine = of(names)
-        beside = of(
+        mine = source_rates_hz(names)
+        beside = source_rates_hz(
             next(
                 (each for each in rates.channels_of_each_equation(machine) if each & {*names}),
                 frozenset(names),

@@ -112,6 +112,7 @@ def cut_pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
 
 
 def _subtract_piece_line(part: Floats) -> Floats:
+    """Subtract mean and trend of each column."""
     ramp = np.linspace(-1.0, 1.0, len(part))[:, None]
     level = part - part.mean(axis=0)
     return level - ramp * ((ramp * level).sum(axis=0) / (ramp**2).sum())

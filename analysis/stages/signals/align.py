@@ -9,7 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.machine import Machine
-from analysis.model.schema import HINTS, build
+from analysis.model.schema import HINTS, build_frame
 from analysis.stages.signals import filters, mounting, rates
 from analysis.stages.signals.rates import ChannelSeries
 from estimators.arrays import Ints
@@ -149,7 +149,7 @@ def aligned_rows(
         if name not in HINTS:
             gap |= np.isnan(columns[name])
     columns = mounting.move_to_origin(columns, machine.machine.imu)
-    return build("aligned", {"t_ns": grid - origin.start_ns, **columns, "gap": gap})
+    return build_frame("aligned", {"t_ns": grid - origin.start_ns, **columns, "gap": gap})
 
 
 def alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
@@ -168,6 +168,7 @@ def alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> l
 def _reduce_channels(
     raw: Mapping[str, ChannelSeries], machine: Machine
 ) -> dict[str, ChannelSeries]:
+    """Average fast channels to the slowest one of their equation."""
     series = dict(raw)
     for each in rates.find_rate_limited_regressors(raw, machine):
         series |= rates.reduce_to_slowest_channel(raw, each)

@@ -302,6 +302,7 @@ def usable_readings(
 
 
 def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
+    """A derived channel with unresolved samples filled; an error if it is empty."""
     if t.size == 0:
         raise DataError(
             f"{name}: no stretch of the log without gaps is long enough to derive this channel"

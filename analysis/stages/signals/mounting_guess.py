@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import ImuMounting, Machine
-from analysis.model.schema import values
+from analysis.model.schema import column_values
 from analysis.stages.signals.filters import slices_between_gaps
 from analysis.stages.signals.mounting import rotation_to_machine_axes
 from analysis.stages.signals.resample import average_about_instants
@@ -123,13 +123,13 @@ def gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
     Returns:
         NaN without an accelerometer or a standstill.
     """
-    axes = [values(frame, name) for name in _AXES if name in frame.columns]
+    axes = [column_values(frame, name) for name in _AXES if name in frame.columns]
     if _AXES[0] not in frame.columns or len(axes) == 2:
         return float("nan")
     if "phase" in frame.columns:
         still = (frame["phase"] == "standstill").fill_null(value=False).to_numpy()
     else:
-        slow = np.abs(values(frame, "speed_x_m_s"))
+        slow = np.abs(column_values(frame, "speed_x_m_s"))
         still = slow < machine.settings.phases.standstill_speed_m_s
         t_ns = frame["t_ns"].to_numpy()
         still = long_standstills(t_ns, still)

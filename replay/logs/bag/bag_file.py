@@ -25,10 +25,10 @@ from replay.logs.blocks import (
     BlockFile,
     BlockStore,
     Describe,
-    Grammar,
     LooseRecords,
+    RecordGrammar,
     describe_end_of_reading,
-    resync,
+    find_records_after_damage,
     torn_end,
 )
 from replay.logs.storage import Connection
@@ -67,7 +67,7 @@ class BagFile(BlockFile):
         return tuple(self._connections.values())
 
     @staticmethod
-    def _grammar() -> Grammar:
+    def _grammar() -> RecordGrammar:
         from replay.logs.bag.bag_grammar import GRAMMAR
 
         return GRAMMAR
@@ -90,6 +90,7 @@ class BagFile(BlockFile):
         return read_index(self._file, position, connections, chunks)
 
     def _take_index_records(self, index: BagIndex) -> None:
+        """Add connections and chunks from the index."""
         for record, data in index.connections:
             self._note_connection(record.fields, data, -1)
         unknown: list[Block] = []
@@ -109,13 +110,13 @@ class BagFile(BlockFile):
             else:
                 self._store.add(block, times)
         if unknown:
-            self._store.survey(unknown)
+            self._store.add_unindexed(unknown)
 
     def _walk(self, begin: int, header: BagRecord | None) -> None:
         """Read the file from start to end."""
         damage = self._store.damage
         walk = BagWalk(self._store, begin, self._process_record)
-        self._store.survey(walk.chunks())
+        self._store.add_unindexed(walk.chunks())
         position = b"" if header is None else header.fields.get(b"index_pos", b"")
         unfinished = position == bytes(8)
         why = "the recorder did not finish it" if unfinished else "the index is damaged"
@@ -186,7 +187,7 @@ class BagWalk:
                 if record.op == CONNECTION:
                     self.describe(CONNECTION, file.read(at, end - at), at)
             if end == at:
-                found = resync(file, at, self.store.grammar.find)
+                found = find_records_after_damage(file, at, self.store.grammar.find)
                 if found is None:
                     return
                 self.store.damage.note_unreadable_bytes(at, found)

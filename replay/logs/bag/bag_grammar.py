@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from estimators.interpreted import compiled, compiled_by_turns
 from replay.logs.bag.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
-from replay.logs.blocks import Grammar
+from replay.logs.blocks import RecordGrammar
 from replay.logs.decoding.bytes_at import count_scan_turns, load32, load64
 
 #: Where records are looked for after damage.
@@ -57,7 +57,7 @@ def _parse_record(
 def _scan_records(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
-    """Find the rows of messages and connections; see `slabs.Grammar`.
+    """Find the rows of messages and connections; see `slabs.RecordGrammar`.
 
     It stops at an incomplete record, and at a record that only occurs outside chunks.
     """
@@ -81,6 +81,7 @@ def _scan_records(
 
 @compiled_by_turns(count_scan_turns)
 def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+    """Offset from which several records follow each other; -1 if none."""
     for first in range(begin, end - 7):
         at = first
         links = 0
@@ -97,4 +98,4 @@ def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> i
     return -1
 
 
-GRAMMAR: Final = Grammar(_scan_records, _find_record)
+GRAMMAR: Final = RecordGrammar(_scan_records, _find_record)

@@ -13,20 +13,20 @@ from replay.logs.bag.bag_records import (
     parse_fields,
     read_record,
 )
-from replay.logs.blocks import BlockTail, Grammar
+from replay.logs.blocks import GrowingBlockFile, RecordGrammar
 from replay.logs.messages.raw_batch import RawBatch
 
 _HEAD = MAGIC + VERSION
 
 
-class BagTail(BlockTail):
+class BagTail(GrowingBlockFile):
     """A growing bag; it is finished when its index position is written.
 
     A chunk without a size is open: rosbag writes the size when the chunk is full.
     """
 
     @staticmethod
-    def _grammar() -> Grammar:
+    def _grammar() -> RecordGrammar:
         from replay.logs.bag.bag_grammar import GRAMMAR
 
         return GRAMMAR
@@ -44,7 +44,7 @@ class BagTail(BlockTail):
         if record.op == CHUNK:
             block = chunk_block(file, self._at, record)
             # nothing behind an empty chunk yet: it may be one that has just been opened
-            if block is None or block.is_torn or (record.end == file.size and not block.room):
+            if block is None or block.is_torn or (record.end == file.size and not block.room_bytes):
                 return None
             self._at = record.end
             return self._take_block(block)
@@ -56,6 +56,7 @@ class BagTail(BlockTail):
         return []
 
     def _begin(self) -> list[RawBatch] | None:
+        """Check the first line of the file, as soon as it is complete."""
         head = self._file.read(0, len(_HEAD))
         if not _HEAD.startswith(head):
             raise LogError(

@@ -3,20 +3,20 @@
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.block_file import BlockFile
 from replay.logs.blocks.block_messages import BlockStore, Describe
-from replay.logs.blocks.block_tail import BlockTail
-from replay.logs.blocks.loose_records import LooseRecords, resync
+from replay.logs.blocks.block_tail import GrowingBlockFile
+from replay.logs.blocks.loose_records import LooseRecords, find_records_after_damage
 from replay.logs.blocks.lost_blocks import describe_end_of_reading, torn_end
-from replay.logs.blocks.slabs import Grammar
+from replay.logs.blocks.slabs import RecordGrammar
 
 __all__ = [
     "Block",
     "BlockFile",
     "BlockStore",
-    "BlockTail",
     "Describe",
-    "Grammar",
+    "GrowingBlockFile",
     "LooseRecords",
+    "RecordGrammar",
     "describe_end_of_reading",
-    "resync",
+    "find_records_after_damage",
     "torn_end",
 ]

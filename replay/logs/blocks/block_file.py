@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.model.loss import Loss
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.block_messages import BlockStore
-from replay.logs.blocks.slabs import Grammar
+from replay.logs.blocks.slabs import RecordGrammar
 from replay.logs.storage import BatchGroup, Connection, FileBytes
 
 
@@ -39,7 +39,7 @@ class BlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _grammar() -> Grammar:
+    def _grammar() -> RecordGrammar:
         """Grammar that finds its records in bytes."""
 
     @abstractmethod
@@ -58,7 +58,7 @@ class BlockFile(ABC):
     def _compare(self, chunks: Iterable[Block], outside: BlockStore) -> None:
         """Note the chunks and unchunked messages that the first pass missed."""
         found = [chunk.record_offset for chunk in chunks]
-        self._store.compare([*found, *outside.offsets])
+        self._store.note_missing_blocks([*found, *outside.offsets])
 
     @property
     def losses(self) -> Sequence[Loss]:

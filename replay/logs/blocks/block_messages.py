@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.lost_blocks import BlockDamage
-from replay.logs.blocks.slabs import Grammar, Slab, read_slabs
+from replay.logs.blocks.slabs import RecordGrammar, Slab, read_slabs
 from replay.logs.storage import (
     END_NS,
     KEY,
@@ -43,7 +43,7 @@ class BlockStore:
     def __init__(
         self,
         file: FileBytes,
-        load_grammar: Callable[[], Grammar],
+        load_grammar: Callable[[], RecordGrammar],
         describe: Describe,
     ) -> None:
         """Create an empty store.
@@ -69,7 +69,7 @@ class BlockStore:
         self._topics: Mapping[int, str] = {}
 
     @cached_property
-    def grammar(self) -> Grammar:
+    def grammar(self) -> RecordGrammar:
         """Grammar that finds records in bytes."""
         return self._load_grammar()
 
@@ -103,7 +103,7 @@ class BlockStore:
         """Offsets of the blocks that contain messages."""
         return (block.record_offset for block in self._blocks if block.counts)
 
-    def compare(self, offsets: Iterable[int]) -> None:
+    def note_missing_blocks(self, offsets: Iterable[int]) -> None:
         """Note the blocks at these offsets that the store lacks."""
         known = {block.record_offset for block in self._blocks}
         for offset in offsets:
@@ -132,7 +132,7 @@ class BlockStore:
         described, _ = describe_block(block, times)
         self.damage.note_lost_block(described, why)
 
-    def survey(self, blocks: Iterable[Block]) -> None:
+    def add_unindexed(self, blocks: Iterable[Block]) -> None:
         """Add blocks without an index, which are unpacked to find their messages."""
         for slab in read_slabs(self.file, blocks, self.grammar):
             for block, why in slab.damaged:
@@ -191,7 +191,7 @@ class BlockStore:
             if unknown:
                 unpacked = BlockStore(self.file, self._load_grammar, self._process_record)
                 unpacked.damage = self.damage
-                unpacked.survey(unknown)
+                unpacked.add_unindexed(unknown)
                 for key, parts in unpacked._times.items():
                     found.setdefault(key, []).extend(parts)
             for key, parts in found.items():
@@ -226,6 +226,7 @@ class BlockStore:
             yield BatchGroup(found, int(floors[done]))
 
     def _check_slab(self, slab: Slab) -> None:
+        """Compare the blocks of a slab with what their index promises."""
         for block, why in slab.damaged:
             self.damage.note_lost_block(block, why)
         # compiled code, which describing a log does not wait for
@@ -269,13 +270,14 @@ class BlockStore:
             )
 
     def _seal_block(self, block: Block) -> None:
+        """Note a block whose CRC was compared and agrees."""
         if block.crc and not block.is_torn:
             self._sealed.add(block.record_offset)
 
     def _note_unread_bytes(self, block: Block, unread: int) -> None:
         if unread and not block.is_torn:
             self.damage.note(
-                f"{unread:,} of {block.room:,} bytes in the chunk at byte "
+                f"{unread:,} of {block.room_bytes:,} bytes in the chunk at byte "
                 f"{block.record_offset} form no complete record and were not read"
             )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from replay.logs.blocks.block import Block, DamagedBlockError, unpack
-from replay.logs.blocks.slabs import Grammar, SlabIndex
+from replay.logs.blocks.slabs import RecordGrammar, SlabIndex
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import (
     KEY,
@@ -30,7 +30,7 @@ _LOOSE_BYTES: Final = 4 * 2**20
 _POLL_BYTES: Final = 16 * 2**20
 
 
-class BlockTail(ABC):
+class GrowingBlockFile(ABC):
     """A growing file of blocks, read up to its last complete record."""
 
     def __init__(self, path: Path) -> None:
@@ -45,7 +45,7 @@ class BlockTail(ABC):
 
     @staticmethod
     @abstractmethod
-    def _grammar() -> Grammar:
+    def _grammar() -> RecordGrammar:
         """Grammar that finds its records in bytes."""
 
     @abstractmethod
@@ -88,9 +88,9 @@ class BlockTail(ABC):
     def _take_block(self, block: Block) -> list[RawBatch]:
         """Messages of a complete chunk; a damaged one is a loss."""
         try:
-            if block.room > LARGEST_BYTES:
-                raise DamagedBlockError(f"it declares {block.room:,} bytes")
-            data = np.empty(block.room, np.uint8)
+            if block.room_bytes > LARGEST_BYTES:
+                raise DamagedBlockError(f"it declares {block.room_bytes:,} bytes")
+            data = np.empty(block.room_bytes, np.uint8)
             data = data[: unpack(block, self._file, data)]
         except DamagedBlockError as error:
             what = f"the chunk at byte {block.record_offset} cannot be read: {error}"

@@ -46,7 +46,7 @@ _SHORTEST: Final = 16_384
 _LONGEST: Final = 8 * 2**20
 
 
-def resync(file: FileBytes, damaged: int, find: Find) -> int | None:
+def find_records_after_damage(file: FileBytes, damaged: int, find: Find) -> int | None:
     """Offset after damage at which records continue; None if there is none."""
     at, size = damaged + 1, _SHORTEST
     while at < file.size:

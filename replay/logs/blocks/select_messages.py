@@ -30,7 +30,7 @@ def select_messages_of_connections(
     """
     ends = np.zeros(wanted.size, np.int64)
     found = np.empty((3, rows.shape[1]), np.int64)
-    append_wanted_messages(rows, key_index(rows[KEY], wanted), first, last, ends, found)
+    append_wanted_messages(rows, indices_of_keys(rows[KEY], wanted), first, last, ends, found)
     begin = 0
     for key, end in zip(wanted.tolist(), ends.tolist(), strict=True):
         if end > begin:
@@ -74,15 +74,15 @@ def append_wanted_messages(
             ends[owner] = place + 1
 
 
-def key_index(found: Ints, keys: Ints) -> Ints:
+def indices_of_keys(found: Ints, keys: Ints) -> Ints:
     """Index of each of `found` (n,) in the ascending `keys`; -1 if absent."""
     places = np.empty(found.size, np.int64)
-    _search(found, keys, places)
+    _fill_key_indices(found, keys, places)
     return places
 
 
 @compiled
-def _search(found: Ints, keys: Ints, places: Ints) -> None:
+def _fill_key_indices(found: Ints, keys: Ints, places: Ints) -> None:
     first = keys[0] if keys.size else 0
     for row in range(found.size):
         key = found[row]
@@ -119,7 +119,7 @@ def chunk_stats(slab: Slab, keys: Ints) -> list[ChunkStats]:
     counts = np.zeros((len(bounds), keys.size + 1), np.int64)
     spans = np.tile(np.array([_INT64_MAX, -1, 0]), (len(bounds), 1))
     # -1, of a key that nobody asked for, is the last: that of all others
-    _count_wanted_messages(slab.rows, bounds, key_index(slab.rows[KEY], keys), counts, spans)
+    _count_wanted_messages(slab.rows, bounds, indices_of_keys(slab.rows[KEY], keys), counts, spans)
     pairs = zip(counts.tolist(), spans.tolist(), strict=True)
     return [ChunkStats(held, *span) for held, span in pairs]
 
@@ -128,6 +128,7 @@ def chunk_stats(slab: Slab, keys: Ints) -> list[ChunkStats]:
 def _count_wanted_messages(
     rows: Ints, bounds: Ints, owners: Ints, counts: Ints, spans: Ints
 ) -> None:
+    """Count messages and time span of each block, by connection."""
     for part in range(bounds.shape[0]):
         for row in range(bounds[part, 0], bounds[part, 1]):
             time = rows[TIME, row]

@@ -24,7 +24,7 @@ Scan = Callable[
 Find = Callable[[NDArray[np.uint8], int, int, int], int]
 
 
-class Grammar(NamedTuple):
+class RecordGrammar(NamedTuple):
     """Functions that find the records of a format in bytes."""
 
     scan: Scan
@@ -46,7 +46,7 @@ class Slab:
 class SlabIndex:
     """Rows of a slab, found block by block while each is in the processor's cache."""
 
-    def __init__(self, grammar: Grammar, data: NDArray[np.uint8], expected: int) -> None:
+    def __init__(self, grammar: RecordGrammar, data: NDArray[np.uint8], expected: int) -> None:
         """Create an empty index.
 
         Args:
@@ -100,7 +100,7 @@ _WORKERS: Final = min(4, os.cpu_count() or 1)
 _MOST_WAITING_BYTES: Final = (_WORKERS + 1) * SLAB_BYTES
 
 
-def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: Grammar) -> Iterator[Slab]:
+def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: RecordGrammar) -> Iterator[Slab]:
     """Unpack and scan blocks in order.
 
     A slab's memory is reused once the next slab is requested.
@@ -111,7 +111,7 @@ def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: Grammar) -> It
     pool = ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-unpack")
     try:
         for group in _block_groups(blocks):
-            size = sum(_slab_room(block) for block in group)
+            size = sum(_room_in_slab(block) for block in group)
             while waiting and (
                 sum(each for _, each in waiting) + size > _MOST_WAITING_BYTES
                 or (prepared < _GROWING and len(waiting) > 1)
@@ -129,38 +129,40 @@ def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: Grammar) -> It
 def _take_slabs(
     waiting: deque[tuple[Future[Slab], int]], free: list[NDArray[np.uint8]]
 ) -> Iterator[Slab]:
+    """Yield the oldest slab, and reuse its memory afterwards."""
     slab = waiting.popleft()[0].result()
     yield slab
     if slab.data.size == SLAB_BYTES:
         free.append(slab.data)
 
 
-def _slab_room(block: Block) -> int:
+def _room_in_slab(block: Block) -> int:
     # a block that nobody believes takes no room; unpacking it says why
-    return block.room if block.room <= LARGEST_BYTES else 0
+    return block.room_bytes if block.room_bytes <= LARGEST_BYTES else 0
 
 
 def _block_groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
+    """Group blocks that fit into one slab; the first groups are small."""
     group: list[Block] = []
     size, most = 0, _FIRST_BYTES
     for block in blocks:
-        if group and size + _slab_room(block) > most:
+        if group and size + _room_in_slab(block) > most:
             yield group
             group, size, most = [], 0, min(_GROWTH * most, SLAB_BYTES)
         group.append(block)
-        size += _slab_room(block)
+        size += _room_in_slab(block)
     if group:
         yield group
 
 
 def load_blocks(
-    file: FileBytes, blocks: list[Block], grammar: Grammar, recycled: NDArray[np.uint8] | None
+    file: FileBytes, blocks: list[Block], grammar: RecordGrammar, recycled: NDArray[np.uint8] | None
 ) -> Slab:
     """Unpack and scan the blocks of one slab in a worker thread."""
     damaged: list[tuple[Block, str]] = []
     parts: list[tuple[Block, int, int, int]] = []
     try:
-        size = max(SLAB_BYTES, sum(map(_slab_room, blocks)))
+        size = max(SLAB_BYTES, sum(map(_room_in_slab, blocks)))
         buffer = np.empty(size, np.uint8) if recycled is None else recycled
         rows = SlabIndex(grammar, buffer, sum(sum(block.counts.values()) for block in blocks))
     except MemoryError:
@@ -170,7 +172,7 @@ def load_blocks(
     at = 0
     for block in blocks:
         try:
-            size = unpack(block, file, buffer[at : at + block.room])
+            size = unpack(block, file, buffer[at : at + block.room_bytes])
             part = (block, *rows.scan(at, at + size))
         except DamagedBlockError as error:
             damaged.append((block, str(error)))

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, Tally, submit_at_once
+from replay.logs.decoding.decoder import DecodedBatch, Decoder, DecodeTally, Submit, submit_at_once
 from replay.logs.decoding.gather_values import concatenate
 from replay.logs.messages.raw_batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 
@@ -22,11 +22,11 @@ _FEW_ROWS: Final = 2048
 _WORKERS: Final = max(1, min(4, (os.cpu_count() or 1) // 2))
 
 
-class Stream:
+class TopicStream:
     """Batches of one topic, decoded and sorted by log time."""
 
     def __init__(self, decoder: Decoder, schema: pl.Schema) -> None:
-        self.tally = Tally()
+        self.tally = DecodeTally()
         self._decoder = decoder
         self._empty = pl.DataFrame(schema=schema)
         self._frames = [self._empty]
@@ -39,7 +39,7 @@ class Stream:
 
     def take(self, batch: RawBatch, submit: Submit) -> None:
         """Take the next messages; their memory may be reused after `settle`."""
-        self._look_back(batch)
+        self._note_decreasing_times(batch)
         for part in batch.split_to_batches():
             if part.rows < _FEW_ROWS:
                 self._few.append(_copy_batch(part))
@@ -91,7 +91,7 @@ class Stream:
         self._frames.clear()
         return frame
 
-    def _look_back(self, batch: RawBatch) -> None:
+    def _note_decreasing_times(self, batch: RawBatch) -> None:
         """Note whether log times decrease, before the rows are sorted."""
         if batch.rows:
             times = batch.log_times
@@ -101,6 +101,7 @@ class Stream:
             self._last[batch.connection_id] = int(times[-1])
 
     def _begin_few(self, submit: Submit) -> None:
+        """Start decoding the small batches kept so far, as one."""
         if self._few:
             self._begin_batch(_join_batches(self._few), submit)
             self._few, self._rows, self._bytes = [], 0, 0
@@ -109,7 +110,7 @@ class Stream:
         self._begun.append(self._decoder.begin(sorted_batch(batch), submit))
 
 
-def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, Stream]) -> None:
+def feed_streams(groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicStream]) -> None:
     """Feed messages to streams; compiled work runs in other threads.
 
     Args:
@@ -124,9 +125,9 @@ def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, Stream]) ->
                 stream.settle()
 
 
-def drain_all(
-    groups: Iterable[tuple[list[RawBatch], int]], streams: Mapping[int, Stream]
-) -> Iterator[tuple[Stream, pl.DataFrame]]:
+def feed_and_drain_streams(
+    groups: Iterable[tuple[list[RawBatch], int]], streams: Mapping[int, TopicStream]
+) -> Iterator[tuple[TopicStream, pl.DataFrame]]:
     """Decode like `take_all`, and yield rows of each stream once their order is final.
 
     Args:

@@ -13,10 +13,10 @@ from estimators.interpreted import Primitive
 
 
 def _unsigned_reader(size: int) -> Callable[[Bytes, int], np.int64]:
-    def load(data: Bytes, at: int) -> np.int64:
+    def load_unsigned(data: Bytes, at: int) -> np.int64:
         return np.int64(int.from_bytes(data[at : at + size].tobytes(), "little"))
 
-    return load
+    return load_unsigned
 
 
 def _load_64_bits(data: Bytes, at: int) -> np.int64:
@@ -28,6 +28,7 @@ def _copy(data: Bytes, at: int, target: Bytes, to: int, size: int) -> None:
 
 
 def _widen(bits: int) -> np.int64:
+    """Bits of a float as those of the equal double."""
     single = np.array(int(bits) & 0xFFFFFFFF, np.uint32).view(np.float32)
     return np.int64(single.astype(np.float64).view(np.int64))
 
@@ -46,12 +47,12 @@ def count_scan_turns(_: Bytes, begin: int, end: int, *__: Any) -> int:
 
 
 def _make_primitive(name: str, interpreted: Callable[..., Any]) -> Any:
-    def load() -> Any:
+    def import_compiled() -> Any:
         from replay.logs.decoding import unaligned  # imports numba, which is slow
 
         return getattr(unaligned, name)
 
-    return Primitive(interpreted, load)
+    return Primitive(interpreted, import_compiled)
 
 
 #: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.arrow_arrays import array_of_times
-from replay.logs.decoding.decode_program import Program, Wanted, compile_program
+from replay.logs.decoding.decode_program import DecodeProgram, Wanted, compile_program
 from replay.logs.decoding.decoder import (
     DecodedBatch,
     Submit,
@@ -25,10 +25,10 @@ from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.walk_program import (
     FAULTS,
     TOO_SHORT,
+    EncodedMessages,
     Encoding,
-    Messages,
-    Outcome,
     WalkNotes,
+    WalkOutcome,
     make_empty_template,
     read_encapsulations,
 )
@@ -60,7 +60,7 @@ class BatchPass:
 
     def __init__(
         self,
-        program: Program,
+        program: DecodeProgram,
         direct: DirectFields,
         data: Bytes,
         begins: Ints,
@@ -81,9 +81,9 @@ class BatchPass:
         # a definition may say that messages are large, where the data has small ones only
         rows = int(np.count_nonzero(sizes >= program.least_bytes))
         self._program, self._direct, self._swap = program, direct, swap
-        self._messages = Messages(data, begins, sizes)
+        self._messages = EncodedMessages(data, begins, sizes)
         self._gathered = reserve_rows(direct.gathering, rows)
-        self._outcome = Outcome(np.empty(begins.size, np.int8), np.empty(begins.size, np.int64))
+        self._outcome = WalkOutcome(np.empty(begins.size, np.int8), np.empty(begins.size, np.int64))
         self._room = room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
         room[0] = rows
         self._noted = _room_for_marks(program, room)
@@ -93,7 +93,7 @@ class BatchPass:
         program, wire = self._program, self._program.wire
         while True:
             walk_and_gather(
-                self._messages, Encoding(wire.cdr, self._swap, wire.counted),
+                self._messages, Encoding(wire.cdr, self._swap, wire.length_alignment),
                 program.steps, self._noted, make_empty_template(program.nodes),
                 self._direct.gathering, self._gathered, self._outcome,
             )  # fmt: skip
@@ -116,11 +116,13 @@ class BatchPass:
         if whole.all():
             return WalkedBatch(columns, whole, "")
         first = int(np.argmin(whole))
-        where = f"(at its byte {self._outcome.places[first] + self._program.wire.head})"
+        where = (
+            f"(at its byte {self._outcome.places[first] + self._program.wire.encapsulation_bytes})"
+        )
         return WalkedBatch(columns, whole, f"{FAULTS[self._outcome.faults[first]]} {where}")
 
 
-def _room_for_marks(program: Program, room: Ints) -> WalkNotes:
+def _room_for_marks(program: DecodeProgram, room: Ints) -> WalkNotes:
     """Allocate marks for the given numbers of elements of each node."""
     nodes = program.mark_nodes
     ends = np.cumsum(room[nodes])
@@ -134,7 +136,7 @@ def _room_for_marks(program: Program, room: Ints) -> WalkNotes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Part:
+class _DecodedPart:
     """Decoded messages of one encapsulation, with their indices in the batch."""
 
     frame: pl.DataFrame
@@ -143,7 +145,7 @@ class _Part:
     first_fault: str
 
 
-class Plan:
+class DecodePlan:
     """How to read fields of one type. Plans hold no decoded data, so threads may share them.
 
     Raises:
@@ -190,11 +192,11 @@ class Plan:
             return lambda: self._decode_mixed(batch, kinds)
         finish = self._begin_part(batch, int(kinds[0]), submit)
 
-        def decoded() -> DecodedBatch:
+        def finish_decoding() -> DecodedBatch:
             part = finish()
             return DecodedBatch(part.frame, part.faulty.size, part.first_fault)
 
-        return decoded
+        return finish_decoding
 
     def _decode_mixed(self, batch: RawBatch, kinds: NDArray[np.int64]) -> DecodedBatch:
         """Decode messages of several encapsulations, or of unknown ones."""
@@ -218,13 +220,13 @@ class Plan:
         _, first_fault = min(faults, key=lambda fault: int(fault[0][0]), default=(unknown, ""))
         return DecodedBatch(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
 
-    def _begin_part(self, batch: RawBatch, kind: int, submit: Submit) -> Callable[[], _Part]:
+    def _begin_part(self, batch: RawBatch, kind: int, submit: Submit) -> Callable[[], _DecodedPart]:
         """Start decoding messages of one encapsulation."""
         wire = self._wires[kind]
         try:
             program, direct, places = self._program_for_encoding(wire)
         except NoPlanError as error:
-            faulty = _Part(
+            faulty = _DecodedPart(
                 pl.DataFrame(schema=frame_schema_of_fields(self._fields)),
                 np.empty(0, np.int64),
                 np.arange(batch.rows),
@@ -235,21 +237,21 @@ class Plan:
             program,
             direct,
             batch.data,
-            batch.offsets + wire.head,
-            batch.lengths - wire.head,
+            batch.offsets + wire.encapsulation_bytes,
+            batch.lengths - wire.encapsulation_bytes,
             swap=wire.cdr and kind % 2 == 0,
         )
         wait = submit(batch_pass.execute)
 
-        def finish() -> _Part:
+        def finish_part() -> _DecodedPart:
             wait()
             return self._make_decoded_part(batch_pass.finish_batch(), places, batch.log_times)
 
-        return finish
+        return finish_part
 
     def _make_decoded_part(
         self, walked: WalkedBatch, places: tuple[int | None, ...], log_times: NDArray[np.int64]
-    ) -> _Part:
+    ) -> _DecodedPart:
         columns, whole = walked.columns, walked.whole
         faulty = np.flatnonzero(~whole)
         log_times = log_times[whole] if faulty.size else log_times
@@ -261,14 +263,15 @@ class Plan:
         if self._stamp is None:
             arrays.insert(0, pa.nulls(log_times.size, pa.int64()))
         table: Any = pa.RecordBatch.from_arrays([array_of_times(log_times), *arrays], self._names)
-        return _Part(pl.DataFrame(table), np.flatnonzero(whole), faulty, walked.first_fault)
+        return _DecodedPart(pl.DataFrame(table), np.flatnonzero(whole), faulty, walked.first_fault)
 
 
 #: A program, what it gathers on the way, and where each of the fields is among that.
-_CompiledProgram: TypeAlias = tuple[Program, DirectFields, tuple[int | None, ...]]
+_CompiledProgram: TypeAlias = tuple[DecodeProgram, DirectFields, tuple[int | None, ...]]
 
 
 def _mark_wanted(wanted: Wanted, field: Field) -> None:
+    """Add the path of a field to the tree of wanted fields."""
     for step in field.steps:
         if isinstance(step.element, str) and step.element != ALL:
             wanted.setdefault("name", {})

@@ -16,7 +16,7 @@ from replay.logs.decoding.field_places import (
     Located,
     NestedMessage,
     StridedList,
-    Text,
+    TextField,
     WalkedList,
 )
 from replay.logs.decoding.spans import (
@@ -24,7 +24,7 @@ from replay.logs.decoding.spans import (
     Span,
     first_alignment,
     fixed_size,
-    is_delimited,
+    is_preceded_by_byte_size,
     mean_stride,
     place_in_span,
     smallest_size,
@@ -67,7 +67,7 @@ class Operand(IntEnum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Program:
+class DecodeProgram:
     """A compiled definition in one encoding."""
 
     wire: Wire
@@ -83,7 +83,7 @@ class Program:
     root: NestedMessage
 
 
-def compile_program(record: RecordType, wanted: Wanted, wire: Wire) -> Program:
+def compile_program(record: RecordType, wanted: Wanted, wire: Wire) -> DecodeProgram:
     """Compile a definition.
 
     Raises:
@@ -93,7 +93,7 @@ def compile_program(record: RecordType, wanted: Wanted, wire: Wire) -> Program:
     compiler = _Compiler(wire)
     root = compiler.compile_record(record, wanted)
     steps = np.array(compiler.steps, np.int64).reshape(-1, len(Operand))
-    return Program(
+    return DecodeProgram(
         wire,
         steps,
         np.array(compiler.mark_nodes, np.int64),
@@ -131,7 +131,7 @@ class _Compiler:
             return self.compile_record(kind, wanted)
         if kind == Scalar("string"):
             self._append_step(Op.TEXT)
-            return None if wanted is None else Text(self._reserve_marks(2))
+            return None if wanted is None else TextField(self._reserve_marks(2))
         if fixed_size(kind, self.wire) is not None:
             return self._place_in_span(kind, wanted)
         assert isinstance(kind, ListOf), "a value that is neither list nor string has a fixed size"
@@ -156,7 +156,7 @@ class _Compiler:
         if kind.length == 0:
             # rosbags pads before it; and lists of what takes no bytes would be walked without bound
             raise NoPlanError("no plan for an array of length 0 whose elements vary in size")
-        if is_delimited(kind, self.wire):
+        if is_preceded_by_byte_size(kind, self.wire):
             self._place_in_span(Scalar("uint32"), None)
         least = smallest_size(kind.element, self.wire)
         length = -1 if kind.length is None else kind.length

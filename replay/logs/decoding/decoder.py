@@ -30,7 +30,7 @@ class DecodedBatch:
 
 
 @dataclass(slots=True)
-class Tally:
+class DecodeTally:
     """Numbers of decoded and undecodable messages, and the first reason."""
 
     rows: int = 0

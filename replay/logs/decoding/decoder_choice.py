@@ -95,9 +95,9 @@ def make_decoder(kind: MessageType, fields: Sequence[Field]) -> Decoder:
     """Make the columnar decoder, or a library's if no plan can express the type."""
     # numba is slow to import, and a log can be described without it
     if kind.library is ROSBAGS:
-        from replay.logs.decoding.decode_plan import Plan
+        from replay.logs.decoding.decode_plan import DecodePlan
 
         with suppress(NoPlanError):
-            return Plan(kind.record, ros1=kind.ros1, fields=fields)
+            return DecodePlan(kind.record, ros1=kind.ros1, fields=fields)
 
     return PerMessageDecoder(kind, fields)

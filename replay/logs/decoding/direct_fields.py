@@ -8,12 +8,12 @@ import numpy as np
 
 from estimators.arrays import Ints
 from replay.logs.decoding.field_places import (
-    Inline,
     InlineArray,
+    InlineField,
     InlineRecord,
     InSpan,
     NestedMessage,
-    Text,
+    TextField,
 )
 from replay.logs.decoding.gather_values import DTYPES, LOADS
 from replay.logs.messages.message_fields import ALL, Field, PathStep
@@ -61,11 +61,11 @@ class _FixedField:
 
     mark: int
     offset: int
-    value: Inline | InlineArray | Text
+    value: InlineField | InlineArray | TextField
 
 
 def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
-    """Those of the fields that are direct."""
+    """Select the fields that are at the same place in every message."""
     places = {field.steps: _find_fixed_place(root, field.steps) for field in fields}
     values: list[tuple[Steps, str]] = []
     arrays: list[tuple[Steps, str, int]] = []
@@ -73,13 +73,13 @@ def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
     numbers: tuple[list[tuple[int, ...]], ...] = ([], [], [])
     for steps, place in places.items():
         match place:
-            case _FixedField(mark, offset, Inline(_, kind)):
+            case _FixedField(mark, offset, InlineField(_, kind)):
                 values.append((steps, kind))
                 numbers[0].append((mark, offset, LOADS[kind]))
-            case _FixedField(mark, offset, InlineArray(_, length, _, Inline(_, kind))):
+            case _FixedField(mark, offset, InlineArray(_, length, _, InlineField(_, kind))):
                 arrays.append((steps, kind, length))
                 numbers[1].append((mark, offset, length * DTYPES[kind].itemsize))
-            case _FixedField(mark, _, Text()):
+            case _FixedField(mark, _, TextField()):
                 texts.append(steps)
                 numbers[2].append((mark,))
             case _:
@@ -98,7 +98,7 @@ def _find_fixed_place(root: NestedMessage, steps: Steps) -> _FixedField | None:
     mark, offset = -1, 0
     for step in steps:
         below = here.fields[step.name]
-        if isinstance(below, Text):
+        if isinstance(below, TextField):
             return _FixedField(below.mark, 0, below) if step.element is None else None
         if isinstance(below, InSpan):
             mark, below = below.mark, below.value
@@ -114,7 +114,7 @@ def _find_fixed_place(root: NestedMessage, steps: Steps) -> _FixedField | None:
             below = below.element
         elif step.element is not None:
             return None
-        if isinstance(below, Inline):
+        if isinstance(below, InlineField):
             return _FixedField(mark, offset + below.offset, below)
         if not isinstance(below, NestedMessage | InlineRecord):
             return None
@@ -125,4 +125,4 @@ def _find_fixed_place(root: NestedMessage, steps: Steps) -> _FixedField | None:
 def _is_contiguous(array: InlineArray, step: PathStep, steps: Steps) -> bool:
     """Whether a whole array of contiguous numbers is requested."""
     element = array.element
-    return step is steps[-1] and isinstance(element, Inline) and element.kind in DTYPES
+    return step is steps[-1] and isinstance(element, InlineField) and element.kind in DTYPES

@@ -22,15 +22,15 @@ from replay.logs.decoding.arrow_arrays import (
 )
 from replay.logs.decoding.direct_fields import DirectFields
 from replay.logs.decoding.field_places import (
-    Inline,
     InlineArray,
+    InlineField,
     InlineRecord,
     InlineValue,
     InSpan,
     Located,
     NestedMessage,
     StridedList,
-    Text,
+    TextField,
     WalkedList,
 )
 from replay.logs.decoding.gather_values import (
@@ -130,6 +130,7 @@ class Columns:
         return _wrap_in_lists(found, spreads)
 
     def _place_of_member(self, place: _Place, name: str) -> _Place:
+        """Place of a member of the message at a place."""
         if isinstance(place, _Positions):
             assert isinstance(place.value, InlineRecord)
             return replace(place, value=place.value.fields[name])
@@ -209,7 +210,7 @@ class Columns:
         assert isinstance(place.located, NestedMessage)
         names = place.located.fields["name"]
         assert isinstance(names, WalkedList)
-        assert isinstance(names.element, Text)
+        assert isinstance(names.element, TextField)
         if (names.mark, name) not in self._found:
             text = names.element.mark
             self._found[names.mark, name] = find_name(
@@ -233,21 +234,22 @@ class Columns:
             array = place.located
             assert isinstance(array, StridedList)
             starts = self._select_marks(array.mark, place.chosen)
-        assert isinstance(array.element, Inline)
+        assert isinstance(array.element, InlineField)
         kind = array.element.kind
         stored = concatenate(self.data, starts, counts * DTYPES[kind].itemsize)
         return array_of_elements(numbers_from_bytes(stored, kind, swap=self.swap), kind)
 
     def _gather_values(self, place: _Place) -> Array:
+        """Values at a place as an Arrow array."""
         if isinstance(place, _Elements):
-            assert isinstance(place.located, Text)
+            assert isinstance(place.located, TextField)
             starts = self._select_marks(place.located.mark, place.chosen)
             sizes = self._select_marks(place.located.mark + 1, place.chosen, absent=0)
             return array_of_strings(
                 *gather_string_views(self.data, starts, sizes), absent=starts < 0
             )
         value = place.value
-        assert isinstance(value, Inline)
+        assert isinstance(value, InlineField)
         offset = place.offset + value.offset
         bits = gather_values(self.data, place.at, offset, value.kind, swap=self.swap)
         return array_of_values(bits, value.kind, absent=place.at < 0)
@@ -257,7 +259,7 @@ def _is_contiguous(place: _Place) -> bool:
     array = place.value if isinstance(place, _Positions) else place.located
     return (
         isinstance(array, InlineArray | StridedList)
-        and isinstance(array.element, Inline)
+        and isinstance(array.element, InlineField)
         and array.element.kind in WIDTHS
     )
 

@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 
 @dataclass(frozen=True, slots=True)
-class Inline:
+class InlineField:
     """A number or stamp at `offset` bytes in its span."""
 
     offset: int
@@ -43,7 +43,7 @@ class InSpan:
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class TextField:
     """A string: `mark` is its position, `mark + 1` its length in bytes."""
 
     mark: int
@@ -74,5 +74,5 @@ class NestedMessage:
     fields: "dict[str, Located]"
 
 
-InlineValue: TypeAlias = Inline | InlineRecord | InlineArray
-Located: TypeAlias = InSpan | Text | StridedList | WalkedList | NestedMessage
+InlineValue: TypeAlias = InlineField | InlineRecord | InlineArray
+Located: TypeAlias = InSpan | TextField | StridedList | WalkedList | NestedMessage

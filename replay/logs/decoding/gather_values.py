@@ -35,7 +35,9 @@ _INLINE: Final = 12
 
 
 @compiled
-def load(data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: Ints) -> None:
+def load_column_values(
+    data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: Ints
+) -> None:
     """Load values of a column as 64 bits each: floats as double, stamps in ns.
 
     Args:
@@ -205,7 +207,7 @@ def find_name(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -
 def gather_values(data: Bytes, positions: Ints, offset: int, kind: str, *, swap: bool) -> Ints:
     """Values of one type at `positions + offset`, 64 bits each."""
     out = np.empty(positions.size, np.int64)
-    load(data, positions, offset, LOADS[kind], swap, out)
+    load_column_values(data, positions, offset, LOADS[kind], swap, out)
     return out
 
 

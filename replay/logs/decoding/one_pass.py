@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from estimators.arrays import Bytes, Ints
 from estimators.interpreted import uncounted
 from replay.logs.decoding.direct_fields import Gathering
-from replay.logs.decoding.gather_values import copy_equal, load, make_string_view
+from replay.logs.decoding.gather_values import copy_equal, load_column_values, make_string_view
 from replay.logs.decoding.walk_program import (
+    EncodedMessages,
     Encoding,
-    Messages,
-    Outcome,
-    Template,
+    LayoutTemplate,
     WalkNotes,
+    WalkOutcome,
     walk_messages,
 )
 
@@ -58,14 +58,14 @@ def reserve_rows(gathering: Gathering, rows: int) -> GatheredRows:
 
 @uncounted
 def walk_and_gather(
-    messages: Messages,
+    messages: EncodedMessages,
     encoding: Encoding,
     steps: Ints,
     noted: WalkNotes,
-    template: Template,
+    template: LayoutTemplate,
     gathering: Gathering,
     gathered: GatheredRows,
-    outcome: Outcome,
+    outcome: WalkOutcome,
 ) -> None:
     """Walk and gather messages.
 
@@ -98,6 +98,7 @@ def _gather(
     first: int,
     end: int,
 ) -> None:
+    """Gather values, arrays and strings of walked messages."""
     table, marks, _, _, _ = noted
     value_marks, value_offsets, value_loads = gathering[:3]
     array_marks, array_offsets, array_bytes, text_marks = gathering[3:]
@@ -105,7 +106,9 @@ def _gather(
     for k in range(value_marks.size):
         base = table[value_marks[k], 1]
         positions = marks[base + first : base + end]
-        load(data, positions, value_offsets[k], value_loads[k], swap, values[k, first:end])
+        load_column_values(
+            data, positions, value_offsets[k], value_loads[k], swap, values[k, first:end]
+        )
     rows = values.shape[1]
     above = 0
     for k in range(array_marks.size):

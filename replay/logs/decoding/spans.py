@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from replay.logs.decoding.field_places import Inline, InlineArray, InlineRecord, InlineValue
+from replay.logs.decoding.field_places import InlineArray, InlineField, InlineRecord, InlineValue
 from replay.logs.decoding.wire import WIDTHS, Wire
 from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Scalar
 
@@ -60,7 +60,7 @@ def place_in_span(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None
         if kind.kind == "string":
             return None
         offset = span.append_field(alignment_of_kind(kind.kind, wire), width_of_kind(kind.kind))
-        return None if offset is None else Inline(offset, kind.kind)
+        return None if offset is None else InlineField(offset, kind.kind)
     if isinstance(kind, RecordType):
         fields: dict[str, InlineValue] = {}
         for name, field in stored_members(kind, wire):
@@ -71,12 +71,13 @@ def place_in_span(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None
         return InlineRecord(fields)
     if kind.length is None or fixed_size(kind.element, wire) is None:
         return None
-    if is_delimited(kind, wire) and span.append_field(4, 4) is None:
+    if is_preceded_by_byte_size(kind, wire) and span.append_field(4, 4) is None:
         return None
     return _place_array(span, kind.element, kind.length, wire)
 
 
 def _place_array(span: Span, element: FieldType, length: int, wire: Wire) -> InlineArray | None:
+    """Append an array of fixed size; None if its place would vary."""
     fixed = fixed_size(element, wire)
     assert fixed is not None
     one, value = fixed
@@ -105,12 +106,16 @@ def first_alignment(kind: FieldType, wire: Wire) -> int:
         return 1 if first is None else first_alignment(first, wire)
     if isinstance(kind, Scalar) and kind.kind != "string":
         return alignment_of_kind(kind.kind, wire)
-    if isinstance(kind, ListOf) and kind.length is not None and not is_delimited(kind, wire):
+    if (
+        isinstance(kind, ListOf)
+        and kind.length is not None
+        and not is_preceded_by_byte_size(kind, wire)
+    ):
         return first_alignment(kind.element, wire)
-    return wire.counted
+    return wire.length_alignment
 
 
-def is_delimited(kind: ListOf, wire: Wire) -> bool:
+def is_preceded_by_byte_size(kind: ListOf, wire: Wire) -> bool:
     """Whether a list is preceded by its size in bytes; a stamp counts as a message."""
     is_number = isinstance(kind.element, Scalar) and kind.element.kind in WIDTHS
     return wire.delimited_lists and not is_number

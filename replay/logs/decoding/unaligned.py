@@ -29,42 +29,42 @@ def _emit_address(context: Any, builder: Any, kind: Any, array: Any, at: Any) ->
 
 
 def _emit_load(number_type: Any) -> Any:
-    def typed(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def type_load(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
+        def generate_load(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             address = _emit_address(context, builder, signature.args[0], *arguments)
             pointer = builder.bitcast(address, context.get_data_type(number_type).as_pointer())
             return context.cast(builder, builder.load(pointer, align=1), number_type, types.int64)
 
-        return (types.int64(data, at), generate) if _are_arrays_of_bytes(data) else None
+        return (types.int64(data, at), generate_load) if _are_arrays_of_bytes(data) else None
 
-    return typed
+    return type_load
 
 
 def _emit_copy(
     _: Any, data: Any, at: Any, target: Any, to: Any, size: Any
 ) -> tuple[Any, Any] | None:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def generate_copy(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         source = _emit_address(context, builder, signature.args[0], *arguments[:2])
         sink = _emit_address(context, builder, signature.args[2], *arguments[2:4])
         cgutils.raw_memcpy(builder, sink, source, arguments[4], 1)
         return context.get_dummy_value()
 
     signature = types.void(data, at, target, to, size)
-    return (signature, generate) if _are_arrays_of_bytes(data, target) else None
+    return (signature, generate_copy) if _are_arrays_of_bytes(data, target) else None
 
 
 def _emit_widen(_: Any, bits: Any) -> tuple[Any, Any]:
-    def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+    def generate_widen(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
         word = builder.trunc(arguments[0], context.get_data_type(types.uint32))
         single = builder.bitcast(word, context.get_data_type(types.float32))
         double = builder.fpext(single, context.get_data_type(types.float64))
         return builder.bitcast(double, context.get_data_type(types.int64))
 
-    return types.int64(bits), generate
+    return types.int64(bits), generate_widen
 
 
 def _prefetch_cache_line(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def generate_prefetch(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         address = _emit_address(context, builder, signature.args[0], *arguments)
         word = ir.IntType(32)
         kind = ir.FunctionType(ir.VoidType(), [address.type, word, word, word])
@@ -73,7 +73,7 @@ def _prefetch_cache_line(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
         builder.call(prefetch, [address, word(0), word(3), word(1)])
         return context.get_dummy_value()
 
-    return (types.void(data, at), generate) if _are_arrays_of_bytes(data) else None
+    return (types.void(data, at), generate_prefetch) if _are_arrays_of_bytes(data) else None
 
 
 #: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8

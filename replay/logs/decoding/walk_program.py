@@ -54,7 +54,7 @@ _PATIENCE: Final = 8
 _LATER: Final = 64
 
 
-class Messages(NamedTuple):
+class EncodedMessages(NamedTuple):
     """Messages of one encoding."""
 
     #: (bytes,) what they lie in
@@ -73,7 +73,7 @@ class Encoding(NamedTuple):
     #: numbers are big-endian
     swap: bool
     #: alignment of the lengths of strings and lists
-    counted: int
+    length_alignment: int
 
 
 class WalkNotes(NamedTuple):
@@ -93,7 +93,7 @@ class WalkNotes(NamedTuple):
     left: Ints
 
 
-class Template(NamedTuple):
+class LayoutTemplate(NamedTuple):
     """The layout of a message, for those that repeat it."""
 
     #: (checks, 2) bytes that must be the same: from the message's begin on, and how many
@@ -108,7 +108,7 @@ class Template(NamedTuple):
     state: Ints
 
 
-class Outcome(NamedTuple):
+class WalkOutcome(NamedTuple):
     """Outcome of each walked message."""
 
     #: (n,) what is wrong with each, see `FAULTS`
@@ -117,23 +117,23 @@ class Outcome(NamedTuple):
     places: Ints
 
 
-def make_empty_template(nodes: int) -> Template:
+def make_empty_template(nodes: int) -> LayoutTemplate:
     """Memory for a template, initially empty."""
     state = np.array([-1, 0, 0, 0, 0, 0])
     checks, notes = np.empty((_MOST_CHECKS, 2), np.int64), np.empty((_MOST_NOTES, 4), np.int64)
-    return Template(checks, notes, np.zeros(nodes, np.int64), state)
+    return LayoutTemplate(checks, notes, np.zeros(nodes, np.int64), state)
 
 
 @uncounted
 def walk_messages(
-    messages: Messages,
+    messages: EncodedMessages,
     first: int,
     end: int,
     encoding: Encoding,
     steps: Ints,
     noted: WalkNotes,
-    template: Template,
-    outcome: Outcome,
+    template: LayoutTemplate,
+    outcome: WalkOutcome,
 ) -> None:
     """Walk messages, and note the marks of the complete ones.
 
@@ -349,7 +349,7 @@ def _read_length(
     """Length of a string or list, begin and end of the length unless known, and fault."""
     if known >= 0:
         return known, at, at, 0
-    at = (at + encoding.counted - 1) & -encoding.counted
+    at = (at + encoding.length_alignment - 1) & -encoding.length_alignment
     if size - at < 4:
         return 0, at, at, _ENDS
     length = load32(data, begin + at)

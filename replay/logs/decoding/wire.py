@@ -28,12 +28,12 @@ class Wire:
     delimited_lists: bool = False
 
     @property
-    def head(self) -> int:
+    def encapsulation_bytes(self) -> int:
         """Bytes of the encapsulation."""
         return 4 if self.cdr else 0
 
     @property
-    def counted(self) -> int:
+    def length_alignment(self) -> int:
         """Alignment of the lengths of strings and lists."""
         return min(4, self.max_alignment)
 

@@ -18,10 +18,10 @@ from replay.logs.blocks import (
     BlockFile,
     BlockStore,
     Describe,
-    Grammar,
     LooseRecords,
+    RecordGrammar,
     describe_end_of_reading,
-    resync,
+    find_records_after_damage,
     torn_end,
 )
 from replay.logs.mcap.mcap_index import (
@@ -89,7 +89,7 @@ class McapWalk:
             if end > file.size and (block is not None or self.data_ended):
                 break
             if end == at or end > file.size:
-                end = resync(file, at, self.store.grammar.find)
+                end = find_records_after_damage(file, at, self.store.grammar.find)
                 if end is None:
                     break
                 self.store.damage.note_unreadable_bytes(at, end)
@@ -144,7 +144,7 @@ class McapFile(BlockFile):
         )
 
     @staticmethod
-    def _grammar() -> Grammar:
+    def _grammar() -> RecordGrammar:
         from replay.logs.mcap.mcap_grammar import GRAMMAR
 
         return GRAMMAR
@@ -155,9 +155,9 @@ class McapFile(BlockFile):
         self._compare(walk.chunks(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
             self._store.damage.note("its records do not connect its data with its footer")
-        return self._store.crcs + self._is_sealed + self._is_data_sealed(walk.data_end)
+        return self._store.crcs + self._is_sealed + self._does_data_crc_agree(walk.data_end)
 
-    def _is_data_sealed(self, end: int) -> bool:
+    def _does_data_crc_agree(self, end: int) -> bool:
         """Whether the data up to `end` have a CRC that agrees."""
         said = int.from_bytes(self._file.read(end + RECORD_HEAD.size, 4), "little") if end else 0
         if not said:  # 0 says that the writer computed none
@@ -191,15 +191,15 @@ class McapFile(BlockFile):
             else:
                 unknown.append(block)
         if unknown:
-            self._store.survey(unknown)
+            self._store.add_unindexed(unknown)
 
     def _walk(self) -> McapWalk:
         """Read the file from start to end."""
         walk = McapWalk(self._store, self._process_record)
-        self._store.survey(walk.chunks())
+        self._store.add_unindexed(walk.chunks())
         if not self._store.damage:
             # messages outside chunks have no CRC but that of all data together
-            self._is_data_sealed(walk.data_end)
+            self._does_data_crc_agree(walk.data_end)
         return walk
 
     def _note_missing_end(self, walk: McapWalk, fault: str) -> None:
@@ -235,8 +235,8 @@ class McapFile(BlockFile):
 
 
 def _has_same_times(chunk: ChunkIndex, block: Block) -> bool:
-    said = chunk.message_start_time, chunk.message_end_time
-    return (block.first_ns, block.last_ns) == said
+    indexed = chunk.message_start_time, chunk.message_end_time
+    return (block.first_ns, block.last_ns) == indexed
 
 
 def make_connection(channel: Channel, schema: Schema | None) -> Connection:

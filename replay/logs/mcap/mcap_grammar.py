@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.interpreted import compiled, compiled_by_turns
-from replay.logs.blocks import Grammar
+from replay.logs.blocks import RecordGrammar
 from replay.logs.decoding.bytes_at import count_scan_turns, load16, load32, load64
 from replay.logs.mcap.mcap_records import CHANNEL, CHUNK, DATA_END, MESSAGE, RECORD_HEAD, SCHEMA
 
@@ -26,7 +26,7 @@ _PROVEN: Final = 4
 def _scan_records(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
-    """Find the rows of messages, schemas and channels; see `slabs.Grammar`.
+    """Find the rows of messages, schemas and channels; see `slabs.RecordGrammar`.
 
     It stops at an incomplete record, and at a record that only occurs outside chunks.
     """
@@ -88,6 +88,7 @@ def _link_records(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tup
 
 @compiled_by_turns(count_scan_turns)
 def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+    """Offset from which plausible records follow each other; -1 if none."""
     for first in range(begin, end - _HEAD + 1):
         at = first
         proof = 0
@@ -103,4 +104,4 @@ def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> i
     return -1
 
 
-GRAMMAR: Final = Grammar(_scan_records, _find_record)
+GRAMMAR: Final = RecordGrammar(_scan_records, _find_record)

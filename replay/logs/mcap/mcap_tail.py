@@ -9,7 +9,7 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Schema
 
 from estimators.errors import LogError
-from replay.logs.blocks import BlockTail, Grammar
+from replay.logs.blocks import GrowingBlockFile, RecordGrammar
 from replay.logs.mcap.mcap_file import make_connection
 from replay.logs.mcap.mcap_records import (
     CHANNEL,
@@ -28,7 +28,7 @@ from replay.logs.messages.raw_batch import RawBatch
 _LOOSE: Final = (SCHEMA, CHANNEL, MESSAGE)
 
 
-class McapTail(BlockTail):
+class McapTail(GrowingBlockFile):
     """A growing MCAP file; it is finished when its data section ends."""
 
     def __init__(self, path: Path) -> None:
@@ -36,7 +36,7 @@ class McapTail(BlockTail):
         self._schemas: dict[int, Schema] = {}
 
     @staticmethod
-    def _grammar() -> Grammar:
+    def _grammar() -> RecordGrammar:
         from replay.logs.mcap.mcap_grammar import GRAMMAR
 
         return GRAMMAR
@@ -61,6 +61,7 @@ class McapTail(BlockTail):
         return [] if block is None else self._take_block(block)
 
     def _begin(self) -> list[RawBatch] | None:
+        """Check the magic of the file, as soon as it is complete."""
         head = self._file.read(0, len(MAGIC))
         if not MAGIC.startswith(head):
             raise LogError(

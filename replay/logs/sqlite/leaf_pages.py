@@ -38,7 +38,7 @@ ROW, BEGIN, LOCAL, PAGE, REST = range(5)
 AT_LEAF, AT_CELL, LAST_ID, GAPS, IN_GAP, ODD, FIRST_ODD = range(7)
 
 
-class Tables(NamedTuple):
+class ScannedRows(NamedTuple):
     """Result of a scan."""
 
     #: (5, n) rows of messages as in `storage.rows`, and their ids
@@ -93,7 +93,7 @@ def _child_pages(
             return None
         # a page holds fewer than its bytes
         children = np.empty(slots.size * (layout.page_bytes // 6 + 1), np.uint32)
-        count = child_pages(data, slots, layout.usable_bytes, children)
+        count = fill_child_pages(data, slots, layout.usable_bytes, children)
         if count < 0:
             return None
         found.append(children[:count].copy())
@@ -102,7 +102,7 @@ def _child_pages(
 
 
 @compiled
-def child_pages(
+def fill_child_pages(
     data: NDArray[np.uint8], slots: NDArray[np.int64], usable: int, found: NDArray[np.uint32]
 ) -> int:
     """Pages below those that begin at `slots`; returns their number, -1 if one is damaged."""
@@ -182,7 +182,7 @@ def scan_leaves(
     tail: int,
     room: int,
     state: NDArray[np.int64],
-    tables: Tables,
+    tables: ScannedRows,
 ) -> tuple[int, int, int, bool]:
     """Find requested rows in leaf pages, until the room ends or a row is unusual.
 

@@ -23,7 +23,7 @@ from replay.logs.sqlite.leaf_pages import (
     REST,
     ROW,
     PageRanges,
-    Tables,
+    ScannedRows,
     leaf_pages,
     page_ranges,
     read_ranges,
@@ -52,7 +52,7 @@ _FIRST_LEAVES: Final = 64
 
 
 @dataclass(slots=True)
-class _Memory:
+class _PageBuffers:
     data: NDArray[np.uint8] = field(
         default_factory=lambda: np.empty(_LEAF_BYTES + _JOINED_BYTES, np.uint8)
     )
@@ -81,7 +81,7 @@ class PageWalk:
         self._layout = layout
         self._wanted = row_filter
         self._note = note
-        self._chains = Chains(file, layout)
+        self._chains = OverflowPageReader(file, layout)
         self._spills = np.empty((5, _MOST_SPILLED), np.int64)
         self._gaps = np.empty((2, _MOST_GAPS), np.int64)
         self._state = np.zeros(7, np.int64)
@@ -100,7 +100,8 @@ class PageWalk:
         self._note_losses()
 
     def _walk_leaves(self, leaves: NDArray[np.uint32]) -> Iterator[TableRows]:
-        memories = (_Memory(), _Memory())
+        """Yield rows leaf by leaf, with twice the reach of the step before."""
+        memories = (_PageBuffers(), _PageBuffers())
         at, step, reach = 0, 0, _FIRST_LEAVES
         is_usual = True
         while is_usual and at < leaves.size:
@@ -115,7 +116,7 @@ class PageWalk:
         if is_usual:
             self.left_after = None
 
-    def _read(self, leaves: NDArray[np.uint32], memory: _Memory) -> tuple[TableRows, bool]:
+    def _read(self, leaves: NDArray[np.uint32], memory: _PageBuffers) -> tuple[TableRows, bool]:
         """Rows from the given leaves on, and whether the following leaves have the usual layout."""
         size = self._layout.page_bytes
         ranges, slots = page_ranges(leaves, size, _LEAF_BYTES)
@@ -131,7 +132,7 @@ class PageWalk:
             tail,
             _JOINED_BYTES,
             self._state,
-            Tables(memory.rows, self._spills, self._gaps),
+            ScannedRows(memory.rows, self._spills, self._gaps),
         )
         data, rows = memory.data, memory.rows[:, :found]
         if spilled:
@@ -145,6 +146,7 @@ class PageWalk:
     def _drop_torn_rows(
         self, rows: NDArray[np.int64], spills: NDArray[np.int64]
     ) -> NDArray[np.int64]:
+        """Drop and count rows whose overflow pages are damaged."""
         torn = spills[ROW, spills[PAGE] == 0]
         if not torn.size:
             return rows
@@ -181,7 +183,7 @@ def _describe_lost_rows(before: int, until: int) -> str:
     )
 
 
-class Near(NamedTuple):
+class NearPages(NamedTuple):
     """Pages read for one message: the first, their number and their bytes."""
 
     first: int
@@ -189,7 +191,7 @@ class Near(NamedTuple):
     data: NDArray[np.uint8]
 
 
-class Chains:
+class OverflowPageReader:
     """Reader of overflow pages, each of which names the next."""
 
     def __init__(self, file: FileBytes, layout: PageLayout) -> None:
@@ -198,7 +200,7 @@ class Chains:
         self._most = max(1, _MOST_BYTES // layout.page_bytes)
         self._at_once = self._most
         self._used = 0
-        self._near = Near(0, 0, np.empty(0, np.uint8))
+        self._near = NearPages(0, 0, np.empty(0, np.uint8))
 
     def join(
         self,
@@ -234,7 +236,9 @@ class Chains:
         needed = -(-left // (self._layout.usable_bytes - 4))
         pages = min(needed, self._at_once, self._layout.pages + 1 - page)
         data = self._near.data
-        self._near = Near(page, pages, data if data.size else np.empty(self._most * size, np.uint8))
+        self._near = NearPages(
+            page, pages, data if data.size else np.empty(self._most * size, np.uint8)
+        )
         target = self._near.data[: pages * size]
         if self._file.read_into((page - 1) * size, target) < target.size:
             raise OSError("the file was truncated while it was read")
@@ -253,7 +257,7 @@ def _find_page(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
 def _continue_chains(
     data: NDArray[np.uint8],
     at_hand: NDArray[np.int64],
-    near: Near,
+    near: NearPages,
     layout: PageLayout,
     rows: NDArray[np.int64],
     spills: NDArray[np.int64],

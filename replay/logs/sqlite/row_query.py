@@ -184,7 +184,7 @@ def _iter_while_ids_increase(after: int, rows: list[Row]) -> Iterator[Row]:
 def _find_id_behind_damage(database: sqlite3.Connection, query: str, after: int) -> int | None:
     """Id after which a row can be read again; None if there is none."""
 
-    def first(gap: int) -> int | None:
+    def first_id_after_gap(gap: int) -> int | None:
         row = find_first_row_after(database, query, min(after + gap, MOST_ID))
         return None if row is None else row[0]
 
@@ -192,13 +192,13 @@ def _find_id_behind_damage(database: sqlite3.Connection, query: str, after: int)
     while not works and fails < 2**63:
         gap = max(1, 2 * fails)
         try:
-            found, works = first(gap), gap
+            found, works = first_id_after_gap(gap), gap
         except BrokenBytesError:
             fails = gap
     while works - fails > 1:
         gap = (fails + works) // 2
         try:
-            found, works = first(gap), gap
+            found, works = first_id_after_gap(gap), gap
         except BrokenBytesError:
             fails = gap
     return None if found is None else found - 1

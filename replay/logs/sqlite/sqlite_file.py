@@ -104,6 +104,7 @@ class Db3File:
         return self.log_times(connection_id).size
 
     def _since_1970(self, key: int, times: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Log times without those before 1970, which are noted as damage."""
         early = int(np.count_nonzero(times < 0))
         if early:
             topic = next((c.topic for c in self.connections if c.id == key), "")

@@ -153,6 +153,7 @@ def _parse_whole_numbers(column: pl.Expr) -> pl.Expr:
 
 
 def _clock_ns(part: pl.DataFrame) -> pl.Series:
+    """Time of day in ns, from hour, minute, second, fraction and zone."""
     hour, half = _parse_whole_numbers(pl.col("h")), pl.col("half").str.to_lowercase()
     hour = (
         pl.when(half == "p").then(hour % 12 + 12).when(half == "a").then(hour % 12).otherwise(hour)

@@ -79,7 +79,7 @@ class Dialect:
 
 
 @dataclass(frozen=True, slots=True)
-class _Reading:
+class _DialectTrial:
     separator: str
     decimal: str
     rows: list[TextRow]
@@ -128,6 +128,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
 
 
 def _given_separators(hints: TableHints) -> tuple[str, ...]:
+    """Separator that the machine file names, else all known ones."""
     if hints.separator is None:
         return SEPARATORS
     words = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "blank": " ", "blanks": " "}
@@ -139,7 +140,7 @@ def _given_separators(hints: TableHints) -> tuple[str, ...]:
     return (given,)
 
 
-def _decide_decimal(best: list[_Reading], hints: TableHints) -> _Reading:
+def _decide_decimal(best: list[_DialectTrial], hints: TableHints) -> _DialectTrial:
     """Choose among dialects that differ in the decimal sign only."""
     with_sign = [each for each in best if each.decimals]
     # where no cell has a sign, the signs mean the same
@@ -185,7 +186,7 @@ def split_rows(lines: Sequence[str], separator: str) -> Iterator[TextRow]:
 
 def _iter_separator_trials(
     lines: Sequence[str], separator: str, decimals: Sequence[str], hints: TableHints
-) -> Iterator[_Reading]:
+) -> Iterator[_DialectTrial]:
     if not any(separator in line for line in lines):
         return
     rows = list(split_rows(lines, separator))
@@ -211,7 +212,7 @@ def _iter_separator_trials(
 
 def _try_separators(
     rows: list[TextRow], later: list[TextRow], width: int, signs: tuple[str, str], below: int
-) -> _Reading | None:
+) -> _DialectTrial | None:
     separator, decimal = signs
     fitting = [row for row in later if len(row.cells) == width] or later
     columns = [[row.cells[k] for row in fitting if k < len(row.cells)] for k in range(width)]
@@ -257,7 +258,7 @@ def _try_separators(
     some = rows[first : first + _ROWS]
     cells = [row.cells[k] for row in some for k in numeric if k < len(row.cells)]
     with_sign = [is_signed(cell, decimal) for cell in cells]
-    return _Reading(
+    return _DialectTrial(
         separator,
         decimal,
         rows,
@@ -287,6 +288,7 @@ def _has_names_below(
 
 
 def _is_data(cells: Sequence[str], numeric: Sequence[int], width: int, decimal: str) -> bool:
+    """Whether a row has numbers where the table has them."""
     if len(cells) > width + 1:
         return False
     kinds = [classify_cell(cells[k], decimal) for k in numeric if k < len(cells)]
@@ -300,7 +302,7 @@ def _dialect_without_numbers(
     for separator in separators:
         rows = list(split_rows(lines, separator))
         if rows and len(rows) <= 2 and all(len(row.cells) > 1 for row in rows):
-            reading = _Reading(separator, ".", rows, len(rows), len(rows[0].cells), 0.0, 0, 0)
+            reading = _DialectTrial(separator, ".", rows, len(rows), len(rows[0].cells), 0.0, 0, 0)
             return _find_head_rows(reading, lines, hints)
     raise DialectError(
         "its lines are not rows of cells with numbers; set [log] separator, decimal or header_row "
@@ -308,7 +310,7 @@ def _dialect_without_numbers(
     )
 
 
-def _find_head_rows(reading: _Reading, lines: Sequence[str], hints: TableHints) -> Dialect:
+def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHints) -> Dialect:
     """Find the rows of names and units above the data."""
     rows, width, separator = reading.rows, reading.width, reading.separator
     above = [header_row(row, separator, width, lines) for row in rows[: reading.first]]

@@ -88,7 +88,7 @@ def _format_cell(value: Any) -> str:
     return str(value)
 
 
-class _Corner:
+class _SheetExtent:
     """Last row and column of a sheet, whose cells must all fit into memory."""
 
     def __init__(self) -> None:
@@ -119,7 +119,7 @@ def _check_size(path: Path) -> None:
         with ZipFile(path) as archive:
             left = _LARGEST
             for member in archive.infolist():
-                corner, tail = _Corner(), b""
+                corner, tail = _SheetExtent(), b""
                 with archive.open(member) as file:
                     while piece := file.read(_PIECE):
                         left -= len(piece)

@@ -43,6 +43,7 @@ def _is_clock_column(cells: list[str]) -> bool:
 
 
 def _is_rising(cells: list[str]) -> bool:
+    """Whether the cells are strictly increasing numbers."""
     numbers = pl.Series(cells, dtype=pl.String).str.replace(",", ".").cast(pl.Float64, strict=False)
     steps = numbers.diff().drop_nulls()
     return numbers.len() >= _FEWEST and steps.len() == numbers.len() - 1 and bool((steps > 0).all())

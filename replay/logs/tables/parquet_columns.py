@@ -150,14 +150,16 @@ def units_of_schema(metadata: Mapping[str, str], names: Sequence[str]) -> dict[s
         names: names of its columns.
     """
     found: dict[str, str] = {}
-    for name, text in _stated_unit(metadata, names):
+    for name, text in _iter_stated_units(metadata, names):
         unit = spelt_unit(text)
         if unit is not None:
             found.setdefault(name, unit)
     return found
 
 
-def _stated_unit(metadata: Mapping[str, str], names: Sequence[str]) -> Iterator[tuple[str, str]]:
+def _iter_stated_units(
+    metadata: Mapping[str, str], names: Sequence[str]
+) -> Iterator[tuple[str, str]]:
     for name in names:
         keys = (form.format(name) for form in _OF_A_COLUMN)
         yield from ((name, metadata[key]) for key in keys if key in metadata)

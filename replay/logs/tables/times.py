@@ -90,6 +90,7 @@ def _datetimes_to_ns(values: pl.Series) -> pl.Series:
 
 
 def _check_range(extremes: Iterable[object], largest: int, unit: str) -> None:
+    """Raise an error if a time does not fit into 64-bit ns."""
     # as Python numbers: polars compares integers only with what fits into their own dtype
     for extreme in extremes:
         if isinstance(extreme, (int, float)) and abs(extreme) > largest:

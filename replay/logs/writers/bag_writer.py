@@ -57,10 +57,10 @@ def _make_envelope(connection: int, times: Ints) -> Envelope:
     head = record_header(_MESSAGE, conn=struct.pack("<L", connection), time=bytes(8))[:-8]
     sec, nsec = times // 10**9, times % 10**9
 
-    def before(size: int) -> list[bytes | tuple[str, Ints]]:
+    def record_head(size: int) -> list[bytes | tuple[str, Ints]]:
         return [head, ("<u4", sec), ("<u4", nsec), struct.pack("<L", size)]
 
-    return before
+    return record_head
 
 
 def record_header(opcode: int | None, **fields: bytes) -> bytes:

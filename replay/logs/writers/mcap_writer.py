@@ -65,12 +65,12 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
 def make_envelope(channel: int, times: Ints) -> Envelope:
     """Bytes before the messages of a channel, recorded at times (n,)."""
 
-    def before(size: int) -> list[bytes | tuple[str, Ints]]:
+    def record_head(size: int) -> list[bytes | tuple[str, Ints]]:
         head = bytes([Opcode.MESSAGE]) + (size + _MESSAGE_HEAD).to_bytes(8, "little")
         # no sequence number; published when recorded
         return [head + channel.to_bytes(2, "little") + bytes(4), ("<u8", times), ("<u8", times)]
 
-    return before
+    return record_head
 
 
 class ChannelRecord(NamedTuple):
@@ -125,9 +125,9 @@ class ColumnMcap:
 
     Attributes:
         file: opened for writing, empty.
-        channels: what it holds.
+        channels: channels of the file, by topic.
         packed: whether chunks are compressed with zstd and have a CRC.
-        statistics: of what has been written.
+        statistics: statistics of the messages written so far.
     """
 
     file: BinaryIO

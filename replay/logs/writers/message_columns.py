@@ -44,18 +44,19 @@ class RaggedColumn:
         return np.cumsum(self.lengths) - self.lengths
 
 
-def shape_numbers(column: Column) -> Ints | None:
+def number_message_shapes(column: Column) -> Ints | None:
     """Numbers (n,) that are equal for messages of equal lengths; None if all lengths are equal."""
     if isinstance(column, RaggedColumn):
         return _list_shape_ids(column)
     if isinstance(column, Mapping):
-        return _number_joint_shapes([shape_numbers(each) for each in column.values()])
+        return _number_joint_shapes([number_message_shapes(each) for each in column.values()])
     if isinstance(column, list | tuple):
-        return _number_joint_shapes([shape_numbers(each) for each in column])
+        return _number_joint_shapes([number_message_shapes(each) for each in column])
     return None
 
 
 def _number_joint_shapes(found: Sequence[Ints | None]) -> Ints | None:
+    """Number the combinations of shapes of several columns."""
     known = [each for each in found if each is not None]
     if len(known) < 2:
         return known[0] if known else None
@@ -63,7 +64,7 @@ def _number_joint_shapes(found: Sequence[Ints | None]) -> Ints | None:
 
 
 def _list_shape_ids(column: RaggedColumn) -> Ints:
-    inside, lengths = shape_numbers(column.content), column.lengths
+    inside, lengths = number_message_shapes(column.content), column.lengths
     if inside is None:
         return lengths
     numbers = np.zeros(lengths.size, np.int64)

@@ -41,6 +41,7 @@ class RecordBlock(NamedTuple):
 
 @uncounted
 def _scatter_rows(rows: Bytes, size: int, begins: Ints, target: Bytes) -> None:
+    """Copy rows of equal size to their positions in the target."""
     for number in range(begins.size):
         copy(rows, number * size, target, begins[number], size)
 

@@ -50,11 +50,11 @@ def recorded_topics(
         ros1: whether the distribution is one of ROS 1.
     """
 
-    def topic(name: str, frame: pl.DataFrame) -> RecordedTopic:
+    def make_topic(name: str, frame: pl.DataFrame) -> RecordedTopic:
         ordered = frame.sort("log_time_ns", maintain_order=True)
         times = ordered["log_time_ns"].to_numpy()
 
-        def records(first: int, last: int) -> list[SameLayout]:
+        def serialise_rows(first: int, last: int) -> list[SameLayout]:
             part = ordered.slice(first, last - first)
             return serialise(
                 store,
@@ -65,9 +65,9 @@ def recorded_topics(
                 envelope(connections[name], times[first:last]),
             )
 
-        return RecordedTopic(connections[name], times, records)
+        return RecordedTopic(connections[name], times, serialise_rows)
 
-    return [topic(name, frame) for name, frame in log.topics.items()]
+    return [make_topic(name, frame) for name, frame in log.topics.items()]
 
 
 def message_columns(

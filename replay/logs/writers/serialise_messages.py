@@ -14,7 +14,7 @@ from rosbags.interfaces import Nodetype
 
 from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.wire import Wire
-from replay.logs.writers.message_columns import Column, RaggedColumn, shape_numbers
+from replay.logs.writers.message_columns import Column, RaggedColumn, number_message_shapes
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -56,7 +56,7 @@ def serialise(
     Returns:
         Messages by layout, each preceded by its envelope.
     """
-    found = shape_numbers(column)
+    found = number_message_shapes(column)
     numbers = np.empty(0, np.int64) if found is None else np.unique(found)
     if found is None or numbers.size == 1:
         return [

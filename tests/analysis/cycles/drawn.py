@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from analysis.model.schema import build
+from analysis.model.schema import build_frame
 
 NS = 10**9
 PERIOD_S = 100.0
@@ -58,7 +58,7 @@ def drawn_shift(
     start = np.array([s for s, _ in rows]) / pace
     mass = np.array([m for _, m in rows])
     state = np.cumsum(np.append(0, np.abs(np.diff(mass)) > 50.0))
-    manoeuvres = build(
+    manoeuvres = build_frame(
         "manoeuvres",
         {
             "load_id": state,
@@ -81,7 +81,7 @@ def drawn_shift(
     return {
         "manoeuvres": manoeuvres,
         "loads": loads,
-        "digging": build(
+        "digging": build_frame(
             "digging",
             {
                 "start_t_ns": pl.Series([int(a / pace * NS) for a, _ in spans], dtype=pl.Int64),

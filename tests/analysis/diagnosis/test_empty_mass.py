@@ -62,7 +62,7 @@ def test_a_mass_far_above_it_is_told_with_the_factor_and_its_candidates(times):
     remark = log.check("empty_mass")
     assert log.load["mass_kg"] is not None
     assert (remark.passed, remark.consequence) == (False, "tell")
-    assert "10 % for a scale that the machine file leaves open" in remark.meaning
+    assert "10 % for the scale, whose uncertainty the machine file does not state" in remark.meaning
     assert f"a gear or gain of {times:g}"[:20] in remark.meaning
     assert ("km/h instead of m/s" in remark.meaning) == (times == 3.6)
     assert first(log)["cause"] == "wrong_scale"
@@ -85,7 +85,7 @@ def test_what_may_be_a_payload_is_not_judged():
 def test_a_stated_scale_is_judged_by_itself():
     log = scaled(0.9, *SCALE_STATED)
     assert log.load["mass_kg"] is None
-    assert "leaves open" not in log.check("negative_payload").meaning
+    assert "does not state" not in log.check("negative_payload").meaning
     assert scaled(1.0, *SCALE_STATED).check("negative_payload").passed is True
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.diagnosis.measured_channels import Signals
+from analysis.diagnosis.measured_channels import RawSignals
 from benchmarks.dialects.dialect_file import DRIVE
 from tests.analysis.limited_car import MASS_KG, Car, Judged
 
@@ -136,8 +136,8 @@ class TestWhatIsNamed:
 
     T_NS = np.arange(1000) * 10_000_000
 
-    def signals(self, force: np.ndarray) -> Signals:
-        return Signals(
+    def signals(self, force: np.ndarray) -> RawSignals:
+        return RawSignals(
             {
                 "force_x_N": (self.T_NS, force),
                 "speed_x_m_s": (self.T_NS, np.linspace(0.0, 3.0, 1000)),
@@ -156,27 +156,27 @@ class TestWhatIsNamed:
         force[850] = 170.0
         found = self.signals(force)
         assert found.frozen_s == 0.0
-        assert found.clipped["force_x_N"] == (pytest.approx(0.299), 150.0)
-        begins_s = [begin / 1e9 for begin, _ in found.at_limit["force_x_N"]]
+        assert found.clipping["force_x_N"] == (pytest.approx(0.299), 150.0)
+        begins_s = [begin / 1e9 for begin, _ in found.clipped_spans["force_x_N"]]
         assert begins_s == pytest.approx([1.0, 4.0, 8.0], abs=0.3)
 
     def test_once_seen_to_freeze_a_channel_is_frozen_wherever_it_repeats_itself(self) -> None:
         force = self.noisy()
         force[300:500] = force[300]
         force[700:740] = force[700]  # in which the speed hardly changes
-        assert len(self.signals(force).frozen["force_x_N"]) == 2
+        assert len(self.signals(force).frozen_spans["force_x_N"]) == 2
 
     def test_two_equal_readings_of_a_slow_channel_are_not_frozen(self) -> None:
         t_ns = np.arange(60) * 1_000_000_000
         force = np.repeat(np.arange(30.0) + 1.0, 2)
         channels = {"force_x_N": (t_ns, force), "speed_x_m_s": (t_ns, np.arange(60.0) ** 2)}
-        assert Signals(channels, None, 60.0).frozen_s == 0.0
+        assert RawSignals(channels, None, 60.0).frozen_s == 0.0
 
     def test_single_readings_at_the_extreme_are_noise_that_reaches_it(self) -> None:
         force = np.minimum(self.noisy(), 100.0)  # one in twenty
         found = self.signals(force)
         assert found.clipped_share > 0.0
-        assert found.at_limit["force_x_N"] == []
+        assert found.clipped_spans["force_x_N"] == []
 
 
 class TestStands:
@@ -186,7 +186,7 @@ class TestStands:
 
     def stands(self, **speeds: np.ndarray) -> list[tuple[int, int]]:
         channels = {name: (self.T_NS, speed) for name, speed in speeds.items()}
-        return Signals(channels, None, 10.0).standstill_spans
+        return RawSignals(channels, None, 10.0).standstill_spans
 
     def drive(self) -> np.ndarray:
         """Three seconds of stand, a start, a stop, and a stand again."""

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
-from analysis.diagnosis.measured_channels import Signals
+from analysis.diagnosis.measured_channels import RawSignals
 from analysis.diagnosis.method_disagreement import compare_methods_with_joint_fit
 from analysis.model.settings import Settings
 from analysis.stages.estimation.masses import summarise_masses
@@ -276,7 +276,7 @@ class TestSignals:
     T_NS = np.arange(1000) * 10_000_000
 
     def signals(self, **channels):
-        return Signals({name: (self.T_NS, x) for name, x in channels.items()}, None, 10.0)
+        return RawSignals({name: (self.T_NS, x) for name, x in channels.items()}, None, 10.0)
 
     def ramp(self):
         return np.linspace(0.0, 3.0, 1000)
@@ -302,7 +302,7 @@ class TestSignals:
         torques = {"torque_left_N_m": np.full(1000, reading), "torque_right_N_m": self.ramp()}
         found = self.signals(**torques, speed_x_m_s=self.ramp())
         assert found.frozen_s == pytest.approx(9.99)
-        assert found.frozen["torque_right_N_m"] == []
+        assert found.frozen_spans["torque_right_N_m"] == []
 
     def test_a_machine_that_never_drives_is_not_frozen(self):
         noise = np.random.default_rng(3).normal(0.0, 60.0, 1000)

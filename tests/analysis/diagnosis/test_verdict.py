@@ -7,9 +7,9 @@ import pytest
 from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
-from analysis.model.schema import build
+from analysis.model.schema import build_frame
 from analysis.model.verdict import Verdict
-from analysis.stages.gating.gate import gate
+from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.phases import speed_rate
 
 TRIP = ("standstill", "start", "brake", "standstill")
@@ -24,7 +24,9 @@ def good(drive):
 def judge(excitation_of, machine):
     def judged(made, machine=machine()):  # noqa: B008 - frozen, and the plain machine
         excitation = excitation_of(made, machine)
-        return judge_checks(CheckInputs(excitation, gate(excitation, machine.settings), machine))
+        return judge_checks(
+            CheckInputs(excitation, gate_windows(excitation, machine.settings), machine)
+        )
 
     return judged
 
@@ -39,7 +41,7 @@ def failed(table):
 
 def test_a_good_log_passes_every_check_with_its_number(good, judge):
     table = judge(good)
-    assert Verdict.of(table).can_weigh
+    assert Verdict.from_frame(table).can_weigh
     assert table["passed"].all()
     # of frames alone: neither the fit nor the raw signals are at hand
     others = {row.name for row in (*FIT_CHECKS, *SIGNAL_CHECKS)} - {"imu_tilt"}
@@ -58,7 +60,7 @@ def test_a_good_log_passes_every_check_with_its_number(good, judge):
 
 def test_a_force_that_has_lost_its_sign_is_found(good, judge):
     table = judge(good.but(force_x_N=np.abs))
-    assert not Verdict.of(table).can_weigh
+    assert not Verdict.from_frame(table).can_weigh
     assert failed(table) == {"opposing_share"}
     # the noise about zero aside
     assert check(table, "opposing_share")["value"] < 0.05
@@ -66,7 +68,7 @@ def test_a_force_that_has_lost_its_sign_is_found(good, judge):
 
 def test_an_accelerometer_that_sees_a_tenth_of_the_motion_is_found(good, judge):
     table = judge(good.but(specific_force_x_m_s2=lambda x: 0.1 * x))
-    assert not Verdict.of(table).can_weigh
+    assert not Verdict.from_frame(table).can_weigh
     assert check(table, "acceleration_gain")["value"] == pytest.approx(0.1, abs=0.02)
     assert {"acceleration_gain", "empty_mass_ratio"} <= failed(table)
 
@@ -74,13 +76,13 @@ def test_an_accelerometer_that_sees_a_tenth_of_the_motion_is_found(good, judge):
 def test_a_force_that_has_nothing_to_do_with_the_motion_is_found(good, judge):
     noise = np.random.default_rng(3).normal(0, 3000, good.force_x_N.size)
     table = judge(good.but(force_x_N=noise))
-    assert not Verdict.of(table).can_weigh
+    assert not Verdict.from_frame(table).can_weigh
     assert {"partial_correlation", "relative_std", "r_squared"} <= failed(table)
 
 
 def test_a_log_without_motion_cannot_weigh(drive, judge):
     table = judge(drive(("standstill",), (20.0,)))
-    assert not Verdict.of(table).can_weigh
+    assert not Verdict.from_frame(table).can_weigh
     assert {"partial_correlation", "relative_std", "r_squared", "accepted_stretches"} <= failed(
         table
     )
@@ -100,7 +102,7 @@ def test_checks_that_do_not_apply_are_null_and_do_not_fail(drive, judge, machine
     table = judge(never_brakes, machine(body={"empty_mass_kg": None}))
     assert check(table, "opposing_share")["passed"] is None
     assert check(table, "empty_mass_ratio")["passed"] is None
-    assert Verdict.of(table).can_weigh
+    assert Verdict.from_frame(table).can_weigh
 
 
 def test_the_limits_are_settings(good, judge, machine):
@@ -115,7 +117,7 @@ def test_the_gate_does_not_shield_a_bad_log_from_the_verdict(good, judge):
     """Windows that look fine are there, and the log still fails."""
     table = judge(good.but(force_x_N=np.abs))
     assert check(table, "accepted_stretches")["value"] >= 1
-    assert not Verdict.of(table).can_weigh
+    assert not Verdict.from_frame(table).can_weigh
 
 
 def test_fast_motion_does_not_make_wheels_and_accelerometer_disagree(machine):
@@ -125,7 +127,7 @@ def test_fast_motion_does_not_make_wheels_and_accelerometer_disagree(machine):
     speed = 2.0 + 0.2 * np.sin(2 * np.pi * 2.0 * t)
     acc = 0.2 * 2 * np.pi * 2.0 * np.cos(2 * np.pi * 2.0 * t)
     rate = speed_rate(speed, settings)
-    excitation = build(
+    excitation = build_frame(
         "excitation",
         {
             "t_ns": np.arange(t.size) * 10_000_000,
@@ -137,5 +139,5 @@ def test_fast_motion_does_not_make_wheels_and_accelerometer_disagree(machine):
             "phase": pl.Series(np.where(rate > 0, "accelerating", "braking")),
         },
     )
-    table = judge_checks(CheckInputs(excitation, gate(excitation, settings), machine()))
+    table = judge_checks(CheckInputs(excitation, gate_windows(excitation, settings), machine()))
     assert check(table, "acceleration_gain")["value"] == pytest.approx(1.0, abs=0.05)

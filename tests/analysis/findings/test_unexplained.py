@@ -6,8 +6,8 @@ import pytest
 from analysis.diagnosis import CHECKS
 from analysis.diagnosis.check_row import CheckRow
 from analysis.findings import CAUSES
-from analysis.findings.unexplained import unexplained_symptom
-from analysis.model.schema import build
+from analysis.findings.unexplained import make_unexplained_symptom
+from analysis.model.schema import build_frame
 
 #: Of what costs the mass something; those that tell alone name their own reason.
 COSTS = [row for row in CHECKS if row.about == "mass" and row.consequence in ("withhold", "widen")]
@@ -31,34 +31,34 @@ def failing(*names: str) -> pl.DataFrame:
         },
         schema_overrides=limits,
     )
-    return build("verdict", frame.to_dict())
+    return build_frame("verdict", frame.to_dict())
 
 
 @pytest.mark.parametrize("row", COSTS, ids=lambda row: row.name)
 def test_each_check_that_fails_alone_is_what_disagrees(row: CheckRow) -> None:
-    found = unexplained_symptom(failing(row.name), ())
+    found = make_unexplained_symptom(failing(row.name), ())
     assert found is not None
     assert found.strength == 9.0
     assert f"{row.name} 9 > 1: {row.meaning}" in found.evidence
 
 
 def test_what_a_cause_accounts_for_is_said_once() -> None:
-    assert unexplained_symptom(failing("gain"), ("wheel_radius",)) is None
-    assert unexplained_symptom(failing("frozen"), ("frozen",)) is None
+    assert make_unexplained_symptom(failing("gain"), ("wheel_radius",)) is None
+    assert make_unexplained_symptom(failing("frozen"), ("frozen",)) is None
 
 
 def test_a_cause_of_something_else_accounts_for_nothing() -> None:
     for check, cause in {"frozen": "delay", "imu_tilt": "coulomb", "gain": "quantised"}.items():
-        found = unexplained_symptom(failing(check), (cause,))
+        found = make_unexplained_symptom(failing(check), (cause,))
         assert found is not None
         assert check in found.evidence
 
 
 def test_a_log_that_passes_has_no_unknown_cause() -> None:
-    assert unexplained_symptom(failing(), ()) is None
-    assert unexplained_symptom(failing("methods", "gated", "const"), ()) is None
+    assert make_unexplained_symptom(failing(), ()) is None
+    assert make_unexplained_symptom(failing("methods", "gated", "const"), ()) is None
 
 
 def test_every_check_has_a_cause_that_accounts_for_it() -> None:
     every = tuple(cause.key for cause in CAUSES)
-    assert unexplained_symptom(failing(*(row.name for row in COSTS)), every) is None
+    assert make_unexplained_symptom(failing(*(row.name for row in COSTS)), every) is None

@@ -13,8 +13,8 @@ from analysis.stages.estimation.masses import (
     why_nothing_was_accepted,
     withhold_masses,
 )
-from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import gate, samples_in_windows
+from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.gating.gate import gate_windows, samples_in_windows
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 
 TRIP = ("standstill", "start", "brake", "standstill")
@@ -25,8 +25,8 @@ def replayed(drive, excitation_of, machine):
     def replay(opinion):
         made = machine()
         excitation = excitation_of(drive(), made)
-        gated = gate(excitation, made.settings)
-        estimates = trace(excitation, gated, made.settings)
+        gated = gate_windows(excitation, made.settings)
+        estimates = trace_estimates(excitation, gated, made.settings)
         return Run(
             {
                 "gate": gated,
@@ -122,7 +122,7 @@ def test_a_withheld_mass_is_null_in_the_answer(replayed):
 def test_the_obstacle_is_named(drive, excitation_of, machine, manoeuvres, seconds, changes, why):
     settings = machine().settings
     excitation = excitation_of(drive(manoeuvres, seconds).but(**changes))
-    said = why_nothing_was_accepted(excitation, gate(excitation, settings), settings)
+    said = why_nothing_was_accepted(excitation, gate_windows(excitation, settings), settings)
     if why is None:
         assert said is None
     else:

@@ -11,10 +11,10 @@ from analysis.model.schema import (
     PHASES,
     QUALITIES,
     REASONS,
-    build,
-    conform,
+    build_frame,
+    column_values,
+    conform_to_schema,
     frame_schema,
-    values,
 )
 
 COLUMNS = [(frame.name, column) for frame in FRAMES.values() for column in frame.columns]
@@ -130,7 +130,7 @@ def test_a_frame_knows_what_places_it_in_time(frame, column):
 
 
 def test_conform_orders_and_casts():
-    frame = conform(
+    frame = conform_to_schema(
         "gate", pl.DataFrame({"accepted_x": [True], "t_ns": pl.Series([1], dtype=pl.Int8)})
     )
     assert list(frame.schema.items()) == [("t_ns", pl.Int64), ("accepted_x", pl.Boolean)]
@@ -140,20 +140,20 @@ def test_conform_refuses_a_column_without_a_declaration():
     with pytest.raises(
         KeyError, match=r"gate: columns without a declaration: \['colour', 'size'\]"
     ):
-        conform("gate", pl.DataFrame({"t_ns": [1], "size": [1], "colour": [1]}))
+        conform_to_schema("gate", pl.DataFrame({"t_ns": [1], "size": [1], "colour": [1]}))
 
 
 @pytest.mark.parametrize("make", [np.array, pl.Series], ids=["array", "series"])
 def test_nan_becomes_null_whatever_it_came_in(make):
-    frame = build("aligned", {"t_ns": make([1, 2]), "force_x_N": make([np.nan, 2.0])})
+    frame = build_frame("aligned", {"t_ns": make([1, 2]), "force_x_N": make([np.nan, 2.0])})
     assert frame["force_x_N"].to_list() == [None, 2.0]
 
 
 def test_values_are_floats_with_nan_for_null_and_for_a_column_that_is_not_there():
     frame = pl.DataFrame({"samples": [1, None], "passed": [True, None]})
-    np.testing.assert_array_equal(values(frame, "samples"), [1.0, np.nan])
-    np.testing.assert_array_equal(values(frame, "passed"), [1.0, np.nan])
-    np.testing.assert_array_equal(values(frame, "absent"), [np.nan, np.nan])
+    np.testing.assert_array_equal(column_values(frame, "samples"), [1.0, np.nan])
+    np.testing.assert_array_equal(column_values(frame, "passed"), [1.0, np.nan])
+    np.testing.assert_array_equal(column_values(frame, "absent"), [np.nan, np.nan])
 
 
 def test_phases_and_reasons_are_those_of_the_design():

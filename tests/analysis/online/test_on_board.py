@@ -13,8 +13,8 @@ from analysis.model.axes import X, Z, estimated_parameters, rows_of_axis
 from analysis.model.methods import METHODS
 from analysis.model.settings import Settings
 from analysis.online import on_board as online
-from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import gate
+from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pooled_samples
 from analysis.stages.noise.channel_noise import channel_noise
 from tests.analysis import plane_drives as plane
@@ -43,8 +43,8 @@ def on_board(excitation, settings, noise=None, axis=X):
 
 
 def assert_as_in_replay(excitation, settings, noise=None, axis=X):
-    gated = gate(excitation, settings, noise)
-    frames = trace(excitation, gated, settings, noise)
+    gated = gate_windows(excitation, settings, noise)
+    frames = trace_estimates(excitation, gated, settings, noise)
     rows_of_gate, found, _ = on_board(excitation, settings, noise, axis)
     assert [m.reason for m in rows_of_gate] == gated[f"reason_{axis.letter}"].to_list()
     for name in rows_of_gate[0].gate_columns(axis):
@@ -206,7 +206,7 @@ def test_a_log_without_an_accelerometer_or_any_row(two_starts):
 def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_starts):
     """Braking is seen at once, so the manoeuvre that it ends is over then."""
     settings = Settings(trace={"methods": ("pooled",)})
-    numbers = pooled_samples(two_starts, gate(two_starts, settings), settings)
+    numbers = pooled_samples(two_starts, gate_windows(two_starts, settings), settings)
     state, came = online.start(settings), {}
     for k, row in enumerate(two_starts.iter_rows(named=True)):
         step = online.step(state, row)
@@ -237,8 +237,8 @@ def test_the_deviations_are_those_of_a_moving_mean_over_white_noise(drive, excit
     """Their own, but of the size of the replay's."""
     settings = Settings(trace={"methods": tuple(METHODS)})
     excitation = excitation_of(drive(seconds=(1.5, 6.0, 2.0, 1.5)))
-    gated = gate(excitation, settings)
-    frames = trace(excitation, gated, settings)
+    gated = gate_windows(excitation, settings)
+    frames = trace_estimates(excitation, gated, settings)
     _, found, _ = on_board(excitation, settings)
     for method, rows in found.items():
         mine = np.array([e.std for _, e in rows])[:, 0]

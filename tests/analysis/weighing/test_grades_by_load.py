@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.model.settings import Settings
-from analysis.weighing.body_squat import Squat, find_squat
+from analysis.weighing.body_squat import LoadSquat, find_squat
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.wheel_kinematics import compare_wheels
 from tests.analysis.weighing.test_noisy_speed import WhiteNoise
@@ -15,7 +15,7 @@ from tests.analysis.weighing.test_pitch_squat import starts
 PRIORS = Settings.model_validate({}).priors
 
 
-def squat_of(hills_m_s2: float, heavy_place: int, seed: int) -> Squat:
+def squat_of(hills_m_s2: float, heavy_place: int, seed: int) -> LoadSquat:
     """Of starts at two places in turn, loaded at one of them, of a body that is stiff."""
     _, motion = starts(0.0, hills_m_s2, seed)
     blind = replace(motion, without_gravity=None)

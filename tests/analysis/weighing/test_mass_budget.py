@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.model.uncertainty_sources import combine, unknown_scale
+from analysis.model.uncertainty_sources import combined_u, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.weighing.load_frames import make_load_frame, make_manoeuvre_frame
 from analysis.weighing.mass_budget import budget_of_mass
@@ -130,7 +130,7 @@ class TestFrames:
         load = log.load
         assert np.hypot(load["u_random_kg"], load["u_common_kg"]) == pytest.approx(load["u_kg"])
         sources = budget_of_mass(log.weighing, log.machine, ONE)
-        assert combine(sources) == pytest.approx(load["u_kg"])
+        assert combined_u(sources) == pytest.approx(load["u_kg"])
         assert {each.kind for each in sources} == {"random", "common", "scale"}
 
     def test_every_term_is_a_row_with_prior_and_posterior(self, log):

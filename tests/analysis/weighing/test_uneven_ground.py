@@ -7,17 +7,17 @@ import pytest
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.motion_samples import MotionSamples
-from analysis.weighing.nuisances import Moments
+from analysis.weighing.nuisances import ColumnInputs
 from analysis.weighing.uneven_ground import FEWEST, GROUND
 
 SAMPLES = 200
 PLACES_M = np.linspace(0.0, 80.0, SAMPLES)
 
 
-def moments(direction: float = 1.0, contrast: float = 1.0) -> Moments:
+def moments(direction: float = 1.0, contrast: float = 1.0) -> ColumnInputs:
     """A stretch of 80 m, one way, of a machine with a load or without."""
     zeros = np.zeros(SAMPLES)
-    return Moments(
+    return ColumnInputs(
         *(zeros,) * 6,
         np.full(SAMPLES, direction),
         zeros,
@@ -44,7 +44,7 @@ def motion(manoeuvres: int, reverse: bool = True) -> MotionSamples:
     )  # fmt: skip
 
 
-def force(m: Moments, *names: str) -> np.ndarray:
+def force(m: ColumnInputs, *names: str) -> np.ndarray:
     """Of terms whose parameters are 1 N."""
     return np.sum([term.column(m) for term in GROUND if term.name in names], axis=0)
 

@@ -67,7 +67,7 @@ class Weighed:
     @cached_property
     def verdict(self) -> Verdict:
         """The checks."""
-        return Verdict.of(self.replayed.frames["verdict"])
+        return Verdict.from_frame(self.replayed.frames["verdict"])
 
     def check(self, name: str) -> Check:
         """One of them."""

@@ -310,7 +310,7 @@ def test_what_is_wrong_is_said_in_one_line():
     A, f = np.ones((5, 2, 6)), np.ones((5, 2))
     with pytest.raises(DataError, match="did you mean 'mass_kg'"):
         fit(A, f, planar_rows.PARAMETERS, prior=known(mass_k=(1.0, 1.0)))
-    with pytest.raises(DataError, match=r"asks for forces \(5, 2\)"):
+    with pytest.raises(DataError, match=r"needs forces of shape \(5, 2\)"):
         fit(A, f[:, 0], planar_rows.PARAMETERS)
     with pytest.raises(DataError, match="forces hold NaN"):
         fit(A, np.nan * f, planar_rows.PARAMETERS)

@@ -122,7 +122,7 @@ FORGED: dict[str, tuple[Forge, str]] = {
     "two masses": (put("basic_nominalValue", "mass_conventionalMass"), "2 quantities"),
     "nominal value alone": (
         lambda data: data.replace(b"mass_conventionalMass", b"basic_nominalValue"),
-        "is a mass by its refType",
+        "has the refType of a mass",
     ),
     # the mass
     "unit of a length": (put(UNIT, UNIT.replace("kilogram", "metre")), "unit '\\metre'"),

@@ -12,7 +12,7 @@ from recordings import write_recording
 from recordings.rrd.blueprint import Page, Panel, _height_shares, tab_panels
 from recordings.rrd.display_frames import DisplayColumn, display_frames
 from recordings.rrd.recording_table import TABS
-from recordings.rrd.recording_views import Kind, Methods, Tab
+from recordings.rrd.recording_views import MethodLayout, Tab, ViewKind
 from recordings.rrd.writer import make_scene
 from tests.recordings.conftest import METHODS
 
@@ -86,11 +86,13 @@ def _tabs(run: Run) -> dict[str, list[str]]:
 def test_lanes_have_the_height_that_they_need_and_leave_some_to_plots(
     plots: int, lanes: tuple[int, ...]
 ) -> None:
-    def panel(kind: Kind, count: int) -> Panel:
+    def panel(kind: ViewKind, count: int) -> Panel:
         return Panel("any", kind, (DisplayColumn("frame", "column", "label", "#000000"),) * count)
 
-    states = tuple(panel(Kind.STATES, count) for count in lanes)
-    shares = _height_shares(Page("page", (*states, *(panel(Kind.LINES, 1) for _ in range(plots)))))
+    states = tuple(panel(ViewKind.STATES, count) for count in lanes)
+    shares = _height_shares(
+        Page("page", (*states, *(panel(ViewKind.LINES, 1) for _ in range(plots))))
+    )
     assert len(shares) == len(lanes) + plots
     assert sum(shares) <= 1.0 + 1e-9
     # of a window of 1000 points, 900 are a page's; a title and the times take 65, a lane 40
@@ -103,7 +105,7 @@ def test_lanes_have_the_height_that_they_need_and_leave_some_to_plots(
 def test_a_panel_is_as_high_as_its_legend_needs() -> None:
     def panel(*labels: str, named_above: bool = False) -> Panel:
         drawn = tuple(DisplayColumn("frame", "column", label, "#000000") for label in labels)
-        return Panel("any", Kind.LINES, drawn, named_above=named_above)
+        return Panel("any", ViewKind.LINES, drawn, named_above=named_above)
 
     five = panel("a", "b", "c", "d", "e")
     above = panel("a", "b", "c", "d", "e", named_above=True)
@@ -152,7 +154,7 @@ def test_no_view_draws_two_methods_over_each_other(drives, tab: Tab) -> None:
     run = drives(60.0)
     rows = Page(tab.name, tab_panels(tab, run, display_frames(run))).rows
     assert all(len(_methods_of(panel)) <= 1 for row in rows for panel in row)
-    if tab.methods is Methods.ROWS:
+    if tab.methods is MethodLayout.ROWS:
         assert [_methods_of(row[0]) for row in rows] == [{method} for method in METHODS]
         assert all(_methods_of(panel) == _methods_of(row[0]) for row in rows for panel in row)
         # below each other they can be compared: one axis

@@ -4,7 +4,7 @@ import pytest
 
 from analysis.model.schema import FRAMES, frame_schema
 from recordings.rrd.recording_table import KEPT, TABS
-from recordings.rrd.recording_views import Kind
+from recordings.rrd.recording_views import ViewKind
 from recordings.rrd.stored_names import entity_parts
 
 VIEWS = list(dict.fromkeys(view for tab in TABS for view in tab.views))
@@ -29,7 +29,7 @@ def test_every_series_is_a_declared_column_of_a_dtype_its_view_can_draw(view, se
     column = frame_schema(series.frame).column(series.column)
     assert column is not None
     numeric = column.dtype.is_float()
-    assert numeric != (view.kind is Kind.STATES)
+    assert numeric != (view.kind is ViewKind.STATES)
     if series.std is not None:
         assert frame_schema(series.frame).column(series.std) is not None
 
@@ -42,8 +42,8 @@ def test_series_of_one_view_share_their_unit_and_the_title_names_it(view):
 
 
 def test_lanes_of_states_have_labels_of_their_own_since_they_are_entities():
-    labels = {s.label: (s.frame, s.column) for v, s in SERIES if v.kind is Kind.STATES}
-    assert len(labels) == len({s for v, s in SERIES if v.kind is Kind.STATES})
+    labels = {s.label: (s.frame, s.column) for v, s in SERIES if v.kind is ViewKind.STATES}
+    assert len(labels) == len({s for v, s in SERIES if v.kind is ViewKind.STATES})
 
 
 def test_a_topic_stays_one_part_of_its_entity_path_so_that_no_two_topics_share_one():

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from analysis import Run
-from analysis.model.schema import conform
+from analysis.model.schema import conform_to_schema
 from recordings import read_recording, write_recording
 from recordings.rrd.viewer import viewer_executable
 from replay.explain.mended_file import Proposal, write_proposals
@@ -158,7 +158,7 @@ def with_findings(run: Run, *findings: dict[str, str]) -> Run:
         }
         for rank, finding in enumerate(findings, 1)
     ]
-    wrong = conform("findings", pl.DataFrame(rows, infer_schema_length=None))
+    wrong = conform_to_schema("findings", pl.DataFrame(rows, infer_schema_length=None))
     return Run({**run.frames, "findings": wrong}, run.provenance)
 
 

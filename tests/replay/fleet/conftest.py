@@ -10,7 +10,7 @@ from benchmarks.fleet_logs import SerialEngine, recordings
 from replay.fleet.fleet_file import load_fleet
 from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.run_fleet import FleetRun, fleet_run
-from replay.fleet.task_engine import Engine
+from replay.fleet.task_engine import TaskEngine
 
 COUNT = 6
 Run = Callable[..., FleetRun]
@@ -33,7 +33,7 @@ def run_in(fleet_folder: Path) -> Run:
         source: Path | str = fleet_folder / "logs",
         fleet: Path = fleet_folder / "fleet.toml",
         *overrides: str,
-        engine: Callable[[], Engine] = SerialEngine,
+        engine: Callable[[], TaskEngine] = SerialEngine,
         recordings: bool = False,
     ) -> FleetRun:
         logs = list_fleet_logs([str(source)])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from estimators.errors import FleetError
 from replay.commands.fleet_progress import TimeLeft, interval_text
 from replay.fleet.log_sources import list_fleet_logs
-from replay.fleet.object_store import Store
+from replay.fleet.object_store import ObjectStore
 from replay.logs import group_objects_by_log
 
 
@@ -45,7 +45,7 @@ def test_in_a_storage_without_folders_a_bag_is_a_file_or_a_directory_with_metada
 
 
 def test_what_is_being_written_to_a_folder_is_not_among_its_objects(tmp_path: Path) -> None:
-    store = Store(str(tmp_path))
+    store = ObjectStore(str(tmp_path))
     store.write("a/b=1/whole.parquet", b"1")
     # as a writer that was killed leaves it
     (tmp_path / "a/b=1/torn.parquet#1").write_bytes(b"")

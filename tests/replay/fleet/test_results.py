@@ -13,7 +13,7 @@ from analysis.fleet.fleet_tables import TABLES
 from benchmarks.fleet_logs import SerialEngine, same_results
 from estimators.errors import OutputError
 from replay.fleet.gathered_tables import fleet_results
-from replay.fleet.object_store import Store
+from replay.fleet.object_store import ObjectStore
 from replay.fleet.task_engine import LostTask
 
 Run = Callable[..., Any]
@@ -79,12 +79,12 @@ def test_a_result_whose_writing_breaks_off_was_never_there(
 ) -> None:
     """At whichever of its objects: the next run makes it, and gives the same bytes."""
     log = fleet_folder / "logs/unit-01/log_00000.mcap"
-    write = Store.write
+    write = ObjectStore.write
     for last in range(len(TABLES)):
         destination = tmp_path / f"results_{last}"
         written = 0
 
-        def full(self: Store, name: str, data: bytes, last: int = last) -> None:
+        def full(self: ObjectStore, name: str, data: bytes, last: int = last) -> None:
             nonlocal written
             if name.endswith(".parquet"):
                 if written == last:
@@ -93,7 +93,7 @@ def test_a_result_whose_writing_breaks_off_was_never_there(
             write(self, name, data)
 
         with monkeypatch.context() as patched:
-            patched.setattr(Store, "write", full)
+            patched.setattr(ObjectStore, "write", full)
             did = run_in(destination, log)
         assert next(iter(did.failed.values())).endswith("no space left")
         assert not (destination / "results").exists()

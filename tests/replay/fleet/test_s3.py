@@ -9,7 +9,7 @@ from benchmarks.fleet_logs import SerialEngine
 from benchmarks.fleet_s3 import Server, checked
 from estimators.errors import PayscopeError
 from replay.fleet.log_sources import list_fleet_logs
-from replay.fleet.object_store import Store
+from replay.fleet.object_store import ObjectStore
 from tests.one_line import assert_one_line
 
 AWS = ("AWS_ENDPOINT_URL", "AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_REGION")
@@ -32,7 +32,7 @@ def test_objects_are_listed_read_and_written_whole(tmp_path: Path) -> None:
     os.environ.update(server.environment)
     server.start()
     try:
-        store = Store("s3://parts/some/place")
+        store = ObjectStore("s3://parts/some/place")
         assert store.list_objects() == []
         store.write("a/b.bin", bytes(range(256)) * 100)
         assert [(each.name, each.size_bytes) for each in store.list_objects("a")] == [
@@ -44,7 +44,7 @@ def test_objects_are_listed_read_and_written_whole(tmp_path: Path) -> None:
         with pytest.raises(FileNotFoundError):
             store.read("a/c.bin")
         # one object is a source as well
-        Store("s3://parts").write("logs/x.csv", b"t\n")
+        ObjectStore("s3://parts").write("logs/x.csv", b"t\n")
         (log,) = list_fleet_logs(["s3://parts/logs/x.csv"])
         assert (log.source, log.names) == ("s3://parts/logs/x.csv", ("logs/x.csv",))
         with pytest.raises(PayscopeError) as fault:

@@ -28,7 +28,7 @@ def unpacked(folder: Path, stored: bytes, declared: int, *, is_torn: bool = Fals
     path.write_bytes(stored)
     file = FileBytes(path)
     block = Block(0, 0, len(stored), "zstd", declared, is_torn=is_torn)
-    target = np.zeros(block.room, np.uint8)
+    target = np.zeros(block.room_bytes, np.uint8)
     try:
         return target[: unpack(block, file, target)].tobytes()
     finally:

@@ -30,7 +30,7 @@ def reproduction() -> Reproduction:
 
 @pytest.fixture(scope="module")
 def found(reproduction: Reproduction, told: list[str]) -> dict[str, ItemResult]:
-    return {each.item.name: each for each in reproduction.find(told.append)}
+    return {each.item.name: each for each in reproduction.compute_items(told.append)}
 
 
 def test_every_table_figure_and_claim_is_found_in_the_papers_order(

@@ -6,8 +6,8 @@ import pytest
 
 from analysis.model.axes import straight_regressor
 from analysis.stages.estimation.masses import summarise_masses, withhold_masses
-from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import accepted_samples, gate
+from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.gating.gate import accepted_samples, gate_windows
 from estimators.methods import pooled
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 
@@ -18,8 +18,8 @@ TRIP = ("standstill", "start", "brake", "standstill")
 def log(drive, excitation_of, machine):
     made = machine()
     excitation = excitation_of(drive(TRIP * 3, (1.5, 5.0, 2.0, 1.5) * 3), made)
-    gated = gate(excitation, made.settings)
-    return excitation, gated, trace(excitation, gated, made.settings)
+    gated = gate_windows(excitation, made.settings)
+    return excitation, gated, trace_estimates(excitation, gated, made.settings)
 
 
 NUMBERS = ("mass_kg", "mass_std_kg", "friction_x_N_s_m", "friction_x_std_N_s_m", "payload_kg")

@@ -5,8 +5,8 @@ import polars as pl
 import pytest
 
 from analysis.model.settings import Settings
-from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import accepted_samples, gate
+from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.gating.gate import accepted_samples, gate_windows
 from analysis.stages.gating.segments import number_manoeuvres, pool_by_manoeuvre
 from tests.analysis.settings_by_name import settings_of
 
@@ -20,8 +20,8 @@ def two_starts(drive, excitation_of):
 
 def traced(excitation, **settings):
     settings = settings_of(**settings)
-    gated = gate(excitation, settings)
-    return trace(excitation, gated, settings), gated
+    gated = gate_windows(excitation, settings)
+    return trace_estimates(excitation, gated, settings), gated
 
 
 def test_windowed_methods_have_a_row_an_accepted_window(two_starts):
@@ -112,15 +112,15 @@ def test_nothing_accepted_gives_empty_frames_with_their_columns(two_starts):
 def test_a_recursion_begins_anew_with_each_load(two_starts):
     """From a change on it is what it would be in a log of its own, and before it as without."""
     settings = settings_of(methods=("rls", "rtls"))
-    gated = gate(two_starts, settings)
+    gated = gate_windows(two_starts, settings)
     begin = two_starts.height // 2
-    whole = trace(two_starts, gated, settings)
-    parted = trace(two_starts, gated, settings, begins=[begin])
+    whole = trace_estimates(two_starts, gated, settings)
+    parted = trace_estimates(two_starts, gated, settings, begins=[begin])
     window = settings.gate.window_samples
     second = gated[begin:].with_columns(
         (pl.col("accepted_x") & (pl.int_range(pl.len()) >= window - 1)).alias("accepted_x")
     )
-    alone = trace(two_starts[begin:], second, settings)
+    alone = trace_estimates(two_starts[begin:], second, settings)
     early = pl.col("t_ns") < two_starts["t_ns"][begin]
     for method in ("rls", "rtls"):
         masses = [each[method].filter(early)["mass_kg"] for each in (parted, whole)]

@@ -6,7 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.stages.gating.gate import accepted_samples, flagged_windows, gate, samples_in_windows
+from analysis.stages.gating.gate import (
+    accepted_samples,
+    flagged_windows,
+    gate_windows,
+    samples_in_windows,
+)
 from tests.analysis.settings_by_name import settings_of
 
 W = 320
@@ -45,11 +50,11 @@ def changed(excitation, rows, **columns):
 
 
 def reasons(excitation, **changes):
-    return gate(excitation, settings(**changes))["reason_x"].cast(pl.String).to_numpy()
+    return gate_windows(excitation, settings(**changes))["reason_x"].cast(pl.String).to_numpy()
 
 
 def test_a_start_from_standstill_is_accepted(start):
-    judged = gate(start, settings())
+    judged = gate_windows(start, settings())
     accepted = judged.filter("accepted_x")
     assert accepted.height > 100
     assert (accepted["reason_x"] == "accepted").all()
@@ -60,7 +65,7 @@ def test_a_start_from_standstill_is_accepted(start):
 
 def test_a_window_is_exactly_w_samples(start):
     """The first complete window ends W - 1 rows after the first complete row."""
-    judged = gate(start, settings())
+    judged = gate_windows(start, settings())
     first = start["phase"].is_not_null().arg_max()
     complete = judged["reason_x"] != "warming_up"
     assert complete.arg_max() == first + W - 1
@@ -125,14 +130,14 @@ def test_a_window_without_any_variance_gives_no_number_but_a_reason(start):
         speed_x_m_s=2.0,
         phase="cruising",
     )
-    judged = gate(constant, settings())[W + 20 :]
+    judged = gate_windows(constant, settings())[W + 20 :]
     assert (judged["reason_x"] == "no_variance").all()
     assert judged["mi_x_nat"].null_count() == judged["corr_x_1"].null_count() == judged.height
 
 
 def test_force_against_acceleration_is_negative_dependence(start):
     upside_down = start.with_columns(-pl.col("force_x_N"))
-    judged = gate(upside_down, settings())
+    judged = gate_windows(upside_down, settings())
     complete = judged.filter(pl.col("predicted_std_x").is_not_null())
     assert "negative_dependence" in complete["reason_x"].to_list()
     assert not complete["accepted_x"].any()
@@ -150,7 +155,7 @@ def test_a_force_at_the_sensors_end_is_saturated(start):
 @pytest.mark.parametrize("clip_N", [3000.1, 2999.7, 4321.123, 5000.3])
 def test_a_mean_of_clipped_samples_is_saturated_whatever_its_rounding(drive, excitation_of, clip_N):
     clipped = drive(noise=0.0).but(force_x_N=lambda f: np.minimum(f, clip_N))
-    judged = gate(excitation_of(clipped), settings(saturation_force_N=clip_N))
+    judged = gate_windows(excitation_of(clipped), settings(saturation_force_N=clip_N))
     assert "saturated" in judged["reason_x"].to_list()
 
 
@@ -186,19 +191,19 @@ def test_columns_that_are_nearly_one_are_ill_conditioned(start):
 
 
 def test_the_threshold_decides(start):
-    index = gate(start, settings())["mi_x_nat"].to_numpy()
+    index = gate_windows(start, settings())["mi_x_nat"].to_numpy()
     for threshold in (0.3, 0.7, 1.2):
-        judged = gate(start, settings(threshold_nat=threshold))
+        judged = gate_windows(start, settings(threshold_nat=threshold))
         accepted = judged["accepted_x"].to_numpy()
         assert (index[accepted] >= threshold).all()
         low = (judged["reason_x"] == "low_information").fill_null(False).to_numpy()
         assert (index[low] < threshold).all()
-    assert not gate(start, settings(threshold_nat=50.0))["accepted_x"].any()
+    assert not gate_windows(start, settings(threshold_nat=50.0))["accepted_x"].any()
 
 
 def test_a_log_shorter_than_a_window_only_warms_up(start):
     assert set(reasons(start[: W - 1])) == {"warming_up"}
-    assert gate(start[:0], settings()).height == 0
+    assert gate_windows(start[:0], settings()).height == 0
 
 
 flags = st.lists(st.booleans(), max_size=60).map(lambda x: np.array(x, bool))
@@ -219,7 +224,7 @@ def test_an_accepted_sample_lies_in_at_least_one_accepted_window(accepted, windo
 
 
 def test_pooled_samples_neither_stand_still_nor_are_about_to_brake(start):
-    judged = gate(start, settings())
+    judged = gate_windows(start, settings())
     used = accepted_samples(start, judged, settings())
     inside = samples_in_windows(judged["accepted_x"].to_numpy(), W)
     standing = (start["phase"] == "standstill").fill_null(False).to_numpy()
@@ -242,7 +247,7 @@ def test_pooled_samples_neither_stand_still_nor_are_about_to_brake(start):
     ids=["ksg", "variance"],
 )
 def test_another_gate_decides_by_its_own_column(start, changes, column, better):
-    judged = gate(start, settings(**changes))
+    judged = gate_windows(start, settings(**changes))
     limit = changes.get("threshold_nat", changes.get("threshold_std_kg"))
     accepted = judged["accepted_x"].to_numpy()
     low = (judged["reason_x"] == "low_information").to_numpy()
@@ -256,7 +261,8 @@ def test_the_index_10_accepts_either_sign_of_the_dependence(start):
     """(10) takes ρ²: force against acceleration informs it as much as force along it."""
     opposed = start.with_columns(force_x_N=-pl.col("force_x_N"))
     along, against = (
-        gate(each, settings(index="gaussian", threshold_nat=0.7)) for each in (start, opposed)
+        gate_windows(each, settings(index="gaussian", threshold_nat=0.7))
+        for each in (start, opposed)
     )
     rho = along["corr_x_1"].to_numpy()
     accepted = along["accepted_x"].to_numpy()
@@ -265,11 +271,11 @@ def test_the_index_10_accepts_either_sign_of_the_dependence(start):
     low = (along["reason_x"] == "low_information").to_numpy()
     assert (-0.5 * np.log(1.0 - rho[low] ** 2) < 0.7).all()
     assert against["reason_x"].to_list() == along["reason_x"].to_list()
-    assert not gate(opposed, settings())["accepted_x"].any()
+    assert not gate_windows(opposed, settings())["accepted_x"].any()
 
 
 def test_ksg_is_computed_only_where_nothing_else_refuses_the_window(start):
-    judged = gate(start, settings(index="ksg"))
+    judged = gate_windows(start, settings(index="ksg"))
     settled = judged["reason_x"].is_in(["accepted", "low_information", "ill_conditioned"])
     np.testing.assert_array_equal(judged["ksg_x_nat"].is_not_null(), settled)
-    assert "ksg_x_nat" not in gate(start, settings()).columns
+    assert "ksg_x_nat" not in gate_windows(start, settings()).columns

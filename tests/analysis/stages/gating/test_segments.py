@@ -4,9 +4,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.model.schema import PHASE, PHASES, build
+from analysis.model.schema import PHASE, PHASES, build_frame
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import accepted_samples, gate
+from analysis.stages.gating.gate import accepted_samples, gate_windows
 from analysis.stages.gating.segments import number_manoeuvres, pool_by_manoeuvre
 
 TRIP = ("standstill", "start", "brake", "standstill")
@@ -50,7 +50,7 @@ def two_starts(drive, excitation_of):
 
 def made(excitation, settings=None):
     settings = settings or Settings()
-    gated = gate(excitation, settings)
+    gated = gate_windows(excitation, settings)
     return pool_by_manoeuvre(excitation, gated, settings), gated
 
 
@@ -99,7 +99,7 @@ def test_a_refused_stretch_of_braking_that_counts_as_driving_says_what_the_gate_
 @pytest.mark.parametrize("phase", PHASES)
 def test_a_stretch_of_one_phase_is_named_after_it_and_refused_for_what_it_is(phase):
     n = 400
-    frame = build(
+    frame = build_frame(
         "excitation",
         {
             "t_ns": np.arange(n) * 10_000_000,
@@ -123,7 +123,7 @@ def test_a_stretch_of_one_phase_is_named_after_it_and_refused_for_what_it_is(pha
 
 def test_samples_that_determine_no_mass_leave_null_and_never_nan(two_starts):
     flat = two_starts.with_columns(regressor_acc_x_m_s2=pl.lit(0.0))
-    gated = gate(two_starts, Settings())
+    gated = gate_windows(two_starts, Settings())
     table = pool_by_manoeuvre(flat, gated, Settings())
     assert (table["samples_accepted"] > 0).any()
     assert table["mass_kg"].null_count() == table.height

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.model.machine import Body
-from analysis.model.schema import build
+from analysis.model.schema import build_frame
 from analysis.stages.motion.forces import (
     compute_excitation,
     longitudinal_force,
@@ -20,7 +20,7 @@ torques = st.lists(st.floats(-5000, 5000), min_size=3, max_size=3)
 
 def smoothed(n=3, **columns):
     base = {"t_ns": np.arange(n) * 10_000_000, "speed_x_m_s": np.zeros(n)}
-    return build("aligned", {**base, **columns, "gap": np.zeros(n, bool)})
+    return build_frame("aligned", {**base, **columns, "gap": np.zeros(n, bool)})
 
 
 def body(**known):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.model.schema import build
+from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.motion.phases import (
     classify_motion_phases,
@@ -19,7 +19,7 @@ from analysis.stages.motion.phases import (
 def classify(speed, settings=None, **columns):
     settings = settings or Settings()
     speed = np.asarray(speed, float)
-    frame = build(
+    frame = build_frame(
         "aligned",
         {
             "t_ns": np.arange(speed.size) * 10_000_000,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.model.schema import build
+from analysis.model.schema import build_frame
 from analysis.model.settings import SmoothSettings
 from analysis.stages.motion.smooth import smooth, trailing_mean
 
@@ -27,7 +27,7 @@ def test_the_mean_trails_is_null_until_full_and_where_any_sample_is_missing(x, s
 def aligned(n=60, gaps=(), **columns):
     gap = np.zeros(n, bool)
     gap[list(gaps)] = True
-    return build("aligned", {"t_ns": np.arange(n) * 10_000_000, **columns, "gap": gap})
+    return build_frame("aligned", {"t_ns": np.arange(n) * 10_000_000, **columns, "gap": gap})
 
 
 @given(st.sets(st.integers(0, 59), max_size=6), st.integers(1, 12))

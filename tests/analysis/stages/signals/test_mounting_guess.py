@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from analysis.model.machine import ImuMounting
-from analysis.model.schema import build
+from analysis.model.schema import build_frame
 from analysis.stages.signals.mounting import rotation_to_machine_axes
 from analysis.stages.signals.mounting_guess import gravity_tilt_deg, guess_mounting
 from tests.analysis import phased
@@ -122,7 +122,7 @@ def test_a_machine_that_never_moves_tells_roll_and_pitch():
 def aligned(force, speed, gap=False):
     n = len(speed)
     columns = dict(zip(AXES, np.asarray(force, float).T, strict=False))
-    return build(
+    return build_frame(
         "aligned",
         {
             "t_ns": np.arange(n) * 10_000_000,

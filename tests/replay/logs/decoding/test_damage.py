@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.logs.decoding.decode_plan import Plan
+from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder_choice import PerMessageDecoder
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.messages.message_fields import resolve
@@ -48,7 +48,7 @@ def test_a_message_torn_at_any_byte_is_whole_only_where_rosbags_says_so(
     sample = Sample(types, encoding, seed, count=1)
     fields = fields_of(sample, limit=8)
     batch = torn(sample.stored(encoding))
-    decoded = Plan(sample.kind.record, ros1=sample.ros1, fields=fields).decode(batch)
+    decoded = DecodePlan(sample.kind.record, ros1=sample.ros1, fields=fields).decode(batch)
     expected = PerMessageDecoder(sample.kind, fields).decode(batch)
     assert same(decoded.frame, expected.frame)
     assert decoded.undecodable == expected.undecodable
@@ -72,7 +72,7 @@ def test_a_message_with_flipped_bits_is_read_as_rosbags_reads_it(
         flipped.append(bytes(damaged))
     fields = fields_of(sample, limit=8)
     batch = batch_of([data for data in flipped if not _has_empty_string(sample, data)])
-    decoded = Plan(sample.kind.record, ros1=sample.ros1, fields=fields).decode(batch)
+    decoded = DecodePlan(sample.kind.record, ros1=sample.ros1, fields=fields).decode(batch)
     assert same(decoded.frame, PerMessageDecoder(sample.kind, fields).decode(batch).frame)
 
 
@@ -87,7 +87,7 @@ def _has_empty_string(sample: Sample, data: bytes) -> bool:
 @pytest.mark.parametrize("ros1", [False, True])
 def test_any_bytes_are_a_row_or_undecodable(types: Types, stored: list[bytes], ros1: bool) -> None:
     sample = Sample(types, "ros1" if ros1 else "cdr_le", 0)
-    plan = Plan(sample.kind.record, ros1=ros1, fields=fields_of(sample, limit=8))
+    plan = DecodePlan(sample.kind.record, ros1=ros1, fields=fields_of(sample, limit=8))
     decoded = plan.decode(batch_of(stored))
     assert decoded.frame.height + decoded.undecodable == len(stored)
 
@@ -119,8 +119,9 @@ def test_a_length_beyond_the_end_of_its_message_is_refused_and_takes_no_memory(
         resolve(name, JOINTS)
         for name in ("label", "name[]", "effort[]", "effort[n]", "poses[].frame")
     ]
-    plan = Plan(JOINTS, ros1=True, fields=fields)
+    plan = DecodePlan(JOINTS, ros1=True, fields=fields)
     batch = batch_of([stored] * 100)
+    plan.decode(batch)  # compiles
     tracemalloc.start()
     decoded = plan.decode(batch)
     _, peak = tracemalloc.get_traced_memory()
@@ -136,7 +137,7 @@ def test_a_definition_of_large_messages_takes_no_memory_for_small_ones(kind: str
         "t/msg/Large", (("all", ListOf(Scalar(kind), 2**26)), ("id", Scalar("int8")))
     )
     fields = [resolve(name, record) for name in ("all[]", "id")]
-    plan = Plan(record, ros1=True, fields=fields)
+    plan = DecodePlan(record, ros1=True, fields=fields)
     batch = batch_of([b"some"] * 1000)
     plan.decode(batch)  # compiles
     tracemalloc.start()
@@ -149,7 +150,7 @@ def test_a_definition_of_large_messages_takes_no_memory_for_small_ones(kind: str
 
 def test_messages_of_the_least_size_are_whole_beside_smaller_ones() -> None:
     record = RecordType("t/msg/Pair", (("label", Scalar("string")), ("id", Scalar("int8"))))
-    plan = Plan(record, ros1=True, fields=[resolve(n, record) for n in ("label", "id")])
+    plan = DecodePlan(record, ros1=True, fields=[resolve(n, record) for n in ("label", "id")])
     stored = [_text(b"") + b"\7", b"", _text(b"a")[:4], _text(b"a") + b"\1", _text(b"") + b"\2"]
     decoded = plan.decode(batch_of(stored))
     assert decoded.frame.rows() == [(0, None, "", 7), (3, None, "a", 1), (4, None, "", 2)]
@@ -161,12 +162,12 @@ def test_no_plan_walks_lists_of_what_takes_no_bytes(length: int | None) -> None:
     nothing = RecordType("t/msg/Nothing", (("none", ListOf(Scalar("string"), 0)),))
     record = RecordType("t/msg/Many", (("many", ListOf(nothing, length)),))
     with pytest.raises(NoPlanError, match="array of length 0"):
-        Plan(record, ros1=True, fields=[])
+        DecodePlan(record, ros1=True, fields=[])
 
 
 def test_a_string_in_cdr_may_have_the_length_0() -> None:
     record = RecordType("t/msg/Label", (("label", Scalar("string")), ("id", Scalar("uint8"))))
-    plan = Plan(record, ros1=False, fields=[resolve(n, record) for n in ("label", "id")])
+    plan = DecodePlan(record, ros1=False, fields=[resolve(n, record) for n in ("label", "id")])
     decoded = plan.decode(batch_of([b"\0\1\0\0" + struct.pack("<IB", 0, 7)]))
     assert decoded.frame.select("label", "id").rows() == [("", 7)]
 
@@ -187,7 +188,9 @@ def test_a_string_that_is_none_costs_the_message_also_when_nobody_asks_for_it(
 ) -> None:
     record = RecordType("t/msg/Label", (("label", Scalar("string")), ("id", Scalar("uint8"))))
     stored = b"\0\1\0\0" + _text(text) + b"\7"
-    decoded = Plan(record, ros1=False, fields=[resolve("id", record)]).decode(batch_of([stored]))
+    decoded = DecodePlan(record, ros1=False, fields=[resolve("id", record)]).decode(
+        batch_of([stored])
+    )
     assert decoded.undecodable == 1
     assert fault in decoded.first_fault
 
@@ -195,7 +198,7 @@ def test_a_string_that_is_none_costs_the_message_also_when_nobody_asks_for_it(
 @given(st.binary(max_size=8))
 def test_utf8_is_what_python_decodes(text: bytes) -> None:
     record = RecordType("t/msg/Label", (("label", Scalar("string")),))
-    plan = Plan(record, ros1=True, fields=[resolve("label", record)])
+    plan = DecodePlan(record, ros1=True, fields=[resolve("label", record)])
     decoded = plan.decode(batch_of([_text(text)]))
     try:
         expected = [text.decode()]
@@ -217,7 +220,7 @@ def test_utf8_is_what_python_decodes(text: bytes) -> None:
 )
 def test_an_encapsulation_that_cannot_be_read_is_named(head: bytes, fault: str) -> None:
     record = RecordType("t/msg/Id", (("id", Scalar("uint8")),))
-    plan = Plan(record, ros1=False, fields=[resolve("id", record)])
+    plan = DecodePlan(record, ros1=False, fields=[resolve("id", record)])
     good = b"\0\1\0\0\5"
     tail = b"\5" if len(head) == 4 else b""
     decoded = plan.decode(batch_of([good, head + tail, good]))

@@ -14,8 +14,8 @@ from rosbags.typesys import Stores, get_typestore
 from replay import open_log
 from replay.commands.info import show
 from replay.init.describe_log import describe_log
-from replay.logs.decoding.batch_stream import Stream, take_all
-from replay.logs.decoding.decode_plan import Plan
+from replay.logs.decoding.batch_stream import TopicStream, feed_streams
+from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder import frame_schema_of_fields
 from replay.logs.decoding.decoder_choice import PerMessageDecoder, decoder_name, make_decoder
 from replay.logs.message_definitions import compile_type
@@ -42,7 +42,7 @@ def test_every_type_of_a_release_is_columnar_and_equal_to_rosbags(release: Store
         messages = [random_message(store, name, rng) for _ in range(2)]
         batch = batch_of([encode(store, m, "ros1" if ros1 else "cdr_le") for m in messages])
         fields = [resolve(leaf, kind.record) for leaf in iter_leaf_names(kind.record)]
-        decoded = Plan(kind.record, ros1=ros1, fields=fields).decode(batch)
+        decoded = DecodePlan(kind.record, ros1=ros1, fields=fields).decode(batch)
         assert same(decoded.frame, PerMessageDecoder(kind, fields).decode(batch).frame), name
 
 
@@ -107,8 +107,8 @@ def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
         yield RawBatch(0, whole, many, many + len(good), np.arange(5007, 5007 + many.size))
 
     fields = [resolve("effort[left]", kind.record)]
-    stream = Stream(make_decoder(kind, fields), frame_schema_of_fields(fields))
-    take_all(([batch] for batch in batches()), {0: stream})
+    stream = TopicStream(make_decoder(kind, fields), frame_schema_of_fields(fields))
+    feed_streams(([batch] for batch in batches()), {0: stream})
     frame, tally = stream.finish(), stream.tally
     assert frame["log_time_ns"].to_list() == [0, 2, 5, *range(6, 5007 + 2 * BATCH_ROWS + 1)]
     assert set(frame["effort[left]"]) == {0.5}
@@ -135,7 +135,7 @@ def test_a_type_with_a_plan_in_one_encoding_alone_is_decoded_in_that() -> None:
     ruler = "=" * 80
     definition = f"int8 n\nB[0] b\n{ruler}\nMSG: t/B\nint8 y\nC[2] c\n{ruler}\nMSG: t/C\nint8 z\n"
     kind = compile_type(Connection(0, "/t", "t/msg/A", "cdr", definition, "ros2msg"))
-    plan = Plan(kind.record, ros1=False, fields=[resolve("n", kind.record)])
+    plan = DecodePlan(kind.record, ros1=False, fields=[resolve("n", kind.record)])
     cdr, xcdr2 = (plan.decode(batch_of([head + b"\x05"])) for head in (b"\0\1\0\0", b"\0\7\0\0"))
     assert cdr.frame["n"].to_list() == [5]
     assert (xcdr2.frame.height, xcdr2.undecodable) == (0, 1)

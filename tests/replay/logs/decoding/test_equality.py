@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from replay.logs.decoding.decode_plan import Plan
+from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder_choice import PerMessageDecoder
 from replay.logs.messages.message_fields import Field, resolve
 from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, every_field, types
@@ -49,7 +49,7 @@ def rosbags(sample: Sample, fields: list[Field], encoding: str) -> pl.DataFrame:
 
 
 def columnar(sample: Sample, fields: list[Field], encoding: str) -> pl.DataFrame:
-    plan = Plan(sample.kind.record, ros1=sample.ros1, fields=fields)
+    plan = DecodePlan(sample.kind.record, ros1=sample.ros1, fields=fields)
     decoded = plan.decode(batch_of(sample.stored(encoding)))
     assert decoded.undecodable == 0, decoded.first_fault
     return decoded.frame
@@ -97,7 +97,7 @@ def test_a_message_is_decoded_as_if_it_were_alone_whatever_came_before_it(
 ) -> None:
     sample = Sample(types, encoding, seed)
     fields = fields_of(sample)
-    plan = Plan(sample.kind.record, ros1=sample.ros1, fields=fields)
+    plan = DecodePlan(sample.kind.record, ros1=sample.ros1, fields=fields)
     stored = [*sample.stored(encoding), *map(_flipped(data), sample.stored(encoding))]
     alone = [plan.decode(batch_of([message])) for message in stored]
     runs = data.draw(
@@ -131,5 +131,5 @@ def test_one_topic_may_mix_encapsulations(types: Types, seed: int, data: st.Data
     fields = fields_of(sample)
     every = [sample.stored(e) for e in ("cdr_le", "cdr_be", "xcdr2_le", "xcdr2_be")]
     mixed = [data.draw(st.sampled_from(choices)) for choices in zip(*every, strict=True)]
-    plan = Plan(sample.kind.record, ros1=False, fields=fields)
+    plan = DecodePlan(sample.kind.record, ros1=False, fields=fields)
     assert same(plan.decode(batch_of(mixed)).frame, rosbags(sample, fields, "cdr_le"))

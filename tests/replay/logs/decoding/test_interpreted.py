@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from estimators import interpreted
 from replay.logs.bag.bag_grammar import GRAMMAR as BAG
-from replay.logs.blocks import Block, Grammar
+from replay.logs.blocks import Block, RecordGrammar
 from replay.logs.blocks.select_messages import chunk_stats, select_messages_of_connections
 from replay.logs.blocks.slabs import Slab, SlabIndex
-from replay.logs.decoding.decode_plan import Plan
+from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder import DecodedBatch
 from replay.logs.mcap.mcap_grammar import GRAMMAR as MCAP
 from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, types
@@ -56,7 +56,7 @@ def test_messages_of_a_random_type_whole_and_damaged(
     encoding: str, types: Types, seed: int
 ) -> None:
     sample = Sample(types, encoding, seed)
-    plan = Plan(sample.kind.record, ros1=sample.ros1, fields=fields_of(sample, limit=12))
+    plan = DecodePlan(sample.kind.record, ros1=sample.ros1, fields=fields_of(sample, limit=12))
     rng = Random(seed)
     whole = sample.stored(encoding)
     assert_alike(both_ways(lambda: plan.decode(batch_of(whole))))
@@ -76,7 +76,7 @@ def test_messages_of_a_random_type_whole_and_damaged(
 @pytest.mark.parametrize("encoding", ["cdr_le", "ros1"])
 def test_any_bytes_as_messages(types: Types, stored: list[bytes], encoding: str) -> None:
     sample = Sample(types, encoding, 0)
-    plan = Plan(sample.kind.record, ros1=sample.ros1, fields=fields_of(sample, limit=8))
+    plan = DecodePlan(sample.kind.record, ros1=sample.ros1, fields=fields_of(sample, limit=8))
     assert_alike(both_ways(lambda: plan.decode(batch_of(stored))))
 
 
@@ -103,7 +103,7 @@ def _bag_record(connection: int, time: int, body: bytes) -> bytes:
     noise=st.binary(max_size=40),
 )
 def test_records_in_chunks_whole_and_damaged(
-    grammar: Grammar,
+    grammar: RecordGrammar,
     record: Callable[[int, int, bytes], bytes],
     messages: list[tuple[int, int, bytes]],
     changes: list[tuple[int, int]],

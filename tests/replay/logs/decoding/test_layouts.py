@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from replay.logs.decoding.decode_plan import Plan
+from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.message_definitions import compile_type
 from replay.logs.messages.message_fields import resolve
 from replay.logs.messages.message_types import iter_leaf_names
@@ -20,7 +20,7 @@ TYPE = compile_type(
     )
 )  # fmt: skip
 FIELDS = [resolve(leaf, TYPE.record) for leaf in iter_leaf_names(TYPE.record)]
-PLAN = Plan(TYPE.record, ros1=True, fields=FIELDS)
+PLAN = DecodePlan(TYPE.record, ros1=True, fields=FIELDS)
 Parts = tuple[bytes, bytes, bytes, list[bytes], float]
 
 
