@@ -52,6 +52,7 @@ from analysis.stages.signals.grid_rate import machine_at_rate_of_log
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.timestamps import assign_timestamps
 from analysis.weighing.empty_mass_datum import note_weighbridge_tickets
+from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.learnt_means import make_learnt_mean_responses
 from analysis.weighing.load_frames import (
     make_load_change_rows,
@@ -162,7 +163,13 @@ def run(
     )
     on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
     answer = {
-        "loads": make_load_frame(weighing, excitation, machine, opinion),
+        "loads": make_load_frame(
+            weighing,
+            excitation,
+            machine,
+            opinion,
+            FuelOnBoard.from_channel(machine.machine, seen.frames["aligned"]),
+        ),
         "manoeuvres": make_manoeuvre_frame(weighing, excitation, machine),
     }
     hauled = weigh_cycles(weighing, {**seen.frames, **answer}, machine, opinion)

@@ -34,6 +34,7 @@ from analysis.model.schema import FRAMES, build_frame
 from analysis.model.uncertainty_sources import combined_u, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine, payload_sources
+from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Floats
 
@@ -122,7 +123,8 @@ def weigh_cycles(
     withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
-    empty = empty_machine(weighing, machine, found)
+    fuel = FuelOnBoard.from_channel(machine.machine, frames["aligned"])
+    empty = empty_machine(weighing, machine, found, fuel)
     withheld = withheld or (empty.contradiction if empty else "")
     share = _weight_of_tare_before(found)
     worth = shared_uncertainty(weighing, machine, found, _total_weights(found, parts, share), empty)

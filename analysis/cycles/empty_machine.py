@@ -14,6 +14,7 @@ from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.load_passes import Passes
 from analysis.model.machine import Machine
 from analysis.weighing.empty_mass_datum import EmptyMachine
+from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Floats
@@ -104,7 +105,7 @@ def clean_bucket_mass_kg(passes: Passes) -> tuple[float, float]:
 
 
 def empty_machine(
-    weighing: Weighing | None, machine: Machine, passes: Passes
+    weighing: Weighing | None, machine: Machine, passes: Passes, fuel: FuelOnBoard | None = None
 ) -> EmptyMachine | None:
     """The empty machine as weighed by the empty passes; None without any.
 
@@ -112,6 +113,7 @@ def empty_machine(
         weighing: the joint fit.
         machine: machine file.
         passes: the passes.
+        fuel: fuel over the log, if known.
     """
     empty = ~passes.loaded
     if weighing is None or weighing.fit.states is None or not empty.any():
@@ -124,9 +126,10 @@ def empty_machine(
     noise_kg2 = float(np.mean(passes.u_kg[empty] ** 2)) / int(empty.sum())
     own_kg2 = max(least_u_kg**2 - noise_kg2, 0.0)
     carried = carried_kg, float(np.sqrt(own_kg2 + (LIMITS.clean_bucket_u * carried_kg) ** 2))
-    return EmptyMachine(
-        weighing, machine, pass_weights_by_state(weighing.fit, passes) @ share, carried
-    )
+    weights = pass_weights_by_state(weighing.fit, passes) @ share
+    middles_ns = (passes.start_ns + passes.end_ns) / 2.0
+    fuel_kg = (0.0, 0.0) if fuel is None else fuel.mass_since_ticket_kg(middles_ns, share)
+    return EmptyMachine(weighing, machine, weights, carried, fuel_kg)
 
 
 def find_empty_mass_jump(

@@ -12,7 +12,7 @@ import polars as pl
 
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.machine import Body, Machine
-from analysis.model.physical_units import NS_PER_S
+from analysis.model.physical_units import NS_PER_S, SECONDS_PER_HOUR
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
 from analysis.weighing.friction_warming import WARMING
@@ -231,8 +231,6 @@ def _turning_power(aligned: pl.DataFrame, body: Body) -> Floats:
     return np.nan_to_num(torque * column_values(aligned, "yaw_rate_rad_s"))
 
 
-#: Seconds of an hour: fuel rates are by the hour.
-SECONDS_PER_HOUR: Final = 3600.0
 #: The integrals of each set of samples, in J over the unit of what multiplies them; the speed is
 #: the wheels' with the force, else the ground's.
 _TERMS: Final = (

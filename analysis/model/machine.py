@@ -72,6 +72,26 @@ class ImuMounting(BaseModel):
     position_u_m: float | None = Field(default=None, ge=0)
 
 
+class FuelTank(BaseModel):
+    """Fuel on board: litres when the empty machine was weighed, and when the log begins.
+
+    Attributes:
+        empty_mass_L: litres in the tank when the empty machine was weighed.
+        begin_L: litres in the tank when the log begins.
+        rate_L_h: mean rate at which the engine burns fuel, for a log without `fuel_rate_L_h`.
+        u_L: standard uncertainty of the difference of both litres.
+        density_kg_L: density of the fuel; diesel at 15 °C by EN 590 (0.820 to 0.845).
+    """
+
+    model_config = STRICT
+
+    empty_mass_L: float = Field(ge=0)
+    begin_L: float = Field(ge=0)
+    rate_L_h: float | None = Field(None, ge=0)
+    u_L: float = Field(0.0, ge=0)
+    density_kg_L: float = Field(0.8325, gt=0.5, lt=1.1)
+
+
 class Body(BaseModel):
     """Known properties of the machine, with standard uncertainties (`..._u_...`)."""
 
@@ -85,6 +105,10 @@ class Body(BaseModel):
     empty_mass_u_kg: float | None = Field(None, ge=0)
     #: When it was weighed, where the machine is.
     empty_mass_day: Annotated[date, PlainSerializer(date.isoformat)] | None = None
+    #: What it was weighed with, and what it carries in this log: bucket, fork.
+    #: Left out where they are not given, as the serial number.
+    empty_mass_attachment: str | None = Field(None, exclude_if=lambda value: value is None)
+    attachment: str | None = Field(None, exclude_if=lambda value: value is None)
     wheel_radius_m: float | None = Field(None, gt=0)
     wheel_radius_u_m: float | None = Field(None, ge=0)
     track_width_m: float | None = Field(None, gt=0)
@@ -105,11 +129,22 @@ class Body(BaseModel):
     haul_spillage_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
     #: Relative standard uncertainty of the channel that gives the fuel's rate; left out likewise.
     fuel_gain_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
+    fuel: FuelTank | None = Field(None, exclude_if=lambda value: value is None)
     #: Whether it has a bucket to dig with: without one no start is driven into a pile.
     digs: bool = True
     gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)
     timezone: Annotated[str, AfterValidator(_check_timezone)] = "UTC"
     imu: ImuMounting = ImuMounting()
+
+    @model_validator(mode="after")
+    def _check_attachment(self) -> Self:
+        weighed, here = self.empty_mass_attachment, self.attachment
+        if weighed is not None and here is not None and weighed != here:
+            raise ValueError(
+                f"was weighed with '{weighed}' (empty_mass_attachment) and carries '{here}' "
+                "(attachment); give the empty mass with that attachment, or leave empty_mass_kg out"
+            )
+        return self
 
     @property
     def wheel_radius_u_1(self) -> float | None:

@@ -12,6 +12,8 @@ from estimators.errors import MachineError
 #: Nanoseconds of a second, for durations in s, and as a whole number, for stamps.
 NS_PER_S: Final = 1e9
 NS: Final = 10**9
+#: Seconds of an hour, for rates by the hour.
+SECONDS_PER_HOUR: Final = 3600.0
 #: What pint lets through of its tokenizer and its evaluation, for text that is no unit.
 _UNREADABLE = (
     ArithmeticError,

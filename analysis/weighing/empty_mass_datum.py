@@ -81,12 +81,14 @@ class EmptyMachine:
         machine: machine file.
         weights: (masses,) weights of the empty states, with sum 1.
         carried_kg: mean mass left in the bucket of the empty states, and its standard uncertainty.
+        fuel_kg: mean fuel mass beyond that on the ticket, and its standard uncertainty.
     """
 
     weighing: Weighing
     machine: Machine
     weights: Floats
     carried_kg: tuple[float, float] = (0.0, 0.0)
+    fuel_kg: tuple[float, float] = (0.0, 0.0)
 
     @property
     def _body(self) -> Body:
@@ -105,9 +107,17 @@ class EmptyMachine:
 
     @cached_property
     def _stated_kg(self) -> float | None:
-        """Empty mass stated in the machine file, including rotating mass, in kg."""
+        """Empty mass stated in the machine file, with fuel and rotating mass, in kg."""
         empty_kg = self._body.empty_mass_kg
-        return None if empty_kg is None else empty_kg + self._body.rotating_mass_kg
+        if empty_kg is None:
+            return None
+        return empty_kg + self.fuel_kg[0] + self._body.rotating_mass_kg
+
+    @property
+    def _stated_u_kg(self) -> float | None:
+        """Standard uncertainty of that mass without the rotating one, in kg."""
+        u_kg = self._body.empty_mass_u_kg
+        return None if u_kg is None else float(np.hypot(u_kg, self.fuel_kg[1]))
 
     @property
     def contradiction(self) -> str:
@@ -119,9 +129,7 @@ class EmptyMachine:
             UNKNOWN_SCALE * self.rotating_kg if factors_without_uncertainty(self.sources) else 0.0
         )
         u_kg = float(np.hypot(combined_u(self.sources), scale_kg))
-        allowed_kg = LIMITS.empty_mass_agreement_u * float(
-            np.hypot(u_kg, self._body.empty_mass_u_kg or 0.0)
-        )
+        allowed_kg = LIMITS.empty_mass_agreement_u * float(np.hypot(u_kg, self._stated_u_kg or 0.0))
         if abs(self.rotating_kg - stated_kg) <= allowed_kg:
             return ""
         here_kg = self.rotating_kg - self._body.rotating_mass_kg
@@ -133,7 +141,7 @@ class EmptyMachine:
     @property
     def gain(self) -> tuple[float, float] | None:
         """Weighed over stated empty mass, and its standard uncertainty; None without one."""
-        stated_kg, stated_u_kg = self._stated_kg, self._body.empty_mass_u_kg
+        stated_kg, stated_u_kg = self._stated_kg, self._stated_u_kg
         if stated_kg is None or stated_u_kg is None:
             return None
         u_kg = combined_u(self.sources, "random", "common")
@@ -147,7 +155,7 @@ class EmptyMachine:
         Args:
             payload_weights: (masses,) weights of the sum of payloads whose variance is minimised.
         """
-        stated_kg, stated_u_kg = self._stated_kg, self._body.empty_mass_u_kg
+        stated_kg, stated_u_kg = self._stated_kg, self._stated_u_kg
         sum_kg = float(payload_weights @ self.weighing.fit.masses_kg)
         if stated_kg is None or stated_u_kg is None or sum_kg <= 0.0 or self.rotating_kg <= 0.0:
             return None

@@ -10,6 +10,7 @@ from analysis.model.schema import CALIBRATED, FRAMES, build_frame
 from analysis.model.uncertainty_sources import combined_u, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
+from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_states import LoadStates, unit_of_each_sample
 from analysis.weighing.mass_budget import budget_of_mass, relative_u
@@ -25,7 +26,11 @@ _NOT_EMPTY: Final = (
 
 
 def make_load_frame(
-    weighing: Weighing | None, excitation: pl.DataFrame, machine: Machine, verdict: Verdict
+    weighing: Weighing | None,
+    excitation: pl.DataFrame,
+    machine: Machine,
+    verdict: Verdict,
+    fuel: FuelOnBoard | None = None,
 ) -> pl.DataFrame:
     """Make `loads`: a row per load state.
 
@@ -34,13 +39,15 @@ def make_load_frame(
         excitation: frame with the times of the rows.
         machine: machine file with empty mass, budget and limits.
         verdict: the verdict, which withholds quantities.
+        fuel: fuel over the log, if known.
     """
     if weighing is None:
         return _make_unknown_load()
     fit = weighing.fit
     times = _span_of_each_state(fit, excitation)
     empty = find_empty_states(weighing, times, machine)
-    datum, against = _choose_empty_datum(weighing, empty, machine)
+    since_ticket_kg = _fuel_since_ticket_kg(weighing, empty, times, fuel)
+    datum, against = _choose_empty_datum(weighing, empty, machine, since_ticket_kg)
     rows = [
         _make_load_row(weighing, state, empty, times[state], machine, verdict, datum)
         for state in range(fit.count)
@@ -133,8 +140,23 @@ def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machi
     return sorted(found)
 
 
+def _fuel_since_ticket_kg(
+    weighing: Weighing,
+    empty: list[int],
+    times: list[tuple[int, int]],
+    fuel: FuelOnBoard | None,
+) -> tuple[float, float]:
+    """Mean fuel mass of the empty states beyond that on the ticket, with its uncertainty."""
+    states = weighing.fit.states
+    if fuel is None or states is None or not empty:
+        return 0.0, 0.0
+    count = np.bincount(states.membership)[empty]
+    middles_ns = np.mean([times[state] for state in empty], axis=1)
+    return fuel.mass_since_ticket_kg(middles_ns, count / count.sum())
+
+
 def _choose_empty_datum(
-    weighing: Weighing, empty: list[int], machine: Machine
+    weighing: Weighing, empty: list[int], machine: Machine, fuel_kg: tuple[float, float]
 ) -> tuple[EmptyDatum | None, str]:
     """Datum of the empty states for payloads, or the reason why the log contradicts it."""
     fit = weighing.fit
@@ -142,7 +164,7 @@ def _choose_empty_datum(
         return None, ""
     # less the mass of none: the empty ones alone
     weights = fit.weights_of_state(0) - difference_weights(weighing, 0, empty)
-    found = EmptyMachine(weighing, machine, weights)
+    found = EmptyMachine(weighing, machine, weights, fuel_kg=fuel_kg)
     if found.contradiction:
         return None, f"{found.contradiction}: payloads are on the log's own scale"
     others = [state for state in range(fit.count) if state not in empty]

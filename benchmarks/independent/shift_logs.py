@@ -158,7 +158,10 @@ def shift_log(seed: int, plan: ShiftPlan = _AS_DRAWN) -> ShiftLog:
     files, holes = _split(dice, topics, motion.duration_s)
     emptied = _dumps(motion, legs, dumps)
     radius_m = plan.radius_1 * seen.radius_m * float(dice.normal(1.0, RADIUS_U))
-    stated = seen._replace(radius_m=round(radius_m, 5), share=plan.share_1 * seen.share)
+    share = plan.share_1 * seen.share
+    # no more than all wheels are measured: as far below
+    share = share if share <= 1.0 else (2.0 - plan.share_1) * seen.share
+    stated = seen._replace(radius_m=round(radius_m, 5), share=share)
     known = Known(
         mass_kg * float(dice.normal(1.0, EMPTY_MASS_U)),
         EMPTY_MASS_U * mass_kg,

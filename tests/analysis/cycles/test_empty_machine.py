@@ -9,11 +9,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import polars as pl
 import pytest
 
 from analysis.model.machine import Body
 from analysis.model.run_record import Run
 from analysis.weighing.empty_mass_datum import note_weighbridge_tickets
+from analysis.weighing.fuel_on_board import FuelOnBoard
+from estimators.errors import MachineError
 from replay import load_machine
 from replay.logs.log_formats import open_log
 from replay.machines.machine_file import time_axis
@@ -110,6 +113,64 @@ class TestUncertainty:
         found = replayed(1.0, TICKET, KNOWN, "machine.empty_mass_kg=110.0").frames["cycles"]
         assert found["payload_kg"].null_count() == found.height
         assert found["withheld_for"].str.contains("negative_payload").all()
+
+
+class TestFuelOnBoard:
+    """The ticket was written with 5 L in the tank, and the log begins with 10."""
+
+    LIGHTER = "machine.empty_mass_kg=96.0"
+    TANK = (
+        "machine.fuel.empty_mass_L=5",
+        "machine.fuel.begin_L=10",
+        "machine.fuel.density_kg_L=0.8",
+    )
+
+    def test_a_ticket_of_a_tank_less_full_is_that_of_the_log_with_the_fuel(self):
+        right = replayed(1.1, TICKET)
+        found = replayed(1.1, TICKET, self.LIGHTER, *self.TANK)
+        assert payloads(found) == pytest.approx(payloads(right), rel=1e-3)
+        assert summary(found)["gain_1"] == pytest.approx(summary(right)["gain_1"], rel=1e-3)
+
+    def test_what_is_burnt_is_gone(self):
+        # at a steady rate half of it is burnt when the empty passes are weighed on average
+        hours = summary(replayed(1.1, TICKET))["duration_s"] / 3600.0
+        rate = f"machine.fuel.rate_L_h={4.0 / hours}"
+        none, burns = (
+            summary(replayed(1.1, TICKET, *self.TANK, *more))["gain_1"] for more in ((), (rate,))
+        )
+        assert none / burns == pytest.approx(1.0 - 0.8 * 2.0 / (EMPTY_KG + 4.0), rel=0.004)
+
+    def test_litres_that_are_not_known_are_in_the_tonnes(self):
+        exact, rough = (
+            summary(replayed(1.0, TICKET, self.LIGHTER, *self.TANK, f"machine.fuel.u_L={u_L}"))
+            for u_L in (0.0, 3.0)
+        )
+        added = np.sqrt(rough["payload_u_kg"] ** 2 - exact["payload_u_kg"] ** 2)
+        assert added == pytest.approx(0.8 * 3.0 / EMPTY_KG * sum(PAYLOADS_KG), rel=0.05)
+
+
+def test_a_gap_in_the_rate_burns_the_mean():
+    body = Body.model_validate({"name": "x", "fuel": {"empty_mass_L": 0, "begin_L": 20}})
+    rate = [10.0, None, 10.0, 10.0]
+    hours = pl.DataFrame({"t_ns": [0, 1, 2, 3], "fuel_rate_L_h": rate}).with_columns(
+        pl.col("t_ns") * 3600 * 10**9
+    )
+    fuel = FuelOnBoard.from_channel(body, hours)
+    assert fuel is not None
+    mass_kg, u_kg = fuel.mass_since_ticket_kg(
+        hours["t_ns"].to_numpy()[[0, 2]], np.array([0.5, 0.5])
+    )
+    assert mass_kg == pytest.approx(0.8325 * (20.0 - 10.0))
+    # a tenth of what is burnt, and a hundredth of the density
+    assert u_kg == pytest.approx(0.8325 * np.hypot(0.1 * 10.0, 0.01 * 10.0))
+
+
+def test_a_ticket_with_another_attachment_is_refused():
+    with pytest.raises(MachineError, match=r"was weighed with 'fork'.* carries 'bucket'"):
+        load_machine(
+            "cat262c.toml",
+            ["machine.empty_mass_attachment='fork'", "machine.attachment='bucket'"],
+        )
 
 
 @pytest.mark.parametrize(

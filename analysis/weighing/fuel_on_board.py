@@ -1,0 +1,70 @@
+"""Fuel on board: how much heavier the empty machine is in the log than on the weighbridge.
+
+A tank of 200 L is 170 kg. What was in it at the weighing and at the begin of the log, and what has
+been burnt since, is stated or measured; the difference belongs to the mass on the ticket.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+import polars as pl
+
+from analysis.model.machine import Body, FuelTank
+from analysis.model.physical_units import NS_PER_S, SECONDS_PER_HOUR
+from analysis.model.schema import column_values
+from analysis.weighing.motion_samples import Floats
+
+#: Relative standard uncertainty of a rate of which the machine file says nothing.
+_UNKNOWN_RATE_U: Final = 0.1
+#: Relative standard uncertainty of the density, by season and temperature.
+_DENSITY_U: Final = 0.01
+
+
+@dataclass(frozen=True)
+class FuelOnBoard:
+    """Fuel over the log.
+
+    Attributes:
+        tank: litres that the machine file states.
+        rate_u_1: relative standard uncertainty of what is burnt.
+        t_ns: (n,) times since the first aligned sample, ascending.
+        burnt_L: (n,) litres burnt until then.
+    """
+
+    tank: FuelTank
+    rate_u_1: float
+    t_ns: Floats
+    burnt_L: Floats
+
+    @classmethod
+    def from_channel(cls, body: Body, aligned: pl.DataFrame) -> Self | None:
+        """Integrate the channel, or the stated rate; None if the machine file states no tank.
+
+        Where the channel has a gap, its mean rate is burnt.
+        """
+        if body.fuel is None or aligned.is_empty():
+            return None
+        t_ns = aligned["t_ns"].to_numpy().astype(np.float64)
+        rate_L_h = np.full(t_ns.size, body.fuel.rate_L_h or 0.0)
+        if "fuel_rate_L_h" in aligned.columns:
+            measured = column_values(aligned, "fuel_rate_L_h")
+            known = np.isfinite(measured)
+            if known.any():
+                rate_L_h = np.where(known, measured, measured[known].mean())
+        hours = np.diff(t_ns, prepend=t_ns[:1]) / NS_PER_S / SECONDS_PER_HOUR
+        rate_u_1 = _UNKNOWN_RATE_U if body.fuel_gain_u is None else body.fuel_gain_u
+        return cls(body.fuel, rate_u_1, t_ns, np.cumsum(rate_L_h * hours))
+
+    def mass_since_ticket_kg(self, at_ns: Floats, weights: Floats) -> tuple[float, float]:
+        """Fuel mass beyond that on the ticket, and its standard uncertainty, in kg.
+
+        Args:
+            at_ns: (k,) times at which the log weighed the empty machine.
+            weights: (k,) their weights, with sum 1.
+        """
+        burnt_L = float(weights @ np.interp(at_ns, self.t_ns, self.burnt_L))
+        more_L = self.tank.begin_L - burnt_L - self.tank.empty_mass_L
+        density = self.tank.density_kg_L
+        parts_L = (self.tank.u_L, self.rate_u_1 * burnt_L, _DENSITY_U * more_L)
+        return density * more_L, density * float(np.linalg.norm(parts_L))
