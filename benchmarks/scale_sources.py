@@ -37,6 +37,7 @@ from analysis.calibration.use.learnt_priors import (
     machine_with_learnt_priors,
 )
 from analysis.cycles.calibrated_payloads import calibrate_cycles
+from analysis.cycles.haul_spillage import subtract_spillage_from_payloads
 from analysis.cycles.shift_totals import recount_shift
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -131,7 +132,7 @@ class ScaledShift:
 def _on_own_scale(cycles: pl.DataFrame) -> pl.DataFrame:
     """The cycles without their ticket: payloads and uncertainties on the scale of the log."""
     own = [f"payload_{part}kg" for part in ("", "u_random_")]
-    return cycles.with_columns(
+    unspilled = cycles.with_columns(
         *((pl.col(name) / pl.col("scale_1")).alias(name) for name in own),
         pl.col("own_u_common_kg").alias("payload_u_common_kg"),
         pl.col("own_u_shared_kg").alias("payload_u_shared_kg"),
@@ -142,6 +143,7 @@ def _on_own_scale(cycles: pl.DataFrame) -> pl.DataFrame:
             pl.col("payload_u_random_kg") ** 2 + pl.col("payload_u_common_kg") ** 2
         ).sqrt()
     )
+    return subtract_spillage_from_payloads(unspilled)
 
 
 def _campaign_of(log: ShiftLog, seed: int) -> tuple[Calibration, Machine] | str:

@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -147,6 +148,21 @@ def test_a_shift_s_truth_is_what_left_the_bucket() -> None:
     ends = [(f["force"].log_ns[0] / 1e9, f["force"].log_ns[-1] / 1e9) for f in made.files]
     for dumped_s, hidden in zip(truth.dump_s, truth.hidden, strict=True):
         assert hidden != any(begin <= dumped_s <= end for begin, end in ends)
+
+
+def test_a_plan_bounds_loads_and_makes_the_machine_file_wrong() -> None:
+    short = ShiftPlan(hours=0.1, load_share=(0.10, 0.30))
+    right = shift_log(4, short)
+    wrong = shift_log(4, short._replace(force_1=1.1, radius_1=0.95, share_1=1.1))
+    assert right.truth.minutes <= 6.0
+    assert 0.04 < np.mean(right.truth.payload_kg) / right.truth.empty_kg < 0.4
+    assert wrong.truth == replace(right.truth, errors=wrong.truth.errors)
+    assert wrong.seen.force_gain == pytest.approx(1.1 * right.seen.force_gain)
+    assert wrong.stated.radius_m == pytest.approx(0.95 * right.stated.radius_m, rel=1e-4)
+    # a share of all wheels cannot be larger
+    assert wrong.stated.share / right.stated.share == pytest.approx(
+        0.9 if right.seen.share == 1.0 else 1.1
+    )
 
 
 def test_the_same_seed_is_the_same_log(log: PayloadLog) -> None:
