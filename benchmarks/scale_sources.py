@@ -1,6 +1,7 @@
 """Tonnes of shifts whose scale comes from a ticket, from evidence, from both, or from neither.
 
-    python -P benchmarks/scale_sources.py [--shifts 40] [--first 0] [--hours 2] [--json FILE]
+    python -P benchmarks/scale_sources.py [--shifts 40] [--first 0] [--hours 2] [--clean]
+                                          [--json FILE]
     python -P benchmarks/scale_sources.py --wrong-scale [--shifts 40] [--json FILE]
 
 Each shift has a machine, a ground, instruments and habits of its own (`benchmarks/independent`),
@@ -13,6 +14,7 @@ starts each. Two replays make four arms: a replay has its payloads on the scale 
 With `--wrong-scale` torque, radius or share are wrong (10, 5, 10 %), and the file states no
 uncertainty of them: a ticket is all there is.
 
+With `--clean` they drive on hard level ground with good instruments: what the scale alone does.
 `--json` keeps a line a shift as it comes and goes on where it ended.
 """
 
@@ -160,10 +162,10 @@ def _campaign_of(log: ShiftLog, seed: int) -> tuple[Calibration, Machine] | str:
     return calibrated(drawn, np.random.default_rng([seed, 26_001]), CAMPAIGN_LOADS_1)
 
 
-def scaled(seed: int, hours: float, *, wrong_scale: bool) -> ScaledShift:
+def scaled(seed: int, hours: float, *, clean: bool, wrong_scale: bool) -> ScaledShift:
     """Make a shift, and its tonnes of each arm."""
     wrong = WRONG[seed % len(WRONG)] if wrong_scale else ShiftPlan()
-    log = shift_log(seed, wrong._replace(hours=hours, load_share=LOAD_SHARE))
+    log = shift_log(seed, wrong._replace(hours=hours, load_share=LOAD_SHARE, clean=clean))
     empty_kg = log.plant.mass_kg
     dice = np.random.default_rng([seed, 26_002])
     ticket_kg = empty_kg * float(dice.normal(1.0, TICKET_U_1))
@@ -276,11 +278,12 @@ def main(
     shifts: int = 40,
     first: int = 0,
     hours: float = 2.0,
+    clean: bool = False,
     wrong_scale: Annotated[bool, typer.Option("--wrong-scale")] = False,
     kept: Annotated[Path | None, typer.Option("--json")] = None,
 ) -> None:
     def one(seed: int) -> ScaledShift:
-        made = scaled(seed, hours, wrong_scale=wrong_scale)
+        made = scaled(seed, hours, clean=clean, wrong_scale=wrong_scale)
         print(seed, made.why, [round(s) for s in made.seconds], flush=True)
         return made
 

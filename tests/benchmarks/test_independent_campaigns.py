@@ -8,6 +8,7 @@ import pytest
 
 import benchmarks.independent_shifts as shifts
 import benchmarks.payloads as payloads
+import benchmarks.scale_sources as scale_sources
 
 LOG = ("clean", "9+9", 3)
 
@@ -97,3 +98,25 @@ def test_tonnes_are_within_u_with_what_is_priced_or_said_or_wrong() -> None:
     assert _shift([101.0], 1200.0, (500.0, 100.0)).verdict([]) == "within U"
     assert _shift([], 0.0).verdict([]) == "withheld"
     assert replace(_shift([], 0.0), crashed="Traceback").verdict([]) == "crashed"
+
+
+def test_tonnes_of_an_arm_are_those_of_the_cycles_that_are_true() -> None:
+    parts = {"payload_u_random_kg": 3.0, "payload_u_shared_kg": 4.0, "payload_u_kg": 5.0}
+    counted = {**parts, "counted": True, "payload_kg": 100.0}
+    cycles = [
+        {**counted, "dump_t_ns": 11_000_000_000},
+        {**counted, "dump_t_ns": 41_000_000_000},
+        {**counted, "dump_t_ns": 90_000_000_000},
+        {**counted, "dump_t_ns": None},
+        {**counted, "dump_t_ns": 70_000_000_000, "counted": False},
+    ]
+    shift = {"cycles_counted": 4, "total_kg": 400.0, "total_u_kg": 20.0}
+    found = scale_sources.ScaledShift(
+        *(1, 2.0, [90.0, 105.0, 80.0], [1010.0, 1040.0, 1070.0], [], ""),
+        *({"ticket": shift}, {"ticket": cycles}, 1000.0, "", []),
+    )
+    said_kg, true_kg, u_kg, common_kg = found.matched("ticket")
+    assert (said_kg, true_kg, common_kg) == (200.0, 195.0, 8.0)
+    assert u_kg == pytest.approx((2 * 3.0**2 + 8.0**2) ** 0.5)
+    (row,) = scale_sources.table([found]).splitlines()[2:]
+    assert row.startswith("| ticket | 1 | 1 | 0 of 1 | 1 of 1 |")
