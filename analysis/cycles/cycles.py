@@ -102,12 +102,11 @@ def weigh_cycles(
     Args:
         weighing: joint fit, for the uncertainty common to all payloads.
         frames: `aligned`, `excitation`, `digging`, `loads` and `manoeuvres` of a run.
-        machine: machine file, for the scale.
+        machine: machine file, for scale and fuel.
         verdict: the verdict, which withholds quantities.
         passes: the passes, if already found.
     """
-    digs = frames["digging"]
-    motion = frames["aligned"], frames["excitation"]
+    digs, motion = frames["digging"], (frames["aligned"], frames["excitation"])
     masses = frames["loads"], frames["manoeuvres"]
     found = passes or find_load_passes(*masses, digs, *motion) or NO_PASSES
     twice = passes is None and does_digging_contradict_boom(found, digs)
@@ -123,7 +122,7 @@ def weigh_cycles(
     withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
-    fuel = FuelOnBoard.from_channel(machine.machine, frames["aligned"])
+    fuel = FuelOnBoard.from_channel(machine.machine, motion[0])
     empty = empty_machine(weighing, machine, found, fuel)
     withheld = withheld or (empty.contradiction if empty else "")
     share = _weight_of_tare_before(found)
@@ -134,8 +133,7 @@ def weigh_cycles(
         weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
     )
     of_states = pass_weights_by_state(weighing.fit, found) if weighing and known_sums else None
-    sums: dict[int, Floats] = {}
-    ready_ns = int(frames["excitation"]["t_ns"][0])
+    sums, ready_ns = dict[int, Floats](), int(motion[1]["t_ns"][0])
     counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
         row: dict[str, object] = {"cycle": number, **_list_cycle_times(part, ready_ns)}

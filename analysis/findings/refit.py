@@ -17,7 +17,8 @@ from analysis.weighing.fitted_stretches import first_of_stretch
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
-from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
+from analysis.weighing.wheel_comparison import compare_wheels
+from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.arrays import Bools, Floats
 
 Mend = Callable[[MotionSamples], MotionSamples]

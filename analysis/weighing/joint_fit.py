@@ -30,7 +30,8 @@ from analysis.weighing.motion_samples import (
 from analysis.weighing.nuisances import NUISANCES, Nuisance
 from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
-from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
+from analysis.weighing.wheel_comparison import compare_wheels
+from analysis.weighing.wheel_kinematics import WheelKinematics
 
 #: Lengths of the mean that are tried, in s: the one with the smallest deviation of the mass is
 #: taken.

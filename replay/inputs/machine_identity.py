@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 from pydantic import TypeAdapter, ValidationError
 
-from analysis.model.machine import Machine, MachineId
+from analysis.model.body import MachineId
+from analysis.model.machine import Machine
 from estimators.errors import LogError
 from replay.logs import Log
 

@@ -102,7 +102,11 @@ def test_the_line_that_refuses_a_key_adds_it(made: Made, keyring: Path, payscope
     assert payscope("keys", "add", key, "--owner", "Test lab").status == 0
     assert load_calibration(CalibrationRequest(made.bundle, signed=True)).signed_by.how == "known"
     assert "Test lab" in payscope("keys", "list").out
-    one_line(payscope("keys", "add", made.public, "--owner", "Another"), "already, of Test lab")
+    one_line(
+        payscope("keys", "add", made.public, "--owner", "Another"),
+        "already contains key",
+        "of Test lab",
+    )
     assert keyring.exists()
 
 

@@ -22,7 +22,7 @@ from estimators.arrays import Floats
 
 
 class RunResponse(BaseModel):
-    """Shift of a run's estimate by one standard uncertainty of a learnt mean."""
+    """What one standard uncertainty of a learnt mean moves the estimate of a run by."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

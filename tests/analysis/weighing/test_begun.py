@@ -7,7 +7,7 @@ from analysis.model.axes import X
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.fit_columns import PreviousEstimates, average_columns
 from analysis.weighing.motion_samples import CachedNoise
-from analysis.weighing.wheel_kinematics import compare_wheels
+from analysis.weighing.wheel_comparison import compare_wheels
 from tests.analysis.weighing.weighed import RICH, weighed
 
 REACH_S = 0.4

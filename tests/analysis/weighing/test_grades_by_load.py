@@ -8,7 +8,7 @@ import pytest
 from analysis.model.settings import Settings
 from analysis.weighing.body_squat import LoadSquat, find_squat
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.wheel_kinematics import compare_wheels
+from analysis.weighing.wheel_comparison import compare_wheels
 from tests.analysis.weighing.test_noisy_speed import WhiteNoise
 from tests.analysis.weighing.test_pitch_squat import starts
 

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.model.settings import Settings
 from analysis.weighing.motion_samples import Floats
-from analysis.weighing.wheel_kinematics import compare_wheels
+from analysis.weighing.wheel_comparison import compare_wheels
 from tests.analysis.weighing.test_pitch_squat import starts
 from tests.analysis.weighing.weighed import RICH, merged, weighed
 

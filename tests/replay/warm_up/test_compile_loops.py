@@ -22,9 +22,10 @@ TWO_LOOPS = """
 import numpy as np
 from estimators.interpreted import compile_at_once
 from estimators.numerics.small_systems import condition_numbers
-from replay.logs.blocks.select_messages import key_index
+from replay.logs.blocks.select_messages import indices_of_keys
 with compile_at_once():
-    print(condition_numbers(np.ones((1, 2)), 1, 1).tolist(), key_index(np.arange(3), np.arange(2)))
+    keys = indices_of_keys(np.arange(3), np.arange(2))
+    print(condition_numbers(np.ones((1, 2)), 1, 1).tolist(), keys)
 """
 
 

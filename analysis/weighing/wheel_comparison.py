@@ -1,0 +1,335 @@
+"""Wheels against accelerometer: gain, slip and delay of the speed, from the motion alone.
+
+    v = ∫ (1 + gain) a dt + slip · |u| (F - F₀) - delay · a + a constant and a slope a manoeuvre
+
+with the ground's speed u. The constant is the speed that a manoeuvre begins with, the slope takes
+tilt, bias and grade. Slip κ = F / C (Pacejka, Tire and Vehicle Dynamics, chapter 1), so that its
+coefficient is 1 / C; an offset F₀ of the force looks like a gain where all driving is one way.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.fitted_stretches import stretch_spans
+from analysis.weighing.lever_arm import (
+    BodySwing,
+    estimate_swing,
+    search_springs,
+    subtract_swing,
+)
+from analysis.weighing.motion_samples import (
+    ColumnNoiseModel,
+    Floats,
+    Ints,
+    MotionSamples,
+    rolling_fraction,
+)
+from analysis.weighing.nuisances import const_prior_std
+from analysis.weighing.pitch_squat import estimate_pitch_squat
+from analysis.weighing.stretch_means import (
+    EVERY,
+    MEAN,
+    average_overlapping,
+    stretch_trend_columns,
+    subtract_line,
+)
+from analysis.weighing.weighing_limits import LIMITS
+from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
+from estimators.interpreted import compiled_ahead
+from estimators.joint import prior_fit
+from estimators.joint.prior_fit import Grouping
+from estimators.numerics.autocorrelation import autocovariance_loss
+from estimators.numerics.fit_loss import group_rows
+from estimators.numerics.group_sums import NoiseMoments
+from estimators.numerics.in_order import sum_in_order
+from estimators.numerics.small_systems import NOTHING
+
+_Rows = tuple[Floats, Floats, Ints, NoiseMoments]
+
+
+def compare_wheels(
+    motion: MotionSamples,
+    noise: ColumnNoiseModel,
+    priors: PriorSettings,
+    earlier: WheelKinematics | None = None,
+    springs: BodySwing | None = None,
+) -> WheelKinematics | None:
+    """Compare wheels with the accelerometer, corrected for squat and swing of the body.
+
+    Args:
+        motion: the samples.
+        noise: noise of acceleration, speed and force.
+        priors: priors of slip, gain, delay and offset.
+        earlier: comparison of a similar motion, as the starting point.
+        springs: springs of the body, if known.
+
+    Returns:
+        None without an accelerometer or without a long enough stretch.
+    """
+    found = _compare_bodies(motion, noise, priors, earlier)
+    if found is None or not found.squat[0] > 0.0 or motion.specific_force is None:
+        return found
+    level = motion.without_gravity
+    measured = motion.specific_force if level is None else level
+    springs = springs or search_springs(measured, motion)
+    swing = None if springs is None else estimate_swing(measured, motion, springs)
+    if swing is None:
+        return replace(found, springs=springs)
+    still = _compare_bodies(subtract_swing(motion, swing), noise, priors, earlier)
+    if still is None:
+        return None
+    swing = swing if level is None else swing.with_gravity(still.squat[0])
+    return replace(still, swing=swing, springs=springs)
+
+
+def _compare_bodies(
+    motion: MotionSamples,
+    noise: ColumnNoiseModel,
+    priors: PriorSettings,
+    earlier: WheelKinematics | None,
+) -> WheelKinematics | None:
+    """Compare wheels and accelerometer, without gravity if hills change it within a manoeuvre.
+
+    The measured pitch gives gravity. Otherwise it is kept, so that a squat, which also pitches
+    the body, appears as a gain.
+    """
+    if motion.specific_force is None:
+        return None
+    told = None if earlier is None or not earlier.is_found else earlier.own or earlier
+    found = _fit_comparison(motion.specific_force, motion, noise, priors, told)
+    if found is None:
+        return None
+    if motion.without_gravity is None:
+        return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
+    level = _fit_comparison(motion.without_gravity, motion, noise, priors, told)
+    if level is None:
+        return found
+    squat = estimate_pitch_squat(motion.specific_force - motion.without_gravity, motion)
+    if squat is not None:
+        # on even ground what is left of gravity is less than the noise of the pitch
+        upright = motion.specific_force - squat[0] * motion.without_gravity
+        even = _fit_comparison(upright, motion, noise, priors, told)
+        best = level if even is None or level.mismatch < even.mismatch else even
+        if best.is_consistent or best.mismatch < found.mismatch:
+            return replace(best, squat=squat)
+    agrees = level.disagreement_m_s < LIMITS.gravity_disagreement_ratio * found.disagreement_m_s
+    if agrees and level.mismatch < LIMITS.gravity_mismatch_ratio * found.mismatch:
+        return level
+    return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
+
+
+def _subtract_squat(
+    found: WheelKinematics,
+    measured: Floats,
+    motion: MotionSamples,
+    noise: ColumnNoiseModel,
+    priors: PriorSettings,
+    earlier: WheelKinematics | None,
+) -> WheelKinematics:
+    """Correct the accelerometer for a squat that wheels of known radius show.
+
+    A body that pitches as it gains speed makes the accelerometer read more than the wheels. Grades
+    that recur with every start have the same effect, but leave a residual between the two.
+    """
+    share, radius_u_1 = -found.gain[0], motion.wheel_radius_u_1
+    if radius_u_1 is None or not found.gain_counts:
+        return found
+    if not LIMITS.gain_min_std * radius_u_1 < share < LIMITS.max_squat_1:
+        return found
+    even = _fit_comparison(measured * (1.0 - share), motion, noise, priors, earlier)
+    if even is None or even.gain_counts:
+        return found
+    unexplained_m_s = LIMITS.squat_residual_ratio * found.disagreement_m_s
+    if not even.is_consistent and even.disagreement_m_s > unexplained_m_s:
+        return found
+    u = float(np.linalg.norm([found.gain[1], radius_u_1, LIMITS.speed_scale_squat_u * share]))
+    return replace(even, squat=(share, u))
+
+
+def _fit_comparison(
+    measured: Floats,
+    motion: MotionSamples,
+    noise: ColumnNoiseModel,
+    priors: PriorSettings,
+    earlier: WheelKinematics | None = None,
+) -> WheelKinematics | None:
+    """Fit the comparison, starting from an earlier one if there is one."""
+    slip_std = priors.wheel_slip / motion.largest_force
+
+    def prior_stds(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
+        offset = slip_1_N * const_prior_std(motion, priors)
+        return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
+
+    def solve_rows(
+        rows: _Rows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
+    ) -> prior_fit.PriorSolution | prior_fit.UndeterminedFit:
+        told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
+        return prior_fit.solve(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
+
+    largest = LIMITS.max_slip_fraction / motion.largest_force
+    delay_s, slip_1_N, about = 0.0, 0.0, slip_std
+    if earlier is not None:
+        delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
+        about = abs(slip_1_N) + earlier.slip_1_N[1]
+    rows = _make_comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N)
+    if rows is None:
+        return None
+    lines = loss = None
+    if earlier is not None:
+        lines = stretch_trend_columns(rows[2])
+        loss = autocovariance_loss(rows[2], lines)
+    wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
+    for number in range(LIMITS.slip_passes):
+        late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
+        if not np.isfinite([late_s, slips_1_N]).all():
+            break
+        if earlier is not None and abs(late_s) < LIMITS.delay_tolerance_s:
+            break
+        # the slip is of the ground's speed, and an offset matters by what slip there is
+        slip_1_N = float(np.clip(slips_1_N, -largest, largest))
+        about = abs(slip_1_N) + (wide.fit.std[1] if earlier is None else earlier.slip_1_N[1])
+        # a delay is no derivative: the speed is moved back by what was found, and looked at again
+        delay_s = float(np.clip(delay_s + late_s, -LIMITS.longest_delay_s, LIMITS.longest_delay_s))
+        rows = _make_comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N) or rows
+        # only the last one's deviations count
+        if lines is None and number == LIMITS.slip_passes - 1:
+            lines = stretch_trend_columns(rows[2])
+            loss = autocovariance_loss(rows[2], lines)
+        wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
+    # a speed without noise is known to its last digit
+    rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
+    noise_m_s = max(float(np.sqrt(noise.covariance(MEAN)[1, 1])), rounding_m_s)
+    free = wide.fit
+    if free.theta[1] < -LIMITS.negative_slip_std * free.std[1]:
+        narrow_std = slip_std * LIMITS.negative_slip_prior_ratio
+        stiff = prior_stds(LIMITS.gain_search_std_1, about, narrow_std)
+        rolling = solve_rows(rows, stiff, delay_s, lines, loss).fit
+        if rolling.theta[0] < 0.0 and is_gain_significant(rolling, noise_m_s):
+            free, slip_std = rolling, narrow_std
+    mismatch = free.residual_rms / noise_m_s
+    counts = is_gain_significant(free, noise_m_s)
+    std = prior_stds(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
+    found = free if counts else solve_rows(rows, std, delay_s, lines, loss).fit
+    # a few manoeuvres do not show how far noise that adds up has led them
+    least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)
+    widened = np.maximum(least / found.std, 1.0)
+    covariance = found.covariance * np.outer(widened, widened)
+    values = list(
+        zip(found.theta[:3].tolist(), np.sqrt(np.diag(covariance)).tolist()[:3], strict=True)
+    )
+    return WheelKinematics(
+        gain=(float(free.theta[0]), float(free.std[0])),
+        gain_by_prior=values[0],
+        slip_1_N=values[1],
+        delay_s=(delay_s + values[2][0], values[2][1]),
+        gain_counts=counts,
+        covariance=covariance[np.ix_([1, 0, 2], [1, 0, 2])],
+        mismatch=mismatch,
+        disagreement_m_s=float(np.sqrt(max(free.residual_rms**2 - noise_m_s**2, 0.0))),
+        prior_std=std[[1, 0, 2]],
+        mean_u=np.zeros(len(TERMS)),
+    )
+
+
+def is_gain_significant(fit: prior_fit.MapFit, noise_m_s: float) -> bool:
+    """Whether a gain exceeds what its prior and the noise allow.
+
+    Args:
+        fit: fit of the comparison, with the gain first.
+        noise_m_s: noise of the speed's means.
+    """
+    # where the two do not go together, deviations say nothing
+    agrees = fit.residual_rms / noise_m_s <= LIMITS.max_kinematic_mismatch
+    times = LIMITS.gain_min_std if agrees else 0.0
+    return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0]))
+
+
+def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float) -> Floats:
+    """Lower bound of the standard deviations from instrument noise alone, (4,).
+
+    The accelerometer's noise accumulates over a manoeuvre and the fit follows it, so few
+    manoeuvres' residuals show less of it.
+    """
+    X, _, group, _ = rows
+    of_mean = (
+        noise.covariance(LIMITS.accumulated_noise_samples)[0, 0]
+        * LIMITS.accumulated_noise_samples
+        * step_s**2
+        * EVERY
+    )
+    of_speed = noise.covariance(MEAN)[1, 1] * MEAN / EVERY
+    squares = (X**2).sum(axis=0)
+    # of a column of nothing its prior is all that is known
+    scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)
+    X = X / scale
+    added = np.concatenate([np.cumsum(X[part][::-1], axis=0) for part in group_rows(group)])
+    scores = of_mean * added.T @ added + of_speed * X.T @ X
+    gram = X.T @ X
+    variance = float(np.trace(scores)) / X.shape[1]
+    prior = np.diag((prior_std * scale) ** -2.0)
+    bread = np.linalg.pinv(gram / variance + prior)
+    covariance = bread @ (scores / variance**2 + prior) @ bread
+    # rounding may leave a variance of nearly nothing below 0
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
+
+
+def _make_comparison_rows(
+    measured: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
+) -> _Rows | None:
+    """Columns and response without each manoeuvre's line, and the noise in them."""
+    spans = stretch_spans(motion.group)
+    spans = spans[np.diff(spans)[:, 0] >= 10 * MEAN]
+    if not spans.size:
+        return None
+    X, y, group, ground = centred_means(
+        measured, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
+    )
+    covariance = noise.covariance(MEAN)
+    grams = np.zeros((len(spans), 4, 4))
+    grams[:, 1, 1] = ground * covariance[2, 2]
+    grams[:, 2, 2] = np.bincount(group) * covariance[0, 0]
+    return X, y, group, NoiseMoments(grams, np.zeros((len(spans), 4)))
+
+
+@compiled_ahead
+def centred_means(
+    measured: Floats, speed: Floats, force: Floats, spans: Ints, step_s: float, slip_1_N: float
+) -> tuple[Floats, Floats, Ints, Floats]:
+    """Means of columns and response, each stretch without its line.
+
+    Args:
+        measured: (n,) accelerometer in m/s².
+        speed: (n,) wheel speed in m/s.
+        force: (n,) force in N.
+        spans: (stretches, 2) first and end sample of each stretch.
+        step_s: step of the grid.
+        slip_1_N: slip of the wheels.
+
+    Returns:
+        (rows, 4) columns, (rows,) response, (rows,) stretch, and (stretches,) sum of squares of the
+        ground speed.
+    """
+    counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1
+    X, y = np.empty((counts.sum(), 4)), np.empty(counts.sum())
+    group, squares = np.empty(y.size, np.int64), np.zeros(len(spans))
+    row = 0
+    for number in range(len(spans)):
+        part = slice(spans[number, 0], spans[number, 1])
+        a, v, f = measured[part], speed[part], force[part]
+        gained = (np.cumsum(a) - a / 2.0) * step_s
+        # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
+        slipping = v * rolling_fraction(v, f, slip_1_N) - gained
+        ground = np.abs(gained + slipping - subtract_line(slipping))
+        rows = slice(row, row + counts[number])
+        y[rows] = subtract_line(average_overlapping(v - gained))
+        X[rows, 0] = subtract_line(average_overlapping(gained))
+        X[rows, 1] = subtract_line(average_overlapping(ground * f))
+        X[rows, 2] = subtract_line(average_overlapping(-a))
+        of_ground = average_overlapping(ground)
+        X[rows, 3] = subtract_line(-of_ground)
+        group[rows] = number
+        squares[number] = sum_in_order(of_ground * of_ground)
+        row += counts[number]
+    return X, y, group, squares
