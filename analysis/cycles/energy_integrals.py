@@ -11,8 +11,8 @@ import numpy as np
 import polars as pl
 
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.model.body import Body
 from analysis.model.machine import Machine
+from analysis.model.machine_body import Body
 from analysis.model.physical_units import NS_PER_S, SECONDS_PER_HOUR
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque

@@ -14,7 +14,7 @@ import polars as pl
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
-from analysis.model.body import Body
+from analysis.model.machine_body import Body
 from analysis.model.schema import column_values, conform_to_schema
 from estimators.arrays import Floats
 

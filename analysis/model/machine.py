@@ -19,7 +19,7 @@ from analysis.expressions.parse import (
     iter_differentiated_channels,
     parse_expression,
 )
-from analysis.model.body import BODY_NUMBERS, Body
+from analysis.model.machine_body import BODY_NUMBERS, Body
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.model.settings import Settings
 from analysis.model.strict_config import STRICT

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from analysis.model.body import Body
+from analysis.model.machine_body import Body
 
 #: A manoeuvre's own deviation counts like so many manoeuvres of scatter. In simulated logs it is
 #: right to a hundredth, and what is said of starts to come is the steadier the more it counts; on a

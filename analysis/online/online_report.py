@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from types import NoneType
 from typing import Any, Final, Literal, TypeAlias, get_args, get_origin
 
-from analysis.model.body import Body
+from analysis.model.machine_body import Body
 from estimators.estimate import Estimate
 
 #: none_yet: no manoeuvre has given a mass; uncertain, implausible: the last one is not worth its

@@ -16,8 +16,8 @@ from typing import Final
 
 import numpy as np
 
-from analysis.model.body import Body
 from analysis.model.machine import Machine
+from analysis.model.machine_body import Body
 from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combined_u, largest_first
 from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.motion_samples import Floats

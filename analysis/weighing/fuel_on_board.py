@@ -10,7 +10,7 @@ from typing import Final, Self
 import numpy as np
 import polars as pl
 
-from analysis.model.body import Body, FuelTank
+from analysis.model.machine_body import Body, FuelTank
 from analysis.model.physical_units import NS_PER_S, SECONDS_PER_HOUR
 from analysis.model.schema import column_values
 from analysis.weighing.motion_samples import Floats

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from pydantic import TypeAdapter, ValidationError
 
-from analysis.model.body import MachineId
 from analysis.model.machine import Machine
+from analysis.model.machine_body import MachineId
 from estimators.errors import LogError
 from replay.logs import Log
 

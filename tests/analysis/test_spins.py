@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.model.body import ImuMounting
+from analysis.model.machine_body import ImuMounting
 from analysis.model.windows import samples_in_windows
 from analysis.stages.estimation.masses import reasons_for_no_answer
 from tests.analysis.plane_drives import (

@@ -19,7 +19,7 @@ from analysis.calibration.use.error_limits import (
     error_limit_kg,
     judge_error_limits,
 )
-from analysis.model.body import Body
+from analysis.model.machine_body import Body
 from estimators.errors import CampaignError, DataError
 
 #: How the budget of a calibration calls the factors that a machine file states.

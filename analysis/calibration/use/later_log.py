@@ -8,7 +8,7 @@ import polars as pl
 from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.apply_calibration import LaterLog
 from analysis.calibration.use.learnt_priors import contradicted_priors, undetectable_changes
-from analysis.model.body import Body
+from analysis.model.machine_body import Body
 
 #: What it takes of a replay; the last two a replay under learnt priors has.
 FRAMES: Final = ("loads", "nuisances", "responses", "learnt_errors")

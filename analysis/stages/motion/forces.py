@@ -5,8 +5,8 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.axes import YAW_COLUMNS
-from analysis.model.body import Body
 from analysis.model.machine import Machine
+from analysis.model.machine_body import Body
 from analysis.model.schema import FRAMES, build_frame, column_values
 from analysis.stages.motion.phases import classify_motion_phases, speed_rate
 from estimators.arrays import Floats

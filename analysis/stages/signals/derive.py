@@ -15,9 +15,9 @@ from analysis.expressions.parse import (
     iter_differentiated_channels,
 )
 from analysis.expressions.values import NEAR_ZERO, evaluate
-from analysis.model.body import BODY_NUMBERS
 from analysis.model.loss import Loss
 from analysis.model.machine import Channel, Machine
+from analysis.model.machine_body import BODY_NUMBERS
 from analysis.model.physical_units import (
     gain_and_offset_to_si,
     split_unit_from_name,

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from analysis.model.body import ImuMounting
+from analysis.model.machine_body import ImuMounting
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters
 from estimators.arrays import Floats, Ints

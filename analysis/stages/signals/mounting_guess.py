@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.model.body import ImuMounting
 from analysis.model.machine import Machine
+from analysis.model.machine_body import ImuMounting
 from analysis.model.schema import column_values
 from analysis.stages.signals.filters import slices_between_gaps
 from analysis.stages.signals.mounting import rotation_to_machine_axes

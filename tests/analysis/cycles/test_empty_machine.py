@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.model.body import Body
+from analysis.model.machine_body import Body
 from analysis.model.run_record import Run
 from analysis.weighing.empty_mass_datum import note_weighbridge_tickets
 from analysis.weighing.fuel_on_board import FuelOnBoard

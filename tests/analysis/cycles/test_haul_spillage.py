@@ -13,8 +13,8 @@ from analysis.cycles.cycles import weigh_cycles
 from analysis.cycles.haul_spillage import estimate_arriving_share, subtract_spillage
 from analysis.cycles.load_passes import Passes
 from analysis.cycles.shift_totals import sum_shift
-from analysis.model.body import Body
 from analysis.model.machine import Machine
+from analysis.model.machine_body import Body
 from tests.analysis.cycles.drawn import NS, drawn_shift
 from tests.analysis.cycles.test_calibrated_or_ticket import LINE
 from tests.analysis.cycles.test_cycles import FINE, MACHINE, found

@@ -3,8 +3,8 @@
 import pytest
 from pydantic import ValidationError
 
-from analysis.model.body import Body
 from analysis.model.machine import Channel, LogSection, Machine
+from analysis.model.machine_body import Body
 
 FORCE = {"force_x_N": {"topic": "/can", "field": "force"}}
 SPEED = {"speed_x_m_s": {"topic": "/can", "field": "speed"}}

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from analysis.model.body import Body
+from analysis.model.machine_body import Body
 from analysis.online.answer_progress import AnswerProgress, missing_text, target_u_kg
 
 

@@ -10,7 +10,7 @@ import polars as pl
 import pyarrow.parquet as pq
 import pytest
 
-from analysis.model.body import Body
+from analysis.model.machine_body import Body
 from benchmarks.fleet_logs import SerialEngine
 from estimators.errors import CampaignError, EvidenceError, LogError
 from recordings import read_provenance

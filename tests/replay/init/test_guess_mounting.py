@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.model.body import ImuMounting
+from analysis.model.machine_body import ImuMounting
 from analysis.stages.signals.mounting import rotation_to_machine_axes
 from replay import TimeAxis, load_machine, open_log
 from replay.init.guess_machine import draft_machine_file

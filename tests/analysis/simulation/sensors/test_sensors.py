@@ -5,8 +5,8 @@ import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
 
-from analysis.model.body import Body as MachineBody
-from analysis.model.body import ImuMounting
+from analysis.model.machine_body import Body as MachineBody
+from analysis.model.machine_body import ImuMounting
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.stages.motion.forces import longitudinal_force, yaw_torque
 from analysis.stages.signals.mounting import move_to_origin

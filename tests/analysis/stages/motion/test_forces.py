@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.model.body import Body
+from analysis.model.machine_body import Body
 from analysis.model.schema import build_frame
 from analysis.stages.motion.forces import (
     compute_excitation,

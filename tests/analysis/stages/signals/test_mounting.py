@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from analysis.model.body import ImuMounting
+from analysis.model.machine_body import ImuMounting
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals.mounting import (
     move_to_origin,

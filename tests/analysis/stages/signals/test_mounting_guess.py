@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from analysis.model.body import ImuMounting
+from analysis.model.machine_body import ImuMounting
 from analysis.model.schema import build_frame
 from analysis.stages.signals.mounting import rotation_to_machine_axes
 from analysis.stages.signals.mounting_guess import gravity_tilt_deg, guess_mounting
