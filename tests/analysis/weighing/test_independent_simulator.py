@@ -61,6 +61,7 @@ def test_the_tonnes_of_a_shift_hold(
     log = shift_log(seed, ShiftPlan(shorter=share))
     assert habits <= set(log.truth.habits)
     (shift,) = replay_shift(log, tmp_path).frames["shift"].to_dicts()
-    assert shift["cycles_counted"] >= 0.9 * len(log.truth.dump_s)
-    error_kg = shift["payload_kg"] - 1e3 * log.truth.tonnes
-    assert abs(error_kg) < 2.0 * shift["payload_u_kg"]
+    # some loads of 114010 have no mass; they are priced beside those that are counted
+    assert shift["cycles_counted"] >= 0.85 * len(log.truth.dump_s)
+    error_kg = shift["total_kg"] - 1e3 * log.truth.tonnes
+    assert abs(error_kg) < 2.0 * shift["total_u_kg"]
