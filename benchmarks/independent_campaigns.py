@@ -130,6 +130,13 @@ def changed(drawn: Drawn, change: str) -> Drawn:
     return Drawn(plant, seen, way)
 
 
+def machine_as_calibrated(own: Machine, calibrated_machine: Machine) -> Machine:
+    """Give a machine the learnt priors of another, and the way in which that uses them."""
+    priors = calibrated_machine.settings.priors
+    own = machine_with_learnt_priors(own, priors.learnt)
+    return machine_for_later_log(own) if priors.learnt_means == "told" else own
+
+
 def replayed(
     drawn: Drawn,
     states: tuple[tuple[float, int], ...],
@@ -179,12 +186,7 @@ def replayed(
         write_machine_file(stated, drawn.stated or drawn.seen, known._replace(empty_s=empty_s))
         own = load_machine(stated)
         if machine is not None:
-            own = machine_with_learnt_priors(own, machine.settings.priors.learnt)
-            own = (
-                machine_for_later_log(own)
-                if machine.settings.priors.learnt_means == "told"
-                else own
-            )
+            own = machine_as_calibrated(own, machine)
         with open_log(path) as opened:
             return run(opened, own), own
 

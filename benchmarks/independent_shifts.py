@@ -29,9 +29,7 @@ import numpy as np
 import typer
 from scipy.optimize import linear_sum_assignment
 
-from benchmarks.independent.machine_file import write_machine_file
-from benchmarks.independent.mcap_log import write_mcap
-from benchmarks.independent.shift_logs import ShiftPlan, shift_log
+from benchmarks.independent.shift_logs import ShiftPlan, shift_log, write_shift_log
 from benchmarks.kept_trials import read_rows, run_trials
 from benchmarks.page import markdown
 from estimators.errors import PayscopeError
@@ -48,6 +46,17 @@ _NS: Final = 1e9
 _CYCLE: Final = ("dump_unix_ns", "payload_kg", "payload_u_kg", "counted", "withheld_for")
 _WITHHELD, _WITHIN, _SAID, _WRONG = "withheld", "within U", "said", "wrong"
 _CRASHED: Final = "crashed"
+
+
+def match_dumps(mine_s: Sequence[float], true_s: Sequence[float]) -> list[tuple[int, int]]:
+    """Match dumps that were found to the true ones: their numbers, in pairs."""
+    far_s = np.abs(np.array(mine_s)[:, None] - np.array(true_s)[None, :])
+    if not far_s.size:
+        return []
+    # what is too far to match costs more than all that match together
+    cost = np.where(far_s <= MATCHED_S, far_s, MATCHED_S * (1 + sum(far_s.shape)))
+    chosen = zip(*linear_sum_assignment(cost), strict=True)
+    return [(int(a), int(b)) for a, b in chosen if far_s[a, b] <= MATCHED_S]
 
 
 @dataclass(frozen=True)
@@ -87,14 +96,8 @@ class IndependentShift:
     @cached_property
     def pairs(self) -> list[tuple[int, int]]:
         """Rows of the ledger and the true cycles that they are."""
-        mine = [(row["dump_unix_ns"] or 0) / _NS for row in self.cycles]
-        far_s = np.abs(np.array(mine)[:, None] - np.array(self.truth["dump_s"])[None, :])
-        if not far_s.size:
-            return []
-        # what is too far to match costs more than all that match together
-        cost = np.where(far_s <= MATCHED_S, far_s, MATCHED_S * (1 + sum(far_s.shape)))
-        chosen = zip(*linear_sum_assignment(cost), strict=True)
-        return [(int(a), int(b)) for a, b in chosen if far_s[a, b] <= MATCHED_S]
+        mine_s = [(row["dump_unix_ns"] or 0) / _NS for row in self.cycles]
+        return match_dumps(mine_s, self.truth["dump_s"])
 
     @property
     def found(self) -> int:
@@ -158,11 +161,8 @@ def reviewed(seed: int, shorter: float = 1.0, *, clean: bool = False) -> Indepen
     refused = crashed = ""
     made: ShiftReview | None = None
     with tempfile.TemporaryDirectory() as name:
-        folder, stated = Path(name), Path(name) / "machine.toml"
-        paths = [folder / f"shift_{number}.mcap" for number in range(1, len(log.files) + 1)]
-        for path, topics in zip(paths, log.files, strict=True):
-            write_mcap(topics, path)
-        write_machine_file(stated, log.stated, log.known)
+        folder = Path(name)
+        paths, stated = write_shift_log(log, folder)
         began = time.monotonic()
         try:
             made = review_shift(paths, stated, folder / "review", ReviewOptions())

@@ -29,24 +29,19 @@ from typing import Annotated, Any, Final
 import numpy as np
 import polars as pl
 import typer
-from scipy.optimize import linear_sum_assignment
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.shared_errors import SharedErrors
-from analysis.calibration.use.learnt_priors import (
-    contradicted_priors,
-    machine_for_later_log,
-    machine_with_learnt_priors,
-)
+from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.haul_spillage import subtract_spillage_from_payloads
 from analysis.cycles.shift_totals import recount_shift
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
-from benchmarks.independent.machine_file import Known, write_machine_file
-from benchmarks.independent.mcap_log import write_mcap
-from benchmarks.independent.shift_logs import ShiftLog, ShiftPlan, shift_log
-from benchmarks.independent_campaigns import Drawn, Way, calibrated
+from benchmarks.independent.machine_file import Known
+from benchmarks.independent.shift_logs import ShiftLog, ShiftPlan, shift_log, write_shift_log
+from benchmarks.independent_campaigns import Drawn, Way, calibrated, machine_as_calibrated
+from benchmarks.independent_shifts import match_dumps
 from benchmarks.kept_trials import run_trials
 from benchmarks.page import markdown
 from replay import load_machine, open_log, run
@@ -57,8 +52,6 @@ TICKET_U_1: Final = 0.003
 LOAD_SHARE: Final = (0.10, 0.30)
 #: Loads of the campaign over the machine: up to the heaviest bucket of a shift.
 CAMPAIGN_LOADS_1: Final = (0.0, 0.09, 0.18, 0.27, 0.36, 0.45)
-#: A dump is the true one when it is so near.
-MATCHED_S: Final = 5.0
 WRONG: Final = (
     *(ShiftPlan(force_1=1.1), ShiftPlan(force_1=0.9), ShiftPlan(radius_1=1.05)),
     *(ShiftPlan(radius_1=0.95), ShiftPlan(share_1=1.1), ShiftPlan(share_1=0.9)),
@@ -101,24 +94,24 @@ class ScaledShift:
     why: str
     seconds: list[float]
 
+    def pairs(self, arm: str) -> list[tuple[dict[str, Any], float]]:
+        """Counted cycles that are true ones, with what these dumped, in kg."""
+        rows = [row for row in self.cycles[arm] if row["counted"] and row["dump_t_ns"] is not None]
+        mine_s = [self.begin_s + row["dump_t_ns"] / _NS for row in rows]
+        return [(rows[a], self.true_kg[b]) for a, b in match_dumps(mine_s, self.dump_s)]
+
     def matched(self, arm: str) -> tuple[float, float, float, float]:
         """Sum of counted payloads whose cycle is known, its true value, u of it, and common part.
 
         What is missed or too many does not count here: it is no question of the scale.
         """
-        rows = [row for row in self.cycles[arm] if row["counted"] and row["dump_t_ns"] is not None]
-        mine_s = np.array([self.begin_s + row["dump_t_ns"] / _NS for row in rows])
-        far_s = np.abs(mine_s[:, None] - np.array(self.dump_s)[None, :])
-        if not far_s.size:
-            return 0.0, 0.0, float("nan"), float("nan")
-        pairs = zip(*linear_sum_assignment(np.minimum(far_s, 1e6)), strict=True)
-        near = [(int(a), int(b)) for a, b in pairs if far_s[a, b] <= MATCHED_S]
-        said = [rows[a] for a, _ in near]
+        pairs = self.pairs(arm)
+        said = [row for row, _ in pairs]
         common_kg = sum(row["payload_u_shared_kg"] for row in said)
         random_kg = float(np.linalg.norm([row["payload_u_random_kg"] for row in said]))
         return (
             sum(row["payload_kg"] for row in said),
-            sum(self.true_kg[b] for _, b in near),
+            sum(true_kg for _, true_kg in pairs),
             float(np.hypot(common_kg, random_kg)),
             float(common_kg),
         )
@@ -183,12 +176,8 @@ def scaled(seed: int, hours: float, *, clean: bool, wrong_scale: bool) -> Scaled
         shift[arm] = recount_shift(frames["shift"], found).row(0, named=True)
 
     with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
-        folder, stated = Path(name), Path(name) / "machine.toml"
-        paths = [folder / f"shift_{number}.mcap" for number in range(1, len(log.files) + 1)]
-        for path, topics in zip(paths, log.files, strict=True):
-            write_mcap(topics, path)
+        paths, stated = write_shift_log(log, Path(name))
         log.files.clear()
-        write_machine_file(stated, log.stated, log.known)
         logs = [stack.enter_context(open_log(path)) for path in paths]
         machine = load_machine(stated)
 
@@ -207,10 +196,7 @@ def scaled(seed: int, hours: float, *, clean: bool, wrong_scale: bool) -> Scaled
             why = evidence
         else:
             line, learnt = evidence
-            priors = learnt.settings.priors
-            own = machine_with_learnt_priors(machine, priors.learnt)
-            own = machine_for_later_log(own) if priors.learnt_means == "told" else own
-            frames = replayed(own).frames
+            frames = replayed(machine_as_calibrated(machine, learnt)).frames
             why = contradicted_priors(frames["nuisances"])
             errors = SharedErrors.from_frames(frames)
             for arm, raw in ((BOTH, frames["cycles"]), (EVIDENCE, _on_own_scale(frames["cycles"]))):
@@ -262,15 +248,11 @@ def _rows(found: Sequence[ScaledShift]) -> Iterator[list[str]]:
 
 def _single(found: Sequence[ScaledShift], arm: str) -> str:
     """Payloads of cycles within two of their own u."""
-    held: list[bool] = []
-    for each in found:
-        for row in each.cycles[arm]:
-            if not row["counted"] or row["dump_t_ns"] is None or not row["payload_u_kg"]:
-                continue
-            far_s = np.abs(np.array(each.dump_s) - each.begin_s - row["dump_t_ns"] / _NS)
-            if far_s.min() <= MATCHED_S:
-                error_kg = row["payload_kg"] - each.true_kg[int(far_s.argmin())]
-                held.append(abs(error_kg) <= K * row["payload_u_kg"])
+    held = [
+        abs(row["payload_kg"] - true_kg) <= K * row["payload_u_kg"]
+        for each in found
+        for row, true_kg in each.pairs(arm)
+    ]
     return f"{np.mean(held):.1%} of {len(held)}"
 
 

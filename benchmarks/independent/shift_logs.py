@@ -1,13 +1,15 @@
 """The logs of a drawn shift, and what is true of it."""
 
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from benchmarks.independent.legs import Leg
 from benchmarks.independent.machine import Plant
-from benchmarks.independent.machine_file import Known
+from benchmarks.independent.machine_file import Known, write_machine_file
+from benchmarks.independent.mcap_log import write_mcap
 from benchmarks.independent.payload_plans import drawn_instruments
 from benchmarks.independent.plant import STEP_S, Motion, drive
 from benchmarks.independent.sensors import EPOCH_NS, Instruments, Readings, measured
@@ -185,6 +187,16 @@ def shift_log(seed: int, plan: ShiftPlan = _AS_DRAWN) -> ShiftLog:
         motion.duration_s / 60.0,
     )
     return ShiftLog(files, stated, seen, known, truth, plant)
+
+
+def write_shift_log(log: ShiftLog, folder: Path) -> tuple[list[Path], Path]:
+    """Write the files of a shift and its machine file into a folder, and give their paths."""
+    paths = [folder / f"shift_{number}.mcap" for number in range(1, len(log.files) + 1)]
+    for path, topics in zip(paths, log.files, strict=True):
+        write_mcap(topics, path)
+    stated = folder / "machine.toml"
+    write_machine_file(stated, log.stated, log.known)
+    return paths, stated
 
 
 #: Of the instruments, what the truth tells.

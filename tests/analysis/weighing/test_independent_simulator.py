@@ -5,9 +5,7 @@ from pathlib import Path
 import pytest
 
 from analysis.model.run_record import Run
-from benchmarks.independent.machine_file import write_machine_file
-from benchmarks.independent.mcap_log import write_mcap
-from benchmarks.independent.shift_logs import ShiftLog, ShiftPlan, shift_log
+from benchmarks.independent.shift_logs import ShiftLog, ShiftPlan, shift_log, write_shift_log
 from benchmarks.payloads import found_of
 from replay import load_machine, open_log
 from replay.pipeline import run
@@ -30,11 +28,7 @@ def test_the_payload_of_five_starts_holds(situation: str, seed: int) -> None:
 
 
 def replay_shift(log: ShiftLog, folder: Path) -> Run:
-    paths = [folder / f"{number}.mcap" for number in range(len(log.files))]
-    for topics, path in zip(log.files, paths, strict=True):
-        write_mcap(topics, path)
-    machine = folder / "machine.toml"
-    write_machine_file(machine, log.stated, log.known)
+    paths, machine = write_shift_log(log, folder)
     return run([open_log(path) for path in paths], load_machine(machine))
 
 
