@@ -210,6 +210,9 @@ class EvidenceDocument(BaseModel):
     drift: DriftCheck | None
     as_found: AsFound | None
     replay_tolerance_kg: float = Field(ge=0, le=1e-3)
+    #: Whether what the machine file states of gain, share and radius is in the common error of the
+    #: readings: so in evidence that lacks this key.
+    factors_in_common: bool = True
     chain: Chain
     signer: Signer | None
     software: Software

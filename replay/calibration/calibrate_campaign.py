@@ -364,6 +364,7 @@ def _make_document(
         drift=evidence.drift,
         as_found=check_earlier_line(last, estimator_of_this_version(last), estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
+        factors_in_common=False,
         chain=_make_next_link(before),
         signer=None if key is None else _signer_of_campaign(campaign, key),
         software=software_versions(),

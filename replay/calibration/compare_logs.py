@@ -64,7 +64,12 @@ def replay_and_compare_logs(
         if document.learnt is not None and document.kind == "calibration":
             before = replay_runs(campaign, document.machine, lambda log: paths[log])
             _compare_learnt_terms(checked, document.learnt.logs, before.terms)
-        replayed = replay_runs(campaign, document.weighing, lambda log: paths[log])
+        replayed = replay_runs(
+            campaign,
+            document.weighing,
+            lambda log: paths[log],
+            factors_in_common=document.factors_in_common,
+        )
     except PayscopeError as fault:
         checked.add(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
         return

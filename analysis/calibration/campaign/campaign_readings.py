@@ -36,12 +36,17 @@ READINGS: Final[dict[str, type[pl.DataType]]] = {
 _NOTHING: Final = "no manoeuvre of this stretch was informative enough"
 _IS_ZERO: Final = "without load: the zero that payloads are counted from"
 _NO_ZERO: Final = "no run of this log without load, so there is no payload as a difference"
-#: Factors of every mass alike, whatever its load.
+#: Factors of every mass alike: the slope and level of the line absorb them. What the machine file
+#: states of them does not say how they change.
 _FACTORS: Final = tuple(scale.name for scale in SCALES if not scale.by_load)
 
 
 def read_campaign_runs(
-    replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator
+    replayed: Run,
+    runs: Sequence[CampaignRun],
+    estimator: Estimator,
+    *,
+    factors_in_common: bool = False,
 ) -> pl.DataFrame:
     """Readings of the campaign's runs in one log.
 
@@ -49,13 +54,19 @@ def read_campaign_runs(
         replayed: the replay of that log.
         runs: the campaign's runs in it, in order.
         estimator: estimator of the mass.
+        factors_in_common: whether gain, share and radius count in the common error, as in evidence
+            made before they were left to the line.
 
     Returns:
         Frame `readings`, in seconds from the log's first aligned sample; unused readings have a
         reason.
     """
     joint = estimator in JOINT_ESTIMATORS
-    said = joint_fit_readings(replayed) if joint else method_readings(replayed, estimator)
+    said = (
+        joint_fit_readings(replayed, factors_in_common=factors_in_common)
+        if joint
+        else method_readings(replayed, estimator)
+    )
     rows: list[dict[str, Any]] = []
     for run in runs:
         inside = [each for each in said if run.covers_middle_of(each["start_s"], each["end_s"])]
@@ -113,10 +124,11 @@ def responses_of_runs_to_learnt_means(
     )
 
 
-def joint_fit_readings(replayed: Run) -> list[dict[str, Any]]:
+def joint_fit_readings(replayed: Run, *, factors_in_common: bool) -> list[dict[str, Any]]:
     """Readings of the joint fit, one per manoeuvre."""
     loads = {row["load_id"]: row for row in replayed.frames["loads"].to_dicts()}
-    own = replayed.frames["budget"].filter(pl.col("cause").is_in(causes_not_in_common(replayed)))
+    absorbed = [*causes_not_in_common(replayed), *(() if factors_in_common else _FACTORS)]
+    own = replayed.frames["budget"].filter(pl.col("cause").is_in(absorbed))
     own_kg = dict(own.group_by("load_id").agg((pl.col("u_kg") ** 2).sum().sqrt()).iter_rows())
     found: list[dict[str, Any]] = []
     for row in replayed.frames["manoeuvres"].to_dicts():
@@ -132,15 +144,14 @@ def joint_fit_readings(replayed: Run) -> list[dict[str, Any]]:
 def causes_not_in_common(replayed: Run) -> list[str]:
     """Uncertainty sources common to one log's masses but not to all masses of the campaign.
 
-    Factors of all masses are in the slope and level of the line: what the machine file states of
-    them does not say how they change. Errors of learnt means are absorbed by the line as well.
-    Their prior widths vary from log to log, and scatter the runs about the line.
+    Errors of learnt means are absorbed by the line. Their prior widths vary from log to log, and
+    scatter the runs about the line.
     """
     nuisances = replayed.frames["nuisances"]
     if "prior_mean_u" not in nuisances.columns:
-        return [*_FACTORS]
+        return []
     learnt = nuisances.filter(pl.col("prior_mean_u") > 0.0)["term"]
-    return [*_FACTORS, "learnt", *("slip" if term == "wheel_slip" else term for term in learnt)]
+    return ["learnt", *("slip" if term == "wheel_slip" else term for term in learnt)]
 
 
 def subtract_part_u(u_kg: float | None, part_kg: float | None) -> float | None:

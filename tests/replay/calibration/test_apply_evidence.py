@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from functools import partial
 from pathlib import Path
 
 import polars as pl
@@ -15,6 +16,7 @@ from recordings.calibration.evidence_document import parse_document
 from recordings.signatures.canonical_json import canonical_bytes
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
+from replay.calibration.campaign_runs import replay_runs
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
 from replay.machines.machine_file import load_machine
@@ -51,6 +53,30 @@ def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: CalibrationOu
 
 def test_its_logs_are_replayed_twice_to_verify_it(folder: Path, made: CalibrationOutcome) -> None:
     assert not verify_bundle(made.folder, logs=folder).findings
+
+
+def test_evidence_that_counts_gain_as_a_common_error_is_replayed_as_it_was_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Test: evidence without the key, as earlier versions made it. Expected Result: verified."""
+    campaign = campaign_folder(tmp_path / "logs", loads=(0, 2, 3))
+    file = tmp_path / "logs" / "sledge.toml"
+    file.write_text(file.read_text().replace("[machine]", "[machine]\nforce_gain_u = 0.02", 1))
+    now = calibrate_from_campaign(campaign, tmp_path / "now")
+    with monkeypatch.context() as earlier:
+        counted = partial(replay_runs, factors_in_common=True)
+        earlier.setattr("replay.calibration.calibrate_campaign.replay_runs", counted)
+        made = calibrate_from_campaign(campaign, tmp_path / "made")
+    assert now.document.calibration is not None
+    assert made.document.calibration is not None
+    assert now.document.calibration.common_kg < made.document.calibration.common_kg
+
+    def lose_key(bundle: Bundle) -> None:
+        del bundle.evidence["factors_in_common"]
+
+    before = tampered(made.folder, tmp_path / "before", lose_key, signed=True)
+    assert not verify_bundle(before, logs=tmp_path / "logs").findings
+    assert verify_bundle(made.folder, logs=tmp_path / "logs").findings
 
 
 def test_a_campaign_may_leave_the_priors_as_they_are(folder: Path, tmp_path: Path) -> None:
