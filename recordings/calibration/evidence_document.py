@@ -16,6 +16,7 @@ from pydantic import BaseModel, Field, PrivateAttr, StringConstraints, Validatio
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.campaign.campaign_subjects import Id, Line
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
+from analysis.calibration.line.procedure import ProcedureNumber
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import ErrorLimits
 from analysis.calibration.use.learnt_priors import LearntPriors, machine_with_learnt_priors
@@ -210,9 +211,7 @@ class EvidenceDocument(BaseModel):
     drift: DriftCheck | None
     as_found: AsFound | None
     replay_tolerance_kg: float = Field(ge=0, le=1e-3)
-    #: Whether what the machine file states of gain, share and radius is in the common error of the
-    #: readings: so in evidence that lacks this key.
-    factors_in_common: bool = True
+    procedure: ProcedureNumber = 1
     chain: Chain
     signer: Signer | None
     software: Software

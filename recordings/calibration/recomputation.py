@@ -15,6 +15,7 @@ from analysis.calibration.campaign.campaign_fit import (
     make_calibration_options,
 )
 from analysis.calibration.campaign.campaign_plan import CampaignRun
+from analysis.calibration.line.procedure import PROCEDURES
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
 from analysis.calibration.use.learnt_priors import learn_terms_of_logs
@@ -202,7 +203,10 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
         yield _irreproducible_finding("learnt", "is there, although the campaign learns nothing")
     stored, computed = (
         {name: term.model_dump() for name, term in terms.items()}
-        for terms in (learnt.terms, learn_terms_of_logs(learnt.logs))
+        for terms in (
+            learnt.terms,
+            learn_terms_of_logs(learnt.logs, PROCEDURES[document.procedure]),
+        )
     )
     if not all(near for _, near in find_differences(stored, computed)):
         yield _irreproducible_finding("learnt", "does not follow from its logs")

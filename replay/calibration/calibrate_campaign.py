@@ -16,6 +16,7 @@ from analysis.calibration.campaign.campaign_fit import (
 )
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.line.calibration import CalibrationOptions
+from analysis.calibration.line.procedure import PRESENT_NUMBER
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
 from analysis.calibration.use.learnt_priors import (
@@ -364,7 +365,7 @@ def _make_document(
         drift=evidence.drift,
         as_found=check_earlier_line(last, estimator_of_this_version(last), estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
-        factors_in_common=False,
+        procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
         chain=_make_next_link(before),
         signer=None if key is None else _signer_of_campaign(campaign, key),
         software=software_versions(),

@@ -18,6 +18,7 @@ from analysis.calibration.campaign.campaign_readings import (
     read_campaign_runs,
     responses_of_runs_to_learnt_means,
 )
+from analysis.calibration.line.procedure import PRESENT_PROCEDURE, Procedure
 from analysis.calibration.line.shared_errors import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
@@ -80,8 +81,7 @@ def replay_runs(
     path_of: Callable[[str], Path],
     recordings: Path | None = None,
     on_log: Callable[[str], None] = lambda _: None,
-    *,
-    factors_in_common: bool = False,
+    procedure: Procedure = PRESENT_PROCEDURE,
 ) -> CampaignReplay:
     """Replay every log of a campaign once.
 
@@ -91,7 +91,7 @@ def replay_runs(
         path_of: returns the path of a log of the campaign.
         recordings: folder for recordings of the replays, if any.
         on_log: called with each log's name when its replay begins.
-        factors_in_common: see `read_campaign_runs`.
+        procedure: procedure of the calibration.
 
     Raises:
         PayscopeError: a log cannot be read or used.
@@ -116,11 +116,7 @@ def replay_runs(
             (recordings / RUNS).mkdir(exist_ok=True)
             write_recording(replayed, recordings / recording)
         runs = [each for each in campaign.runs if each.log == name]
-        frames.append(
-            read_campaign_runs(
-                replayed, runs, campaign.method.estimator, factors_in_common=factors_in_common
-            )
-        )
+        frames.append(read_campaign_runs(replayed, runs, campaign.method.estimator, procedure))
         responses += responses_of_runs_to_learnt_means(replayed, runs, campaign.method.estimator)
         logs.append(evidence_of_replay(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])

@@ -8,6 +8,7 @@ from typing import Final
 
 import polars as pl
 
+from analysis.calibration.line.procedure import PROCEDURES
 from analysis.calibration.use.learnt_priors import TermOfLog
 from estimators.errors import EvidenceError, PayscopeError
 from estimators.file_digest import file_sha256
@@ -68,7 +69,7 @@ def replay_and_compare_logs(
             campaign,
             document.weighing,
             lambda log: paths[log],
-            factors_in_common=document.factors_in_common,
+            procedure=PROCEDURES[document.procedure],
         )
     except PayscopeError as fault:
         checked.add(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))

@@ -12,6 +12,7 @@ from analysis.calibration.campaign.campaign_plan import (
     CampaignRun,
     Estimator,
 )
+from analysis.calibration.line.procedure import PRESENT_PROCEDURE, Procedure
 from analysis.calibration.line.shared_errors import RunResponse, SharedErrors
 from analysis.model.methods import METHODS, LogSummary
 from analysis.model.physical_units import NS_PER_S
@@ -45,8 +46,7 @@ def read_campaign_runs(
     replayed: Run,
     runs: Sequence[CampaignRun],
     estimator: Estimator,
-    *,
-    factors_in_common: bool = False,
+    procedure: Procedure = PRESENT_PROCEDURE,
 ) -> pl.DataFrame:
     """Readings of the campaign's runs in one log.
 
@@ -54,8 +54,7 @@ def read_campaign_runs(
         replayed: the replay of that log.
         runs: the campaign's runs in it, in order.
         estimator: estimator of the mass.
-        factors_in_common: whether gain, share and radius count in the common error, as in evidence
-            made before they were left to the line.
+        procedure: procedure of the calibration.
 
     Returns:
         Frame `readings`, in seconds from the log's first aligned sample; unused readings have a
@@ -63,9 +62,7 @@ def read_campaign_runs(
     """
     joint = estimator in JOINT_ESTIMATORS
     said = (
-        joint_fit_readings(replayed, factors_in_common=factors_in_common)
-        if joint
-        else method_readings(replayed, estimator)
+        joint_fit_readings(replayed, procedure) if joint else method_readings(replayed, estimator)
     )
     rows: list[dict[str, Any]] = []
     for run in runs:
@@ -124,10 +121,11 @@ def responses_of_runs_to_learnt_means(
     )
 
 
-def joint_fit_readings(replayed: Run, *, factors_in_common: bool) -> list[dict[str, Any]]:
+def joint_fit_readings(replayed: Run, procedure: Procedure) -> list[dict[str, Any]]:
     """Readings of the joint fit, one per manoeuvre."""
     loads = {row["load_id"]: row for row in replayed.frames["loads"].to_dicts()}
-    absorbed = [*causes_not_in_common(replayed), *(() if factors_in_common else _FACTORS)]
+    factors = () if procedure.factors_in_common else _FACTORS
+    absorbed = [*causes_not_in_common(replayed), *factors]
     own = replayed.frames["budget"].filter(pl.col("cause").is_in(absorbed))
     own_kg = dict(own.group_by("load_id").agg((pl.col("u_kg") ** 2).sum().sqrt()).iter_rows())
     found: list[dict[str, Any]] = []

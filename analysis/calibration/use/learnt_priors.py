@@ -14,6 +14,7 @@ import polars as pl
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.special import chdtrc
 
+from analysis.calibration.line.procedure import PRESENT_PROCEDURE, Procedure
 from analysis.calibration.line.shared_errors import RunResponse, SharedErrors
 from analysis.model.machine import Machine
 from analysis.model.prior_settings import LearnableTerm, LearntTerm
@@ -21,7 +22,8 @@ from analysis.model.strict_config import STRICT
 
 #: With fewer logs nothing tells what differs between them.
 LOGS_MIN: Final = 3
-#: Logs differ where chance makes them differ as much with a smaller probability.
+#: Logs differ where chance makes them differ as much with a smaller probability, in any term: with
+#: 5 % of each of eight terms a third of all campaigns had a variation that was none.
 _LEVEL: Final = 0.05
 #: Of its prior, at least so much is left: a term stays in the fit.
 _LEAST_SHARE: Final = 0.01
@@ -83,15 +85,18 @@ def learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
     )
 
 
-def learn_terms_of_logs(log_terms: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
+def learn_terms_of_logs(
+    log_terms: Iterable[TermOfLog], procedure: Procedure = PRESENT_PROCEDURE
+) -> dict[LearnableTerm, LearntTerm]:
     """Pool the logs' estimates of each term: weighted mean, uncertainty, variation between logs.
 
     The variation is estimated by moments (DerSimonian and Laird 1986) if chi-square shows it at 5
-    %; otherwise one hundredth of the prior is kept. Undetected variation scatters the runs of a
-    calibration, whose intervals include it.
+    %, of all terms together; otherwise one hundredth of the prior is kept. Undetected variation
+    scatters the runs of a calibration, whose intervals include it.
 
     Args:
         log_terms: prior and posterior of each term by each log.
+        procedure: procedure of the calibration.
 
     Returns:
         Learnt priors by term, for terms with estimates from at least three logs.
@@ -99,20 +104,18 @@ def learn_terms_of_logs(log_terms: Iterable[TermOfLog]) -> dict[LearnableTerm, L
     by_term: dict[LearnableTerm, list[TermOfLog]] = {}
     for each in log_terms:
         by_term.setdefault(each.term, []).append(each)
-    found: dict[LearnableTerm, LearntTerm] = {}
-    for term in sorted(by_term):
-        if len(by_term[term]) >= LOGS_MIN:
-            found[term] = _pool_term(by_term[term])
-    return found
+    pooled = sorted(term for term, told in by_term.items() if len(told) >= LOGS_MIN)
+    level = _LEVEL if procedure.terms_tested_singly else _LEVEL / max(len(pooled), 1)
+    return {term: _pool_term(by_term[term], level) for term in pooled}
 
 
-def _pool_term(log_terms: Sequence[TermOfLog]) -> LearntTerm:
+def _pool_term(log_terms: Sequence[TermOfLog], level: float) -> LearntTerm:
     """Prior of a term from the logs' estimates, which count once with the old prior."""
     # all floats are Python's own: evidence is written and read back to the last bit
     prior = float(max(each.prior_std for each in log_terms))
     told = [own for each in log_terms if (own := estimate_without_prior(each)) is not None]
     value, variance = np.array([v for v, _ in told]), np.array([s**2 for _, s in told])
-    between = between_log_variance(value, variance) if len(told) >= LOGS_MIN else 0.0
+    between = between_log_variance(value, variance, level) if len(told) >= LOGS_MIN else 0.0
     weight = 1.0 / (variance + between)
     # the prior counts once, not once a log
     total = float(weight.sum()) + prior**-2
@@ -140,12 +143,12 @@ def machine_without_prior(
     return (value * std**-2 - mean * width**-2) / information, float(information**-0.5)
 
 
-def between_log_variance(value: np.ndarray, variance: np.ndarray) -> float:
-    """Variance between logs; 0 if chance explains the differences."""
+def between_log_variance(value: np.ndarray, variance: np.ndarray, level: float) -> float:
+    """Variance between logs; 0 if chance explains the differences more often than `level`."""
     weight = 1.0 / variance
     mean = float(weight @ value / weight.sum())
     squares, freedom = float(weight @ (value - mean) ** 2), value.size - 1
-    if float(chdtrc(freedom, squares)) > _LEVEL:
+    if float(chdtrc(freedom, squares)) > level:
         return 0.0
     spare = float(weight.sum() - (weight @ weight) / weight.sum())
     return max(squares - freedom, 0.0) / spare

@@ -8,6 +8,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from analysis.calibration.line.procedure import PROCEDURES
 from analysis.calibration.use.learnt_priors import machine_for_later_log
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
@@ -64,7 +65,7 @@ def test_evidence_that_counts_gain_as_a_common_error_is_replayed_as_it_was_made(
     file.write_text(file.read_text().replace("[machine]", "[machine]\nforce_gain_u = 0.02", 1))
     now = calibrate_from_campaign(campaign, tmp_path / "now")
     with monkeypatch.context() as earlier:
-        counted = partial(replay_runs, factors_in_common=True)
+        counted = partial(replay_runs, procedure=PROCEDURES[1])
         earlier.setattr("replay.calibration.calibrate_campaign.replay_runs", counted)
         made = calibrate_from_campaign(campaign, tmp_path / "made")
     assert now.document.calibration is not None
@@ -72,7 +73,7 @@ def test_evidence_that_counts_gain_as_a_common_error_is_replayed_as_it_was_made(
     assert now.document.calibration.common_kg < made.document.calibration.common_kg
 
     def lose_key(bundle: Bundle) -> None:
-        del bundle.evidence["factors_in_common"]
+        del bundle.evidence["procedure"]
 
     before = tampered(made.folder, tmp_path / "before", lose_key, signed=True)
     assert not verify_bundle(before, logs=tmp_path / "logs").findings

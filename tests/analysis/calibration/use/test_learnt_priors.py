@@ -4,6 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from analysis.calibration.line.procedure import PROCEDURES, Procedure
 from analysis.calibration.use.learnt_priors import (
     TermOfLog,
     contradicted_priors,
@@ -53,6 +54,31 @@ def test_what_differs_between_logs_beyond_chance_is_the_width():
     found = learn_terms_of_logs(said(dice.normal(0.0, 100.0, 60), 20.0, "const", 466.0))["const"]
     assert found.std == pytest.approx(100.0, rel=0.2)
     assert found.mean_u == pytest.approx(np.hypot(100.0, 20.0) / np.sqrt(60), rel=0.2)
+
+
+def test_chance_makes_one_campaign_in_twenty_vary_not_one_in_three():
+    dice = np.random.default_rng(8)
+    own = {"const": 40.0, "direction": 40.0, "lag": 1e-3, "load_transfer": 0.02}
+    own |= {"quadratic": 8.0, "slip": 2e-3, "speed_delay": 2e-3, "gain": 2e-3}
+
+    def varies(procedure: Procedure, logs: list[TermOfLog]) -> bool:
+        found = learn_terms_of_logs(logs, procedure)
+        return any(found[name].std > 0.5 * std for name, std in own.items())
+
+    campaigns = [
+        [
+            log_term
+            for name, std in own.items()
+            for log_term in said(dice.normal(0.0, std, 6), std, name, 10.0 * std)
+        ]
+        for _ in range(400)
+    ]
+    shares = {
+        number: np.mean([varies(procedure, logs) for logs in campaigns])
+        for number, procedure in PROCEDURES.items()
+    }
+    assert shares[2] < 0.08
+    assert shares[1] > 0.25
 
 
 def test_two_logs_teach_nothing():

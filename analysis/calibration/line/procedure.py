@@ -1,0 +1,32 @@
+"""Procedures of a calibration: how the results of its logs are combined, by number.
+
+Evidence states the number, so that a later version recomputes it as it was made.
+"""
+
+from collections.abc import Mapping
+from typing import Final, Literal, NamedTuple
+
+ProcedureNumber = Literal[1, 2]
+
+
+class Procedure(NamedTuple):
+    """Rules in which procedures differ.
+
+    Attributes:
+        factors_in_common: whether the machine file's uncertainty of gain, share and radius counts
+            in the common error of the readings; otherwise the line absorbs it.
+        terms_tested_singly: whether each nuisance is tested for variation between logs at 5 %;
+            otherwise all of them together are.
+    """
+
+    factors_in_common: bool
+    terms_tested_singly: bool
+
+
+PROCEDURES: Final[Mapping[ProcedureNumber, Procedure]] = {
+    1: Procedure(factors_in_common=True, terms_tested_singly=True),
+    2: Procedure(factors_in_common=False, terms_tested_singly=False),
+}
+#: Procedure of new evidence; evidence that states none has the first.
+PRESENT_NUMBER: Final[ProcedureNumber] = 2
+PRESENT_PROCEDURE: Final = PROCEDURES[PRESENT_NUMBER]
