@@ -6,7 +6,8 @@ Each checkout replays, with its own sources, environment (`CHECKOUT/.venv`) and 
 log of the shared data that has a machine file, with several settings; the simulated logs of the
 examples; the demo; the golden logs of this checkout; and `reproduce table1 fig2`. Frames are
 compared by name, order, columns, dtypes, nulls and bits, files byte for byte, and the provenance
-but for the names of the settings, which one checkout may nest by stage and the other not.
+but for the names of the settings, which one checkout may nest by stage and the other not, and
+former names of checks.
 """
 
 import hashlib
@@ -230,7 +231,11 @@ def compares(name: str) -> bool:
 def difference(mine: Path, theirs: Path) -> str | None:
     """Say where two files first differ, None where they do not."""
     if mine.suffix == ".arrow":
-        return frame_difference(*(pl.read_ipc(path) for path in (mine, theirs)))
+        from analysis.model.check_names import rename_stored_checks
+
+        name = mine.stem.partition(" ")[2]
+        frames = (rename_stored_checks(name, pl.read_ipc(path)) for path in (mine, theirs))
+        return frame_difference(*frames)
     if mine.name == "provenance.json":
         return provenance_difference(*(json.loads(p.read_text()) for p in (mine, theirs)))
     hashes = [hashlib.sha256(path.read_bytes()).hexdigest() for path in (mine, theirs)]

@@ -25,7 +25,7 @@ from analysis.stages.motion.phases import average_like_speed_rate, speed_rate_sp
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in_duration
 
-_CHECK: Final = "causes"
+_CHECK: Final = "invalidating_causes"
 _MEANING: Final = "named causes that invalidate a mass which no other check withholds"
 _REMEDY: Final = "payscope explain names what mends each"
 _SCALE_REMEDY: Final = (
@@ -297,7 +297,7 @@ CHECKS: Final = (
         AxisQuantityNames("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin"),
     ),
     CheckRow(
-        "spin_centre",
+        "spin_centre_m",
         "inertia",
         _spin_centre,
         "distance of the centre of rotation in spins from the origin, m, by the accelerometer; "

@@ -119,9 +119,9 @@ def _stretches_of_failing_checks(
 ) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
     """Name, stretches by channel, and rejection reason of each failing check."""
     if signals.frozen_s > limits.frozen_max_s:
-        yield "frozen", signals.frozen_spans, "gap"  # what is frozen was not measured
+        yield "frozen_s", signals.frozen_spans, "gap"  # what is frozen was not measured
     if signals.clipped_share > limits.clipped_max:
-        yield "clipped", signals.clipped_spans, "saturated"
+        yield "clipped_share", signals.clipped_spans, "saturated"
 
 
 def _is_weighed(weighing: Weighing) -> Bools:

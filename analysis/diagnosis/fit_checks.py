@@ -118,16 +118,22 @@ def _gating_bias_u(inputs: CheckInputs, motion: AxisMotion) -> float:
     return float(mean_difference_kg / u_kg) if u_kg > 0.0 else np.nan
 
 
-def term_presence_check(name: str, meaning: str) -> CheckRow:
-    """Check that reports whether the fit contains a term."""
+def term_presence_check(name: str, term: str, meaning: str) -> CheckRow:
+    """Check that reports whether the fit contains a term.
+
+    Args:
+        name: name of the check.
+        term: name of the term in the fit.
+        meaning: meaning of its number.
+    """
     return CheckRow(
         name,
         "mass",
-        _make_weighing_value(lambda weighing: weighing.own_fit.term_t_values.get(name, np.nan)),
+        _make_weighing_value(lambda weighing: weighing.own_fit.term_t_values.get(term, np.nan)),
         meaning,
         maximum="term_t_max",
         applies=lambda inputs, _: (
-            inputs.weighing is not None and name in inputs.weighing.own_fit.term_t_values
+            inputs.weighing is not None and term in inputs.weighing.own_fit.term_t_values
         ),
         consequence="tell",
         remedy="the fit has the term; mending its cause would narrow the answer",
@@ -146,7 +152,7 @@ FIT_CHECKS: Final = (
         remedy="more starts at different throttles and both ways, or narrower settings.priors",
     ),
     CheckRow(
-        "beyond_prior",
+        "term_beyond_prior",
         "mass",
         _make_weighing_value(lambda weighing: max(weighing.own_fit.distances_from_priors.values())),
         "term farthest from its prior, in prior standard deviations; above the limit it "
@@ -185,7 +191,7 @@ FIT_CHECKS: Final = (
         remedy="an accelerometer, a lower settings.filter.cutoff_hz, or stronger starts",
     ),
     CheckRow(
-        "lag",
+        "force_delay_s",
         "mass",
         _make_weighing_value(lambda weighing: abs(weighing.fit.lag_s)),
         "estimated delay of the force, s, of either sign",
@@ -194,7 +200,7 @@ FIT_CHECKS: Final = (
         remedy="channels.force_x_N.delay_s (or of both torques)",
     ),
     CheckRow(
-        "lag_v",
+        "speed_delay_s",
         "mass",
         _make_wheel_value(lambda wheels: abs(wheels.delay_s[0])),
         "estimated delay of the speed against the accelerometer, s, of either sign",
@@ -203,7 +209,7 @@ FIT_CHECKS: Final = (
         remedy="channels.speed_x_m_s.delay_s",
     ),
     CheckRow(
-        "gain",
+        "wheel_imu_gain_error",
         "mass",
         _make_wheel_value(lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0),
         "gain difference of wheel speed and accelerometer; either may be wrong",
@@ -213,7 +219,7 @@ FIT_CHECKS: Final = (
         remedy="machine.wheel_radius_m, machine.imu, or channels.specific_force_x_m_s2.scale",
     ),
     CheckRow(
-        "wheels",
+        "wheel_imu_residual",
         "mass",
         _make_weighing_value(lambda weighing: wheel_imu_disagreement(weighing.fit)),
         "residual of wheel speed against accelerometer beyond noise, as a fraction of the speed",
@@ -224,7 +230,7 @@ FIT_CHECKS: Final = (
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
     ),
     CheckRow(
-        "scatter",
+        "manoeuvre_scatter",
         "mass",
         _make_weighing_value(_between_manoeuvre_scatter),
         "scatter of manoeuvres about their load over what their noise explains",
@@ -236,7 +242,7 @@ FIT_CHECKS: Final = (
         remedy="machine.repeatability_kg, where it is known; starts that are alike",
     ),
     CheckRow(
-        "misfit",
+        "common_misfit",
         "mass",
         _make_weighing_value(lambda weighing: weighing.fit.fit.misfit_ratio),
         "residual common to all starts, mean square over noise",
@@ -248,7 +254,7 @@ FIT_CHECKS: Final = (
         remedy="filters, brakes or tyres that the equation does not have",
     ),
     CheckRow(
-        "aa",
+        "force_nonlinearity",
         "mass",
         _make_weighing_value(lambda weighing: abs(weighing.curvature.t)),
         "t-value of a force in a·|a|: the force is not linear in the acceleration",
@@ -258,7 +264,7 @@ FIT_CHECKS: Final = (
         remedy="force measured on all wheels, machine.force_share",
     ),
     CheckRow(
-        "braking",
+        "braking_bias",
         "mass",
         _make_weighing_value(_braking_mass_share),
         "relative change of the mass when braking is included; the force may not see all brakes",
@@ -268,7 +274,7 @@ FIT_CHECKS: Final = (
         remedy="settings.gate.exclude_braking = true",
     ),
     CheckRow(
-        "methods",
+        "disagreeing_methods",
         "mass",
         _count_contradicted_methods,
         "methods that disagree with the joint fit, or whose standard deviation is too small here",
@@ -282,7 +288,7 @@ FIT_CHECKS: Final = (
         remedy="none: those methods have no nuisance terms, and are not shown",
     ),
     CheckRow(
-        "gated",
+        "gating_bias",
         "mass",
         _gating_bias_u,
         "pooled mass with and without gating: difference in standard deviations",
@@ -291,7 +297,9 @@ FIT_CHECKS: Final = (
         consequence="tell",
         remedy="the model holds in a part of the motion only: see the gate's reasons",
     ),
-    term_presence_check("const", "t-value of a constant force: offset, tilt, slope or friction"),
-    term_presence_check("quadratic", "t-value of a resistance in v·|v|"),
-    term_presence_check("direction", "t-value of Coulomb friction"),
+    term_presence_check(
+        "constant_force", "const", "t-value of a constant force: offset, tilt, slope or friction"
+    ),
+    term_presence_check("quadratic_drag", "quadratic", "t-value of a resistance in v·|v|"),
+    term_presence_check("coulomb_friction", "direction", "t-value of Coulomb friction"),
 )

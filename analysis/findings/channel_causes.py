@@ -80,7 +80,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     for begin, end in (span for spans in of_channel.values() for span in spans):
         holds |= (t >= begin) & (t <= end)
-    found = inputs.check_inputs.left_out.get("frozen")
+    found = inputs.check_inputs.left_out.get("frozen_s")
     times = "for" if len(spans) == 1 else f"{len(spans)} times, for"
     return [
         Symptom(
@@ -136,7 +136,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
         return []
     at = inputs.newtons_per_unit(name) * abs(extreme)
     count = sum(1 for each, _ in signals.clipping.values() if each > 0.0)
-    found = inputs.check_inputs.left_out.get("clipped")
+    found = inputs.check_inputs.left_out.get("clipped_share")
     limit_N = 0.98 * at * max(count, 1)
 
     def refit_without_saturated_rows() -> MassChange | None:

@@ -17,11 +17,11 @@ _COSTS: Final = ("withhold", "widen")
 _BEND_NOTHING: Final = ("quantised", "gaps", "wind_up", "braking_left_out")
 #: Checks of one thing, and the causes that account for them; others any cause may fail.
 _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
-    "frozen": ("frozen",),
-    "clipped": ("saturated",),
-    "clocks": ("clock_drift", "clock_jump", "irregular_sampling"),
-    "imu_tilt": ("imu_misaligned", "imu_bias", "slope", "wrong_unit", "sign_flipped"),
-    "one_sided": ("unlike_sides", "sign_flipped", "unsigned", "frozen", "saturated"),
+    "frozen_s": ("frozen",),
+    "clipped_share": ("saturated",),
+    "clock_drift_s": ("clock_drift", "clock_jump", "irregular_sampling"),
+    "imu_tilt_deg": ("imu_misaligned", "imu_bias", "slope", "wrong_unit", "sign_flipped"),
+    "one_sided_torque": ("unlike_sides", "sign_flipped", "unsigned", "frozen", "saturated"),
     "filling": ("load_changed_inside", "external_force", "delay", "gain_drift", "driveline"),
 }
 

@@ -35,7 +35,7 @@ def _digest_recording(path: Path) -> dict[str, Any]:
     from recordings.rrd.reader import read_recording
 
     try:
-        run = read_recording(path).with_fingerprint()
+        run = read_recording(path, stored_names=True).with_fingerprint()
     except RecordingError as fault:
         return {"fault": f"cannot be read ({str(fault)[-_LONGEST:]})"}
     taken = run.provenance.fingerprint

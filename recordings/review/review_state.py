@@ -1,11 +1,11 @@
 """State of a review beside the ledger: its inputs, and further content of the page."""
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final, TypeAlias
 
 import numpy as np
 import polars as pl
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
 from analysis.cycles.cycle_energy import NO_ENERGY, ShiftEnergy
 from analysis.cycles.cycle_parts import (
@@ -17,6 +17,7 @@ from analysis.cycles.cycle_parts import (
 )
 from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
 from analysis.cycles.friction_trend import FrictionPart, friction_parts
+from analysis.model.check_names import present_check_names, present_names_in_evidence
 from analysis.model.physical_units import NS
 from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
@@ -33,6 +34,9 @@ RECORDING: Final = "shift.rrd"
 FORMAT: Final = 9
 #: A message is late when it comes after so many periods.
 _LATE: Final = 1.5
+#: Names of checks, and evidence with them: a state of an earlier version has former ones.
+_CheckNames: TypeAlias = Annotated[str, AfterValidator(present_check_names)]
+_Evidence: TypeAlias = Annotated[str, AfterValidator(present_names_in_evidence)]
 
 
 class TopicSampling(BaseModel):
@@ -52,7 +56,7 @@ class FailedCheck(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    check: str
+    check: _CheckNames
     value: float | None
     limit: str
     consequence: str
@@ -105,8 +109,8 @@ class ReviewState(BaseModel):
     friction: tuple[float | None, float | None]
     friction_parts: tuple[FrictionPart, ...] = ()
     digs: int
-    findings: tuple[str, ...] = ()
-    no_cycle: str = ""
+    findings: tuple[_Evidence, ...] = ()
+    no_cycle: _CheckNames = ""
     mixed_machines: str = ""
     timezone: str = "UTC"
     serial: str = ""

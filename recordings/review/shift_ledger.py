@@ -9,6 +9,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.cycle_doubts import list_cycle_doubts
+from analysis.model.check_names import rename_stored_checks
 from analysis.model.physical_units import NS
 from analysis.model.schema import FRAMES, QUALITY, conform_to_schema
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -136,7 +137,7 @@ def cycles_of_ledger(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
         rows: the ledger.
         t0_unix_ns: origin of the frame's times.
     """
-    frame = rows.with_columns(
+    frame = rename_stored_checks("cycles", rows).with_columns(
         *(
             (pl.col(f"{name}_unix_ns") - t0_unix_ns).alias(f"{name}_t_ns")
             for name in ("start", "end", "dig", "dump")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 from pydantic import ValidationError
 
+from analysis.model.check_names import rename_stored_checks
 from analysis.model.loss import Loss
 from analysis.model.run_record import Provenance, Run
 from estimators.errors import RecordingError, nearest
@@ -27,17 +28,22 @@ PROPERTY = "payscope"
 FORMAT = 3
 
 
-def read_recording(path: str | Path) -> Run:
+def read_recording(path: str | Path, *, stored_names: bool = False) -> Run:
     """Read a whole recording.
 
+    Args:
+        path: the recording.
+        stored_names: whether checks keep the names that they were stored with, for the digests
+            of the frames; otherwise former names become the present ones.
+
     Returns:
-        A run equal to the one written. For a recovered recording, its remaining rows, with a loss
-        in the provenance for each frame that misses rows.
+        A run equal to the one written, but for former names of checks. For a recovered recording,
+        its remaining rows, with a loss in the provenance for each frame that misses rows.
 
     Raises:
         RecordingError: the file does not exist, is not a recording of payscope, or is damaged.
     """
-    with open_recording(path) as held:
+    with open_recording(path, stored_names=stored_names) as held:
         manifest, provenance = held.manifest, held.provenance
         frames = {frame.name: held.read(frame.name) for frame in manifest.frames}
     heights = {name: frame.height for name, frame in frames.items()}
@@ -99,12 +105,21 @@ def stage_columns(path: str | Path) -> dict[str, tuple[str, ...]]:
 
 @dataclass(frozen=True)
 class OpenRecording:
-    """An open recording, whose frames are read on demand."""
+    """An open recording, whose frames are read on demand.
+
+    Attributes:
+        path: path of the recording.
+        manifest: names and columns of its frames.
+        provenance: provenance of the run.
+        store: Rerun's view of the file.
+        stored_names: whether checks keep the names that they were stored with.
+    """
 
     path: Path
     manifest: Manifest
     provenance: Provenance
     store: "LazyStore"
+    stored_names: bool = False
 
     @property
     def stages(self) -> dict[str, tuple[str, ...]]:
@@ -140,12 +155,17 @@ class OpenRecording:
                 )
         wanted = stored.columns if columns is None else stored.select(columns)
         with _raise_one_line_errors(self.path):
-            return _read_frame(self.store, stored, wanted)
+            frame = _read_frame(self.store, stored, wanted)
+        return frame if self.stored_names else rename_stored_checks(name, frame)
 
 
 @contextmanager
-def open_recording(path: str | Path) -> "Generator[OpenRecording]":
+def open_recording(path: str | Path, *, stored_names: bool = False) -> "Generator[OpenRecording]":
     """Context with an open recording; errors of Rerun become one line.
+
+    Args:
+        path: the recording.
+        stored_names: as in `read_recording`.
 
     Raises:
         RecordingError: as `read_recording`.
@@ -165,7 +185,7 @@ def open_recording(path: str | Path) -> "Generator[OpenRecording]":
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RerunWarning)  # it warns and raises of the same fault
             store = rr.chunk.RrdReader(path).store()
-        held = OpenRecording(path, *_read_manifest_and_provenance(path, store), store)
+        held = OpenRecording(path, *_read_manifest_and_provenance(path, store), store, stored_names)
     yield held  # a fault of whoever reads is not the recording's
 
 

@@ -295,7 +295,7 @@ def frame_batches(
 def verify_written(run: Run, partial: Path, path: Path) -> None:
     """Read every frame back, and compare it with the run."""
     try:
-        with open_recording(partial) as held:
+        with open_recording(partial, stored_names=True) as held:
             if held.provenance != run.provenance:
                 raise OutputError(
                     f"{path}: the provenance read back differs; only plain JSON is supported"

@@ -10,6 +10,7 @@ import polars as pl
 
 from analysis.calibration.line.procedure import PROCEDURES
 from analysis.calibration.use.learnt_priors import TermOfLog
+from analysis.model.check_names import present_check_names
 from estimators.errors import EvidenceError, PayscopeError
 from estimators.file_digest import file_sha256
 from recordings.calibration.bundle_folder import EVIDENCE, READINGS
@@ -84,7 +85,8 @@ def _compare_log(
 ) -> None:
     """Compare everything that evidence records about a log."""
     item = f"{EVIDENCE}: logs: {evidence_log.log}"
-    if (evidence_log.can_weigh, evidence_log.failed_checks) != (anew.can_weigh, anew.failed_checks):
+    failed_checks = tuple(map(present_check_names, evidence_log.failed_checks))
+    if (evidence_log.can_weigh, failed_checks) != (anew.can_weigh, anew.failed_checks):
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives a different verdict")
     if any(name.startswith("machine.") for name in document.settings_at_default):
         checked.notes.append(
@@ -162,7 +164,9 @@ def compare_readings(
     tolerance = document.replay_tolerance_kg
     wrong = 0
     for kept, now in zip(stored.iter_rows(named=True), anew.iter_rows(named=True), strict=True):
-        differing = [name for name in _TEXTS if kept[name] != now[name]]
+        reason = kept["reason"] and present_check_names(kept["reason"])
+        present = {**kept, "reason": reason}
+        differing = [name for name in _TEXTS if present[name] != now[name]]
         differing += [
             name for name in _NUMBERS if not _is_near_enough(kept[name], now[name], tolerance)
         ]

@@ -20,6 +20,7 @@ from pydantic import ValidationError
 
 from analysis.fleet.calibration_steps import FleetCalibration
 from analysis.fleet.fleet_tables import TABLES, table_schema
+from analysis.model.check_names import rename_stored_checks
 from estimators.errors import FleetError, OutputError
 from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
 from replay.fleet.object_store import ObjectStore
@@ -104,10 +105,11 @@ class FleetResults:
         if not files:
             return pl.LazyFrame(schema=table_schema(name))
         if self.store.folder is not None:
-            return pl.scan_parquet([Path(self.store.folder, each) for each in files])
+            rows = pl.scan_parquet([Path(self.store.folder, each) for each in files])
+            return rename_stored_checks(name, rows)
         # by whole objects: not every server answers for a part of one
         parts = [pl.read_parquet(io.BytesIO(part)) for part in self.store.read_all(files)]
-        return pl.concat(parts).lazy()
+        return rename_stored_checks(name, pl.concat(parts).lazy())
 
     @cached_property
     def results(self) -> pl.DataFrame:

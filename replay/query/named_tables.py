@@ -10,6 +10,7 @@ from typing import Final
 
 import polars as pl
 
+from analysis.model.check_names import rename_stored_checks
 from analysis.model.loss import Loss
 from estimators.errors import LogError, QueryError
 from recordings.review.shift_ledger import CSV, PARQUET
@@ -109,12 +110,16 @@ def named_tables(
     if logs:
         _add_topics(found, logs, _TopicOptions(time, t0_unix_ns, tuple(columns)))
     for ledger in ledgers:
-        found.add(ledger.stem, partial(_PLAIN[ledger.name], ledger), str(ledger))
+        found.add(ledger.stem, partial(_scan_ledger, ledger), str(ledger))
     for fleet in fleets:
         for name, table in fleet_tables(fleet_results(fleet)).items():
             found.add(name, partial(add_opening_second, table), fleet)
     found.add_word_names()
     return found
+
+
+def _scan_ledger(ledger: Path) -> pl.LazyFrame:
+    return rename_stored_checks("cycles", _PLAIN[ledger.name](ledger))
 
 
 def _add_recordings(found: NamedTables) -> int | None:

@@ -168,7 +168,7 @@ def test_a_force_without_sign_withholds_the_inertia_as_well():
 def test_spins_about_a_point_off_the_origin_are_found_and_withheld():
     """They tell Izz - 0.2 mc_x: a number that looks fine and is none."""
     off = replayed(sensors(starts() + spins(), origin_x_m=-0.2))
-    check = off["verdict"].row(by_predicate=pl.col("check") == "spin_centre", named=True)
+    check = off["verdict"].row(by_predicate=pl.col("check") == "spin_centre_m", named=True)
     assert check["value"] == pytest.approx(0.2, abs=0.01)
     assert check["passed"] is False
     assert pooled(off)["inertia_z_kg_m2"] is None

@@ -146,7 +146,7 @@ class TestRun:
         said = payscope("run", late, "-m", machine_file)
         assert said.status == 1
         assert said.out.startswith("Log not usable for weighing: the mass is withheld.")
-        assert "lag: channels.force_x_N.delay_s" in said.out
+        assert "force_delay_s: channels.force_x_N.delay_s" in said.out
         mended = ["--set", "channels.force_x_N.delay_s=0.12"]
         assert payscope("run", late, "-m", machine_file, *mended).status == 0
 

@@ -110,10 +110,10 @@ def test_a_cause_that_makes_a_mass_worthless_withholds_it_too():
     log = scaled(1.0)
     judged = log.replayed.frames["verdict"]
     found = log.replayed.frames["findings"]
-    assert log.check("causes").passed is True
+    assert log.check("invalidating_causes").passed is True
     row = dict.fromkeys(found.columns) | {"cause": "sign_flipped"}
     grave = pl.concat([found, pl.DataFrame([row | {"severity": "withhold"}], schema=found.schema)])
-    others = judged.filter(pl.col("check") != "causes")
+    others = judged.filter(pl.col("check") != "invalidating_causes")
     with_it = withhold_by_findings(others, grave, log.machine)
-    assert with_it.filter(pl.col("passed").not_())["check"].to_list() == ["causes"]
+    assert with_it.filter(pl.col("passed").not_())["check"].to_list() == ["invalidating_causes"]
     assert with_it["check"].to_list() == judged["check"].to_list()

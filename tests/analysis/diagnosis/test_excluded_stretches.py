@@ -31,8 +31,8 @@ class TestWheelsAgainstTheAccelerometer:
     ) -> None:
         car = driven(noise_m_s)
         found = car.but(acc=car.acc + 0.1 * np.sin(2.0 * np.pi * car.t / 40.0)).replayed(tmp_path)
-        assert found.check("wheels").passed is False
-        assert found.check("wheels").consequence == "tell"
+        assert found.check("wheel_imu_residual").passed is False
+        assert found.check("wheel_imu_residual").consequence == "tell"
         assert found.verdict.can_weigh
         assert abs(found.error_u) <= 2.0
 
@@ -42,9 +42,12 @@ class TestWheelsAgainstTheAccelerometer:
         deaf = np.where(np.sin(2.0 * np.pi * car.t / 13.0) > 0.0, 1.0, 0.3)
         found = car.but(acc=car.acc * deaf).replayed(tmp_path)
         # minutes that disagree make the answer poor, beside which the wheels may be near
-        assert {check.check for check in found.verdict.failed("mass")} & {"wheels", "relative_u"}
-        assert found.check("wheels").passed is False
-        assert "by the wheels alone the mass moves by" in found.check("wheels").meaning
+        assert {check.check for check in found.verdict.failed("mass")} & {
+            "wheel_imu_residual",
+            "relative_u",
+        }
+        assert found.check("wheel_imu_residual").passed is False
+        assert "by the wheels alone the mass moves by" in found.check("wheel_imu_residual").meaning
 
     def test_of_an_acceleration_by_the_wheels_the_accelerometer_is_the_other_one(
         self, tmp_path: Path
@@ -53,7 +56,10 @@ class TestWheelsAgainstTheAccelerometer:
         found = car.but(acc=0.3 * car.acc).replayed(
             tmp_path, ("verdict", {"wheels_max": 1e-9}), ("forces", {"acceleration": "kinematic"})
         )
-        assert "by the accelerometer alone the mass moves by +" in found.check("wheels").meaning
+        assert (
+            "by the accelerometer alone the mass moves by +"
+            in found.check("wheel_imu_residual").meaning
+        )
 
     def test_a_speed_with_noise_hides_no_part_of_the_accelerometer(self, tmp_path: Path) -> None:
         gain = driven(0.3).replayed(tmp_path).check("acceleration_gain").value
@@ -75,7 +81,7 @@ class TestFrozen:
         self, a_moment: tuple[float, Judged]
     ) -> None:
         _, found = a_moment
-        check = found.check("frozen")
+        check = found.check("frozen_s")
         assert (check.passed, check.consequence) == (False, "tell")
         assert (
             "0.7 s of it among the weighed samples, excluded: this moves the mass by"
@@ -98,7 +104,7 @@ class TestFrozen:
 
     def test_over_the_only_starts_it_withholds(self, tmp_path: Path) -> None:
         found = driven().frozen(*starts(driven())).replayed(tmp_path)
-        assert "frozen" in {check.check for check in found.verdict.failed("mass")}
+        assert "frozen_s" in {check.check for check in found.verdict.failed("mass")}
         findings = found.run.frames["findings"]
         assert findings.filter(findings["cause"] == "frozen")["severity"].to_list() == ["withhold"]
 
@@ -108,7 +114,7 @@ class TestFrozen:
             .frozen(*starts(driven()))
             .replayed(tmp_path, ("verdict", {"frozen_max_s": 1e6}))
         )
-        assert found.check("frozen").passed
+        assert found.check("frozen_s").passed
         assert not found.load["mass_kg"] or abs(found.load["mass_kg"] - MASS_KG) > 100.0
 
 
@@ -117,8 +123,8 @@ class TestLimits:
 
     def test_a_torque_at_the_engines_limit_weighs(self, tmp_path: Path) -> None:
         found = Car.driven(limit_N=2500.0).replayed(tmp_path)
-        assert found.check("frozen").passed
-        assert (found.check("clipped").passed, found.check("clipped").consequence) == (
+        assert found.check("frozen_s").passed
+        assert (found.check("clipped_share").passed, found.check("clipped_share").consequence) == (
             False,
             "tell",
         )
@@ -128,7 +134,7 @@ class TestLimits:
     def test_a_sensor_that_clips_there_does_not(self, tmp_path: Path) -> None:
         car = driven()
         found = car.but(force=np.minimum(car.force, 2500.0)).replayed(tmp_path)
-        assert "clipped" in {check.check for check in found.verdict.failed("mass")}
+        assert "clipped_share" in {check.check for check in found.verdict.failed("mass")}
 
 
 class TestWhatIsNamed:
@@ -210,4 +216,4 @@ class TestStands:
         car = Car(DRIVE["t"], DRIVE["F"], np.where(np.abs(speed) < 0.03, 0.0, speed), acc + noise)
         found = car.replayed(tmp_path)
         assert "frozen" not in set(found.run.frames["findings"]["cause"])
-        assert found.check("frozen").passed
+        assert found.check("frozen_s").passed

@@ -84,9 +84,9 @@ DERIVED = (
     "channels.acc_x_m_s2.derive=d/dt speed_x_m_s",
 )
 FAULTS = {
-    "clocks": lambda: situation("force clock +0.1 %"),
-    "clipped": lambda: situation("force clipped"),
-    "imu_tilt": lambda: weighed({}, *AXES, changed=turned),
+    "clock_drift_s": lambda: situation("force clock +0.1 %"),
+    "clipped_share": lambda: situation("force clipped"),
+    "imu_tilt_deg": lambda: weighed({}, *AXES, changed=turned),
     "opposing_share": lambda: weighed(BRAKES_SEEN, changed=torques(pl.Expr.abs)),
     "raw_opposing_share": lambda: weighed(
         BRAKES_SEEN,
@@ -96,26 +96,26 @@ FAULTS = {
         changed=torques(pl.Expr.abs),
     ),
     "force_sign": lambda: weighed({}, changed=torques(pl.Expr.neg)),
-    "beyond_prior": lambda: weighed({"sensors": {"force_bias_N": 3000.0}}),
+    "term_beyond_prior": lambda: weighed({"sensors": {"force_bias_N": 3000.0}}),
     "filling": lambda: weighed(FILLS),
     "friction_sign": lambda: weighed({}, changed=backwards),
-    "sides": lambda: weighed({"defects": {"left_torque_gain": 0.9}}),
-    "one_sided": lambda: weighed({"defects": {"left_torque_gain": 0.5}}),
-    "lag": lambda: situation("force late 150 ms"),
-    "lag_v": lambda: situation("IMU low-passed 200 ms"),
-    "gain": lambda: situation("wheels 5 % larger"),
-    "wheels": lambda: situation("hills"),
-    "aa": lambda: situation("brakes release in 0.5 s"),
-    "misfit": lambda: situation("brakes release in 0.5 s"),
-    "braking": lambda: weighed({}, BRAKING_AS_DRIVING),
+    "side_difference": lambda: weighed({"defects": {"left_torque_gain": 0.9}}),
+    "one_sided_torque": lambda: weighed({"defects": {"left_torque_gain": 0.5}}),
+    "force_delay_s": lambda: situation("force late 150 ms"),
+    "speed_delay_s": lambda: situation("IMU low-passed 200 ms"),
+    "wheel_imu_gain_error": lambda: situation("wheels 5 % larger"),
+    "wheel_imu_residual": lambda: situation("hills"),
+    "force_nonlinearity": lambda: situation("brakes release in 0.5 s"),
+    "common_misfit": lambda: situation("brakes release in 0.5 s"),
+    "braking_bias": lambda: weighed({}, BRAKING_AS_DRIVING),
     "channel_noise": lambda: weighed(NOISY_WHEELS, *DERIVED),
     "relative_u": lambda: situation("force clipped"),
-    "scatter": lambda: weighed(SPILLS),
-    "methods": lambda: situation("Coulomb friction 300 N", rich=True),
-    "gated": lambda: situation("speed late 30 ms"),
-    "const": lambda: situation("force offset +300 N", rich=True),
-    "direction": lambda: situation("Coulomb friction 300 N", rich=True),
-    "quadratic": lambda: situation("brakes release in 0.5 s"),
+    "manoeuvre_scatter": lambda: weighed(SPILLS),
+    "disagreeing_methods": lambda: situation("Coulomb friction 300 N", rich=True),
+    "gating_bias": lambda: situation("speed late 30 ms"),
+    "constant_force": lambda: situation("force offset +300 N", rich=True),
+    "coulomb_friction": lambda: situation("Coulomb friction 300 N", rich=True),
+    "quadratic_drag": lambda: situation("brakes release in 0.5 s"),
 }
 CONSEQUENCE = {row.name: row.consequence for row in CHECKS}
 
@@ -132,15 +132,15 @@ def test_a_check_finds_the_fault_that_it_is_about(name):
 def test_a_term_beyond_its_prior_is_named():
     transfer = {"machine": {"force_share": 0.5}, "defects": {"force_share_s2_m": 0.08}}
     log = weighed(merged(RICH, transfer))
-    assert log.load["withheld_for"] == "beyond_prior"
-    assert log.check("beyond_prior").meaning.endswith("(load_transfer)")
+    assert log.load["withheld_for"] == "term_beyond_prior"
+    assert log.check("term_beyond_prior").meaning.endswith("(load_transfer)")
 
 
 @pytest.mark.parametrize("topic", ["force", "speed", "IMU"])
 def test_a_topic_whose_values_repeat_is_found_whichever_it_is(topic):
     log = situation(f"frozen {topic}")
-    assert "frozen" in log.fired
-    assert log.check("frozen").value > 2.0
+    assert "frozen_s" in log.fired
+    assert log.check("frozen_s").value > 2.0
     assert log.load["withheld"]
 
 
@@ -163,7 +163,7 @@ FAULT_IN_ANOTHER_TEST = {
     "empty_mass_ratio",
     "negative_payload",
     "empty_mass",
-    "frozen",
+    "frozen_s",
 }
 
 
@@ -192,15 +192,15 @@ class TestConsequences:
     def test_withhold_takes_the_answer_and_every_method(self):
         log = situation("force late 150 ms")
         assert not log.verdict.can_weigh
-        assert [check.check for check in log.verdict.failed("mass")] == ["lag"]
+        assert [check.check for check in log.verdict.failed("mass")] == ["force_delay_s"]
         assert log.load["mass_kg"] is None
-        assert log.load["withheld_for"] == "lag"
+        assert log.load["withheld_for"] == "force_delay_s"
         assert log.replayed.frames["masses"]["mass_kg"].null_count() == 2
 
     def test_widen_leaves_the_answer_with_a_remark_and_a_part_in_the_budget(self):
         log = situation("wheels 5 % larger")
         assert log.verdict.can_weigh
-        assert [check.check for check in log.verdict.remarks] == ["gain"]
+        assert [check.check for check in log.verdict.remarks] == ["wheel_imu_gain_error"]
         assert log.load["mass_kg"] is not None
         assert log.causes["gain"] > 100.0
 
@@ -211,11 +211,11 @@ class TestConsequences:
         shown = log.replayed.frames["masses"]
         assert shown["withheld"].any()
         assert (shown["mass_kg"].is_null() == shown["withheld"]).all()
-        assert log.check("methods").value == shown["withheld"].sum()
+        assert log.check("disagreeing_methods").value == shown["withheld"].sum()
 
     def test_tell_takes_nothing(self):
         log = situation("force offset +300 N", rich=True)
-        assert [check.check for check in log.verdict.remarks] == ["const"]
+        assert [check.check for check in log.verdict.remarks] == ["constant_force"]
         assert not log.load["withheld"]
         assert not log.replayed.frames["masses"]["withheld"].any()
 
@@ -330,5 +330,6 @@ def test_frames_alone_are_judged_by_what_they_tell():
     frames = log.replayed.frames
     judged = judge_checks(CheckInputs(frames["excitation"], frames["gate"], log.machine))
     unknown = set(judged.filter(pl.col("passed").is_null())["check"])
-    assert {"lag", "gain", "scatter", "frozen", "methods", "raw_opposing_share"} <= unknown
+    assert {"force_delay_s", "wheel_imu_gain_error", "manoeuvre_scatter"} <= unknown
+    assert {"frozen_s", "disagreeing_methods", "raw_opposing_share"} <= unknown
     assert not judged["passed"].fill_null(value=True).not_().any()

@@ -43,12 +43,17 @@ def test_each_check_that_fails_alone_is_what_disagrees(row: CheckRow) -> None:
 
 
 def test_what_a_cause_accounts_for_is_said_once() -> None:
-    assert make_unexplained_symptom(failing("gain"), ("wheel_radius",)) is None
-    assert make_unexplained_symptom(failing("frozen"), ("frozen",)) is None
+    assert make_unexplained_symptom(failing("wheel_imu_gain_error"), ("wheel_radius",)) is None
+    assert make_unexplained_symptom(failing("frozen_s"), ("frozen",)) is None
 
 
 def test_a_cause_of_something_else_accounts_for_nothing() -> None:
-    for check, cause in {"frozen": "delay", "imu_tilt": "coulomb", "gain": "quantised"}.items():
+    unrelated = {
+        "frozen_s": "delay",
+        "imu_tilt_deg": "coulomb",
+        "wheel_imu_gain_error": "quantised",
+    }
+    for check, cause in unrelated.items():
         found = make_unexplained_symptom(failing(check), (cause,))
         assert found is not None
         assert check in found.evidence
@@ -56,7 +61,8 @@ def test_a_cause_of_something_else_accounts_for_nothing() -> None:
 
 def test_a_log_that_passes_has_no_unknown_cause() -> None:
     assert make_unexplained_symptom(failing(), ()) is None
-    assert make_unexplained_symptom(failing("methods", "gated", "const"), ()) is None
+    passing = failing("disagreeing_methods", "gating_bias", "constant_force")
+    assert make_unexplained_symptom(passing, ()) is None
 
 
 def test_every_check_has_a_cause_that_accounts_for_it() -> None:

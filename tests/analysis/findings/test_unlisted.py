@@ -48,4 +48,4 @@ def test_a_sound_machine_on_a_cross_slope_in_curves_has_no_finding(seed: int) ->
     found = try_fault(None, 0.0, seed)
     assert found.mass_kg is not None
     assert found.causes == []
-    assert "sides" not in found.failed
+    assert "side_difference" not in found.failed

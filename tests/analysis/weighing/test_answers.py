@@ -66,7 +66,7 @@ class TestTerms:
         """Five percent of radius are in the force; the log cannot say which of both is wrong."""
         log = situation("wheels 5 % larger", rich=True)
         assert_weighed(log)
-        assert "gain" in log.fired
+        assert "wheel_imu_gain_error" in log.fired
         assert log.causes["gain"] == pytest.approx(0.05 * log.true_kg, rel=0.2)
         assert log.load["u_kg"] > 5.0 * clean(rich=True).load["u_kg"]
         wheels = log.weighing.fit.kinematics
@@ -117,14 +117,14 @@ class TestBraking:
         log = weighed({"campaign": {"brake_measured_share": 0.4}}, BRAKING_AS_DRIVING)
         assert_weighed(log)
         assert log.load["braking_left_out"]
-        assert "braking" in log.fired
+        assert "braking_bias" in log.fired
         assert log.load["mass_kg"] == pytest.approx(clean().load["mass_kg"])
 
     def test_brakes_that_are_seen_whole_are_fitted_and_narrow_the_answer(self):
         log = weighed({"campaign": {"brake_measured_share": 1.0}}, BRAKING_AS_DRIVING)
         assert_weighed(log)
         assert not log.load["braking_left_out"]
-        assert "braking" not in log.fired
+        assert "braking_bias" not in log.fired
         assert log.load["u_kg"] < clean().load["u_kg"] / 2
 
     def test_brakes_so_gentle_that_they_count_as_cruising_do_not_move_the_mass(self):
@@ -136,7 +136,7 @@ class TestBraking:
         assert_weighed(weighed(merged(slow, unseen)))
 
     def test_where_braking_is_excluded_nothing_is_said_of_it(self):
-        assert clean().check("braking").passed is None
+        assert clean().check("braking_bias").passed is None
         assert not clean().load["braking_left_out"]
 
 

@@ -123,7 +123,7 @@ def test_braking_is_compared_load_by_load():
         replayed = loaded([0.0, 250.0], [4, 6], settings)
     assert not replayed.frames["loads"]["braking_left_out"].any()
     judged = replayed.frames["verdict"]
-    assert judged.filter(pl.col("check") == "braking")["value"][0] < 0.02
+    assert judged.filter(pl.col("check") == "braking_bias")["value"][0] < 0.02
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ def test_taken_off_it_leaves_the_mass_right_and_surer() -> None:
 def test_wheels_of_an_unknown_radius_may_be_wrong_themselves() -> None:
     unknown = squatting(radius_known=False)
     assert squat_of(unknown) == (0.0, 0.0)
-    assert "gain" in unknown.fired
+    assert "wheel_imu_gain_error" in unknown.fired
     assert abs(unknown.error_u) < 3.0
 
 
@@ -51,7 +51,7 @@ def test_wheels_that_are_wrong_by_less_than_their_uncertainty_are_no_squat() -> 
     larger = {"wheel_radius_m": 0.42, "wheel_radius_u_m": 0.02 * 0.42}
     log = weighed(merged(RICH, {"chassis": {"squat_deg_s2_m": SQUAT_DEG_S2_M}}), body=larger)
     assert squat_of(log) == (0.0, 0.0)
-    assert "gain" in log.fired
+    assert "wheel_imu_gain_error" in log.fired
 
 
 def test_a_stiff_body_has_no_squat() -> None:

@@ -47,7 +47,10 @@ def test_braking_that_was_left_out_is_said_to_be():
 
 @pytest.mark.parametrize(
     ("why", "said"),
-    [("lag, clocks", "no mass: lag, clocks"), (None, "no mass: nothing was fitted")],
+    [
+        ("force_delay_s, clock_drift_s", "no mass: force_delay_s, clock_drift_s"),
+        (None, "no mass: nothing was fitted"),
+    ],
 )
 def test_a_load_without_a_mass_says_why(why, said):
     assert load_lines({**LOAD, "mass_kg": None, "withheld_for": why}) == [said]

@@ -108,3 +108,17 @@ def test_tonnes_and_cycles_an_hour_leave_out_what_was_not_recorded() -> None:
     said = dict(list_shift_facts(shift, rows(state()), state(), None))["per hour"]
     assert said.startswith("2.75")
     assert "4.0 cycles" in said
+
+
+def test_a_state_with_former_names_of_checks_has_the_present_ones() -> None:
+    failed = dict.fromkeys(("limit", "meaning", "remedy"), "") | {"value": 1.0}
+    read = state(
+        failed=[{**failed, "check": "direction", "consequence": "tell"}],
+        findings=["unknown cause: no known cause explains the failed checks: lag 1 > 0.1: late"],
+        no_cycle="lag, r_squared",
+    )
+    assert [each.check for each in read.failed] == ["coulomb_friction"]
+    assert ": force_delay_s 1 > 0.1: late" in read.findings[0]
+    assert read.no_cycle == "force_delay_s, r_squared"
+    again = ReviewState.model_validate_json(read.model_dump_json())
+    assert again == read

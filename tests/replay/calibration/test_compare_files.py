@@ -9,6 +9,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from recordings import read_recording
 from recordings.calibration.bundle_folder import (
     PDF,
     POINTS,
@@ -32,6 +33,7 @@ from recordings.rrd.writer import write_recording
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import verify_bundle
 from tests.replay.attacker import Bundle, tampered
+from tests.replay.former_checks import former_list, run_with_former_names
 from tests.replay.made_evidence import ALIKE, items
 from tests.replay.sledge_campaign import campaign_folder
 
@@ -115,6 +117,34 @@ def test_untouched_evidence_holds_and_what_is_not_compared_is_listed(bundle: Pat
     assert (f"the words of {PDF}" in done) != (f"Whether {PDF} has the same words as" in unseen)
 
 
+def test_evidence_with_former_names_of_checks_holds(tmp_path: Path) -> None:
+    campaign = campaign_folder(tmp_path / "logs", extra=ALIKE)
+    log = tmp_path / "logs" / "load-3.csv"
+    late = pl.read_csv(log).with_columns(pl.col("force_N").shift(25, fill_value=0.0))
+    late.write_csv(log)
+    calibrate_from_campaign(campaign, tmp_path / "evidence", recordings=True)
+    (tmp_path / "evidence" / "statement.dsse.json").write_bytes(b"{}")
+
+    def name_as_before(bundle: Bundle) -> None:
+        for each in bundle.evidence["logs"]:
+            each["failed_checks"] = [former_list(name) for name in each["failed_checks"]]
+            path = bundle.folder / each["recording"]
+            run = run_with_former_names(read_recording(path))
+            path.unlink()
+            write_recording(run, path)
+            assert run.provenance.fingerprint is not None
+            each["results_fingerprint"] = run.provenance.fingerprint.results
+        assert "lag" in bundle.evidence["logs"][3]["failed_checks"]
+        for number, row in enumerate(bundle.readings.to_dicts()):
+            before, mark, checks = row["reason"].partition("cannot weigh: ")
+            bundle.reading(number, reason=before + mark + former_list(checks))
+        assert bundle.readings["reason"].str.contains(r"\blag\b").any()
+
+    folder = changed(tmp_path / "evidence", tmp_path, name_as_before)
+    found = verify_bundle(folder, logs=tmp_path / "logs")
+    assert not found.findings, items(found)
+
+
 def exchanged(bundle: Path, tmp_path: Path, name: str, write: Callable[[Path], object]) -> Path:
     folder = changed(bundle, tmp_path, lambda _: None)
     (folder / name).unlink()
@@ -138,8 +168,6 @@ def test_a_recording_with_one_number_changed_or_damaged_is_found(
     bundle: Path, tmp_path: Path
 ) -> None:
     from dataclasses import replace
-
-    from recordings import read_recording
 
     first, second = sorted((bundle / "runs").iterdir())[:2]
     run = read_recording(first)

@@ -9,6 +9,7 @@ from typing import Any
 import polars as pl
 import pytest
 
+from analysis.fleet.attention import rank_concerns
 from analysis.fleet.fleet_tables import TABLES
 from benchmarks.fleet_logs import SerialEngine, same_results
 from estimators.errors import OutputError
@@ -209,3 +210,19 @@ def test_what_is_gathered_is_made_anew_where_it_is_missing_or_old(results: Path)
     found = fleet_results(str(results))
     assert found.results.height == 5
     assert gone.stem not in set(found.scan("loads").collect()["key"])
+
+
+def test_results_with_former_names_of_checks_have_the_present_ones(results: Path) -> None:
+    path = min((results / "results").rglob("*.parquet"))
+    row = pl.read_parquet(path).with_columns(
+        can_weigh=pl.lit(value=False), failed_checks=pl.lit("r_squared, lag, direction")
+    )
+    row.write_parquet(path)
+    shutil.rmtree(results / "gathered", ignore_errors=True)
+    for _ in ("gathered now", "gathered before"):
+        found = fleet_results(str(results))
+        (checks,) = found.results.filter(pl.col("key") == path.stem)["failed_checks"]
+        assert checks == "r_squared, force_delay_s, coulomb_friction"
+        concerns = rank_concerns(found.results, found.scan("cycles"), found.scan("findings"))
+        why = concerns.filter(pl.col("key") == path.stem)["why"][0]
+        assert f"cannot weigh: {checks}" in why

@@ -134,6 +134,17 @@ def test_a_ledger_is_a_table(tmp_path: Path) -> None:
     assert found.collect().item() == 2000.0
 
 
+@pytest.mark.parametrize("name", ["ledger.csv", "ledger.parquet"])
+def test_a_ledger_with_former_names_of_checks_has_the_present_ones(
+    name: str, tmp_path: Path
+) -> None:
+    rows = pl.DataFrame({"withheld_for": ["lag, clocks", ""]})
+    (rows.write_csv if name.endswith("csv") else rows.write_parquet)(tmp_path / name)
+    sql = "SELECT withheld_for FROM ledger WHERE withheld_for LIKE 'force_delay_s%'"
+    found = query_tables([str(tmp_path / name)], sql).collect()
+    assert found["withheld_for"].to_list() == ["force_delay_s, clock_drift_s"]
+
+
 @pytest.mark.parametrize("suffix", ["parquet", "arrow", "csv", "json"])
 def test_rows_are_written(folder: Path, tmp_path: Path, payscope: Payscope, suffix: str) -> None:
     out = tmp_path / f"rows.{suffix}"

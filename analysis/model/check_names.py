@@ -1,0 +1,108 @@
+"""Former names of checks: what is stored with them is read with the present names.
+
+What is signed or fingerprinted keeps the names that it was written with; only what is read from
+it has the present ones.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Final, TypeVar
+
+import polars as pl
+
+#: What a check is called now, by the name that it had.
+PRESENT_NAMES: Final[Mapping[str, str]] = {
+    "aa": "force_nonlinearity",
+    "beyond_prior": "term_beyond_prior",
+    "braking": "braking_bias",
+    "causes": "invalidating_causes",
+    "clipped": "clipped_share",
+    "clocks": "clock_drift_s",
+    "const": "constant_force",
+    "direction": "coulomb_friction",
+    "frozen": "frozen_s",
+    "gain": "wheel_imu_gain_error",
+    "gated": "gating_bias",
+    "imu_tilt": "imu_tilt_deg",
+    "lag": "force_delay_s",
+    "lag_v": "speed_delay_s",
+    "methods": "disagreeing_methods",
+    "misfit": "common_misfit",
+    "one_sided": "one_sided_torque",
+    "quadratic": "quadratic_drag",
+    "scatter": "manoeuvre_scatter",
+    "sides": "side_difference",
+    "spin_centre": "spin_centre_m",
+    "wheels": "wheel_imu_residual",
+}
+#: Begin of the reason why a reading of a campaign has no mass; the checks follow.
+_CANNOT_WEIGH: Final = "this log cannot weigh: "
+#: What stands before the checks in the evidence of an unknown cause.
+_UNEXPLAINED: Final = "no known cause explains the failed checks: "
+#: A name before its value and limit; the first is at the begin.
+_NAME_WITH_VALUE: Final = re.compile(r"(^|; )(\w+)(?= has no value| [-+.\deinf]+ [<>] )")
+
+Rows = TypeVar("Rows", pl.DataFrame, pl.LazyFrame)
+
+
+def present_check_names(text: str) -> str:
+    """Replace former names in a list of checks.
+
+    Args:
+        text: names of checks, separated by commas, or the reason of a reading that ends with them.
+
+    Returns:
+        The text with the present names; any other text as it is.
+    """
+    before = _CANNOT_WEIGH if text.startswith(_CANNOT_WEIGH) else ""
+    names = text.removeprefix(before).split(", ")
+    if not all(name.isidentifier() for name in names):
+        return text
+    return before + ", ".join(PRESENT_NAMES.get(name, name) for name in names)
+
+
+def present_names_in_evidence(text: str) -> str:
+    """Replace former names of checks in the evidence of a finding; others name no checks."""
+    before, mark, checks = text.partition(_UNEXPLAINED)
+    return before + mark + _NAME_WITH_VALUE.sub(_replace_name, checks) if mark else text
+
+
+def _replace_name(found: re.Match[str]) -> str:
+    return found[1] + PRESENT_NAMES.get(found[2], found[2])
+
+
+#: Column with names of checks, and how they are replaced, by the frame or table that has it.
+_COLUMNS: Final[Mapping[str, tuple[str, Callable[[str], str]]]] = {
+    "verdict": ("check", present_check_names),
+    "loads": ("withheld_for", present_check_names),
+    "cycles": ("withheld_for", present_check_names),
+    "findings": ("evidence", present_names_in_evidence),
+    "results": ("failed_checks", present_check_names),
+}
+
+
+def rename_stored_checks(name: str, rows: Rows) -> Rows:
+    """Replace former names of checks in a stored frame or table.
+
+    Args:
+        name: name of the frame, or of the table of a fleet.
+        rows: its rows, or some of its columns.
+
+    Returns:
+        The rows with the present names.
+    """
+    column, rename = _COLUMNS.get(name, ("", present_check_names))
+    if column not in rows.lazy().collect_schema():
+        return rows
+    return rows.with_columns(
+        pl.col(column).map_batches(
+            partial(_rename_in_texts, rename), return_dtype=pl.String, is_elementwise=True
+        )
+    )
+
+
+def _rename_in_texts(rename: Callable[[str], str], texts: pl.Series) -> pl.Series:
+    known = {text: rename(text) for text in texts.drop_nulls().unique().to_list()}
+    changed = {text: now for text, now in known.items() if text != now}
+    return texts.replace(changed) if changed else texts
