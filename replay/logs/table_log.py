@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import polars as pl
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, nearest
+from estimators.errors import LogError, counted, nearest
 from replay.logs.log import TABLE, Log, LogCheck, TimeAxis
 from replay.logs.machine_ids import ids_in_preamble, iter_serial_numbers
 from replay.logs.messages.broken_bytes import BrokenBytesError
@@ -204,7 +204,7 @@ class TableLog(Log):
             self._refuse_restarts(axis, there, backwards)
             self._losses.note(
                 self.path,
-                f"the time goes back at {backwards} rows; they were sorted by time",
+                f"the time goes back at {counted(backwards, 'row')}; all rows were sorted by time",
                 TABLE,
             )
         return times.alias("log_time_ns")
