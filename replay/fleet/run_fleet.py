@@ -149,7 +149,7 @@ def fleet_run(
                     did.count_outcome(task.log.source, outcome)
                     on_done(task.log, outcome)
     finally:
-        keep_failed_list(results, did, {log.source for log in logs})
+        update_failed_list(results, did, {log.source for log in logs})
     FleetResults(results.store).gather()
     return did
 
@@ -222,9 +222,15 @@ def _remember_calibrations(
         results.store.write(CALIBRATIONS, json.dumps(plain, indent=1).encode())
 
 
-def keep_failed_list(results: FleetResults, did: FleetRun, asked: set[str]) -> None:
-    """Keep the list of failed tasks for the report; completed ones are removed from it."""
+def update_failed_list(results: FleetResults, run: FleetRun, sources: set[str]) -> None:
+    """Add the failed tasks of a run to the list for the report, and remove the completed ones.
+
+    Args:
+        results: results with the list.
+        run: the run.
+        sources: sources of all logs that the run was to replay.
+    """
     before = results.failed
-    now = {source: why for source, why in before.items() if source not in asked} | did.failed
+    now = {source: why for source, why in before.items() if source not in sources} | run.failed
     if now != before:
         results.store.write(FAILED, json.dumps(dict(sorted(now.items())), indent=1).encode())
