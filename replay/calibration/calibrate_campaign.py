@@ -68,7 +68,7 @@ from replay.calibration.refuse_campaign import (
     load_stretch,
     refuse_days,
     refuse_machine,
-    refuse_unaccounted,
+    refuse_unaccounted_logs,
 )
 
 #: How far a replay elsewhere may be off, in kg: other processors have other last bits.
@@ -178,7 +178,9 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     machine = Machine.model_validate_json(canonical_bytes(machine.model_dump(mode="json")))
     key = signing_key(key_file)
     xml_key = None if dcc is None else check_dcc_output(campaign_file, campaign, dcc, force=force)
-    before = None if previous is None else previous_evidence(previous, campaign.machine.id, key)
+    before = (
+        None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
+    )
     require_writable_folder(folder, force=force)
     stretch = load_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
@@ -195,7 +197,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             # under the machine's own priors: what they say of the nuisances together
             first = replay_runs(campaign, machine, path_of_log, None, on_log)
             refuse_days(campaign_file, campaign, first, machine)
-            refuse_unaccounted(campaign_file, campaign, first, stretch)
+            refuse_unaccounted_logs(campaign_file, campaign, first, stretch)
             learnt = first.learnt
         weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
         replayed = replay_runs(
@@ -203,7 +205,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         )
         refuse_days(campaign_file, campaign, replayed, machine)
         refuse_machine(campaign_file, campaign, replayed, machine)
-        refuse_unaccounted(campaign_file, campaign, replayed, stretch)
+        refuse_unaccounted_logs(campaign_file, campaign, replayed, stretch)
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
@@ -245,7 +247,7 @@ def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
         partial.write_bytes(query)
 
 
-def previous_evidence(
+def read_previous_evidence(
     previous: Path, machine_id: str | None, key: SigningKey | None
 ) -> CheckedBundle:
     """Read and verify the machine's previous evidence.

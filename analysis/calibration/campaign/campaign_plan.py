@@ -154,8 +154,8 @@ class NotaryStretch(BaseModel):
     )
 
     @property
-    def reasons(self) -> dict[int, str]:
-        """Why logs are left out, by their number."""
+    def omission_reasons(self) -> dict[int, str]:
+        """Reason of each log that is left out, by its number."""
         return {each.number: each.reason for each in self.left_out}
 
     @model_validator(mode="after")
