@@ -61,13 +61,13 @@ def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
 def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
     """Explain the constant force in motion by the fewest causes that suffice."""
     if "constants" not in inputs.kept:
-        inputs.kept["constants"] = _fit_explanation(inputs)
+        inputs.kept["constants"] = _explain_constant_forces(inputs)
     found = inputs.kept["constants"]
     assert isinstance(found, ConstantForces)
     return found
 
 
-def _fit_explanation(inputs: FindingInputs) -> ConstantForces:
+def _explain_constant_forces(inputs: FindingInputs) -> ConstantForces:
     """Constant forces at rest, and which causes explain that in motion."""
     rest = inputs.standstill_level_of(longitudinal_force(inputs.aligned, inputs.machine.machine))
     error = np.nan, np.nan

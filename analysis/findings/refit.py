@@ -123,9 +123,7 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
 def is_wheel_agreement_kept(before: MotionSamples, after: MotionSamples) -> bool:
     """Whether wheels and accelerometer still agree as before.
 
-    A constant accelerometer error is ignored.
-
-    Their comparison takes a constant of the accelerometer off.
+    A constant error of the accelerometer is ignored, since their comparison removes it.
     """
     if not (
         after.speed is before.speed and after.force is before.force and after.group is before.group

@@ -355,13 +355,13 @@ FRAMES: Final[dict[str, Frame]] = {
                     "scale_unknown",
                     pl.String,
                     "1",
-                    "sources without an uncertainty in the machine file, for inertia and moments",
+                    "sources without an uncertainty in the machine file, of inertia and moments",
                 ),
                 Column(
                     "com_scale_unknown",
                     pl.String,
                     "1",
-                    "sources without an uncertainty in the machine file, for the centre of mass",
+                    "sources without an uncertainty in the machine file, of the centre of mass",
                 ),
                 Column("withheld", pl.Boolean, "1", "true when the verdict withholds the numbers"),
                 Column("reason", REASON, "1", "accepted, or why it has no number"),
@@ -633,14 +633,14 @@ FRAMES: Final[dict[str, Frame]] = {
                     "on_board_kg", "kg", "load that is not dumped when the recording ends"
                 ),
                 _float_column("on_board_u_kg", "kg", "standard uncertainty of that"),
-                _float_column("total_kg", "kg", "dumped in the shift: counted, uncounted and lost"),
+                _float_column("total_kg", "kg", "dumped: counted, uncounted and lost loads"),
                 _float_column("total_u_kg", "kg", "standard uncertainty of that"),
                 Column("scale_from", pl.String, "1", "what determines the scale, as in cycles"),
                 Column(
                     "scale_unknown",
                     pl.String,
                     "1",
-                    "scale sources of the payloads without a stated uncertainty",
+                    "sources of payload scale error without a stated uncertainty",
                 ),
                 _float_column(
                     "gain_1", "1", "empty machine in the log over that of the machine file"
@@ -804,7 +804,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float_column("beta_kg", "kg", "offset of the calibrated mass"),
                 _float_column("valid_from_kg", "kg", "lightest mass for which it is valid"),
                 _float_column("valid_to_kg", "kg", "heaviest mass for which it is valid"),
-                _float_column("line_u_kg", "kg", "standard uncertainty of a run's mass, heavy end"),
+                _float_column("line_u_kg", "kg", "standard uncertainty of a mass at valid_to_kg"),
                 _float_column("coverage_k_1", "1", "coverage factor of that"),
             ),
         ),

@@ -16,7 +16,7 @@ from analysis.weighing.motion_samples import (
     Floats,
     Ints,
     MotionSamples,
-    rolling_fraction,
+    ground_speed_ratio,
 )
 from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
@@ -326,7 +326,7 @@ def _make_piece_columns(
         acceleration,
         zeros if wheels is None else wheels,
         speed,
-        rolling_fraction(speed, acting, previous.slip_1_N),
+        ground_speed_ratio(speed, acting, previous.slip_1_N),
         acting,
         derive_force_rate(force, motion.rate_hz, force_std, whole=wheels is not None),
         motion.direction,

@@ -24,7 +24,7 @@ from analysis.weighing.motion_samples import (
     Floats,
     Ints,
     MotionSamples,
-    rolling_fraction,
+    ground_speed_ratio,
 )
 from analysis.weighing.nuisances import const_prior_std
 from analysis.weighing.pitch_squat import estimate_pitch_squat
@@ -320,7 +320,7 @@ def centred_means(
         a, v, f = measured[part], speed[part], force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
         # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
-        slipping = v * rolling_fraction(v, f, slip_1_N) - gained
+        slipping = v * ground_speed_ratio(v, f, slip_1_N) - gained
         ground = np.abs(gained + slipping - subtract_line(slipping))
         rows = slice(row, row + counts[number])
         y[rows] = subtract_line(average_overlapping(v - gained))

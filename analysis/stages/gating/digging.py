@@ -79,7 +79,7 @@ def find_digging_starts(excitation: pl.DataFrame, machine: Machine) -> pl.DataFr
     Returns:
         `digging`: a row per digging start.
     """
-    met = _pile_contacts(excitation, machine) if machine.machine.digs else []
+    met = _find_pile_contacts(excitation, machine) if machine.machine.digs else []
     found = [each.row for each in find_pile_contacts(met)]
     names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
     columns = zip(*found, strict=True) if found else ([],) * len(names)
@@ -104,7 +104,7 @@ class _PileContact:
     stops: bool
 
 
-def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileContact]:
+def _find_pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileContact]:
     """Starts whose resistance significantly changes by the size of a pile's, in order of time."""
     A, force = regressor(X, excitation, machine.settings)
     acceleration, speed = A[:, 0], A[:, 1]
