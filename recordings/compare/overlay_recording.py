@@ -39,7 +39,7 @@ _MOST: Final = 12
 
 @dataclass(frozen=True)
 class _OverlaidRun:
-    """Run with its drawn columns and its own name."""
+    """One of the overlaid runs, with its name in the recording and the columns that are drawn."""
 
     name: str
     run: Run

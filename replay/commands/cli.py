@@ -135,7 +135,7 @@ def describe_usage_error(error: typer.TyperException) -> str:
 
 
 def _open_closed_streams() -> None:
-    """Open stdout and stderr if they were closed (`>&-`), or the next file gets their number."""
+    """Reopen standard streams that were closed (`>&-`), or the next file gets their number."""
     for name, flag, mode in (
         ("stdin", os.O_RDONLY, "r"),
         ("stdout", os.O_WRONLY, "w"),
@@ -190,7 +190,7 @@ def _close_stdout() -> None:
 
 
 def discard_broken_cache(error: Exception) -> str:
-    """Remove compiled code that cannot be read; other errors are raised again.
+    """Remove compiled code that cannot be read; returns a message, and raises other errors again.
 
     Two processes may have written it at once, or the disk was full.
     """
