@@ -60,15 +60,15 @@ class KnownKey(BaseModel):
         """Public key itself."""
         return PublicKey.from_text(self.key)
 
-    def distrust_reason(self, made: dt.date, proven: dt.date | None) -> str:
+    def distrust_reason(self, signed: dt.date, proven_by: dt.date | None) -> str:
         """Why a signature of that day does not count; "" if it does.
 
         Args:
-            made: date of signing according to the evidence.
-            proven: date by which a time stamp proves that the signature existed, if any.
+            signed: date of signing according to the evidence.
+            proven_by: date by which a time stamp proves that the signature existed, if any.
         """
-        day = proven or made
-        if self.revoked is not None and (proven is None or proven >= self.revoked):
+        day = proven_by or signed
+        if self.revoked is not None and (proven_by is None or proven_by >= self.revoked):
             why = f" ({self.because})" if self.because else ""
             return (
                 f"was revoked on {self.revoked}{why}: whoever has had it since then can backdate "

@@ -289,7 +289,7 @@ def read_previous_evidence(
 
 def finish_evidence(
     evidence: EvidenceParts,
-    made: Path,
+    staging: Path,
     folder: Path,
     key: SigningKey | None,
     before: CheckedBundle | None,
@@ -300,7 +300,7 @@ def finish_evidence(
 
     Args:
         evidence: parts of the evidence.
-        made: temporary folder, which already contains the recordings.
+        staging: temporary folder, which already contains the recordings.
         folder: final folder.
         key: signing key; None leaves it unsigned.
         before: the machine's previous evidence.
@@ -319,9 +319,9 @@ def finish_evidence(
         )
     tables, digests = encode_tables(readings, points)
     document = _make_document(evidence, digests, key, before)
-    write_calibration(made, document, readings, points)
-    remarks = write_bundle(made, document, readings, points, tables, key, stretch)
-    checked = check_bundle(made, None if key is None else key.public, previous)
+    write_calibration(staging, document, readings, points)
+    remarks = write_bundle(staging, document, readings, points, tables, key, stretch)
+    checked = check_bundle(staging, None if key is None else key.public, previous)
     wrong = [str(each) for each in checked.faults]
     if wrong:
         raise OutputError(

@@ -183,7 +183,7 @@ def evidence_of_replay(
         ),
         begins=_format_begin(about.t0_unix_ns),
         duration_s=float(t_ns[-1] - t_ns[0]) / 1e9 if t_ns.len() else 0.0,
-        speed_range_m_s=None if speed.is_empty() else _least_and_greatest(speed),
+        speed_range_m_s=None if speed.is_empty() else _min_and_max(speed),
         losses=tuple(str(loss)[:_LONGEST] for loss in about.losses),
         notes=tuple(note[:_LONGEST] for note in about.notes),
         can_weigh=said.verdict.can_weigh,
@@ -195,7 +195,7 @@ def evidence_of_replay(
     )
 
 
-def _least_and_greatest(values: pl.Series) -> tuple[float, float]:
+def _min_and_max(values: pl.Series) -> tuple[float, float]:
     numbers = values.to_numpy()
     return float(numbers.min()), float(numbers.max())
 
