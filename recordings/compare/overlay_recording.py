@@ -207,7 +207,7 @@ def count_named_lines(display_columns: Sequence[DisplayColumn]) -> int:
 
 
 def _style_lines_of_run(
-    display_columns: Sequence[DisplayColumn], side: str, alike: set[str], *, lone: bool
+    display_columns: Sequence[DisplayColumn], side: str, common_labels: set[str], *, lone: bool
 ) -> list[DisplayColumn]:
     """Style A with usual colours and wide lines, visible under B; B with other or paler colours."""
     found: list[DisplayColumn] = []
@@ -220,7 +220,7 @@ def _style_lines_of_run(
             replace(
                 each,
                 frame=entity_under_side(side, each.frame),
-                label=each.label if each.label in alike else f"{side} {each.label}".strip(),
+                label=each.label if each.label in common_labels else f"{side} {each.label}".strip(),
                 colour=colour,
                 wide=side == _A and not each.faint,
             )
