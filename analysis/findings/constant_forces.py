@@ -14,7 +14,7 @@ import numpy as np
 from analysis.findings.altered_motion import change_accelerometer
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.whitened_rows import ProjectedEquation, force_system
+from analysis.findings.whitened_rows import ProjectedEquation, whitened_force_rows
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.weighing.motion_samples import MotionSamples
@@ -96,7 +96,7 @@ def _explain_constant_forces(inputs: FindingInputs) -> ConstantForces:
     left: dict[tuple[bool, bool, bool], float] = {}
     variances: list[float] = []
     for acts, tilted in product(offsets, tilts):
-        system = force_system(
+        system = whitened_force_rows(
             _subtract_constants(motion, rest[0] * acts, error[0] * tilted), noise, mass_kg, viscous
         )
         if system.y.size < LIMITS.constant_min_rows:

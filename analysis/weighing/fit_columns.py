@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
-from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
+from analysis.weighing.fitted_stretches import is_first_of_stretch, last_of_stretch
 from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.motion_samples import (
@@ -366,7 +366,7 @@ def mean_stride(samples: int) -> int:
 def _samples_since_start(group: Ints) -> Ints:
     """Number of earlier samples in the same stretch, (n,)."""
     row = np.arange(group.size)
-    return row - np.maximum.accumulate(np.where(first_of_stretch(group), row, 0))
+    return row - np.maximum.accumulate(np.where(is_first_of_stretch(group), row, 0))
 
 
 def _distance_from_start(motion: MotionSamples) -> Floats:

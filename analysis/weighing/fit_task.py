@@ -246,7 +246,7 @@ class FitTask:
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
         if cost is not None:
-            self._narrow_slip(cost, mean, std)
+            self._narrow_slip_prior(cost, mean, std)
             if self.motion.wheel_acceleration is not None:
                 at = term_index("slip_acceleration", self.terms)
                 self._set_slip_prior(at, cost.mass_kg, self._slip_from_wheels(), mean, std)
@@ -298,7 +298,7 @@ class FitTask:
             mean_u[place] = term.mean_u
         return PriorMeans(mean, mean_u)
 
-    def _narrow_slip(self, cost: _SlipCost, mean: Floats, std: Floats) -> None:
+    def _narrow_slip_prior(self, cost: _SlipCost, mean: Floats, std: Floats) -> None:
         """Set the prior of the slip terms to friction times slip, if the wheels determine slip."""
         at = term_index("slip", self.terms)
         friction = cost.friction_N_s_m
