@@ -108,7 +108,7 @@ def command(
 
 
 def _print_sweep(
-    asked: tuple[list[Path], Path, list[str], list[str]],
+    inputs: tuple[list[Path], Path, list[str], list[str]],
     *,
     reference_kg: float | None,
     calibration: CalibrationRequest | None,
@@ -129,7 +129,7 @@ def _print_sweep(
     from replay.commands.progress_bar import StageProgress
     from replay.runs.sweep_settings import sweep_settings, value_combinations
 
-    logs, machine_file, overrides, over = asked
+    logs, machine_file, overrides, over = inputs
     output, figure = outputs
     output_format = choose_format(output_format, output)
     if output is not None:

@@ -155,22 +155,22 @@ def fleet_run(
 
 
 def _plan_tasks(
-    logs: Sequence[FleetLog], plan: FleetPlan, place: str, did: FleetRun, *, recordings: bool
+    logs: Sequence[FleetLog], plan: FleetPlan, place: str, run: FleetRun, *, recordings: bool
 ) -> tuple[list[ReplayTask], dict[str, tuple[MachineSetup, ...]]]:
     """Tasks, one per log, and the setups of all machines."""
     tasks: list[ReplayTask] = []
     by_machine: dict[str, tuple[MachineSetup, ...]] = {}
-    here = package_versions()
+    versions = package_versions()
     for log in logs:
         try:
             setups = plan.setups_of_log(log.source)
         except PayscopeError as error:
-            did.failed[log.source] = str(error)
+            run.failed[log.source] = str(error)
             continue
         by_machine[setups[0].name] = setups
         memory = plan.task_limits.memory_bytes(log.size_bytes)
         seconds = plan.task_limits.seconds
-        tasks.append(ReplayTask(log, setups, place, recordings, seconds, memory, here))
+        tasks.append(ReplayTask(log, setups, place, recordings, seconds, memory, versions))
     return tasks, by_machine
 
 

@@ -87,8 +87,8 @@ def is_numeric(kinds: Sequence[str], *, empty: bool = False) -> bool:
     return sum(each in NUMERIC for each in present) >= _MOSTLY * len(present)
 
 
-def is_signed(cell: str, decimal: str) -> tuple[bool, bool]:
-    """Whether a number has the decimal sign, and whether that may be a thousands separator."""
+def classify_decimal_sign(cell: str, decimal: str) -> tuple[bool, bool]:
+    """Whether a cell is a number with the decimal sign, and whether that may group thousands."""
     signed = decimal in cell and _NUMBERS[decimal].fullmatch(cell) is not None
     return signed, signed and _THOUSANDS[decimal].fullmatch(cell) is not None
 
