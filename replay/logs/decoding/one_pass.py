@@ -61,7 +61,7 @@ def walk_and_gather(
     messages: EncodedMessages,
     encoding: Encoding,
     steps: Ints,
-    notes: WalkNotes,
+    walk_notes: WalkNotes,
     template: LayoutTemplate,
     gather_plan: GatherPlan,
     gathered_rows: GatheredRows,
@@ -73,27 +73,27 @@ def walk_and_gather(
         messages: all messages.
         encoding: their encoding.
         steps: the program.
-        notes: receives the marks.
+        walk_notes: receives the marks.
         template: memory for a template, initially empty.
         gather_plan: plan of the gathered values.
         gathered_rows: receives the values.
         outcome: output: outcome of each message.
     """
-    filled = notes.filled
+    filled = walk_notes.filled
     count = messages.begins.size
     for first in range(0, count, _ROWS_AT_ONCE):
         row = filled[0]
         end = min(first + _ROWS_AT_ONCE, count)
-        walk_messages(messages, first, end, encoding, steps, notes, template, outcome)
+        walk_messages(messages, first, end, encoding, steps, walk_notes, template, outcome)
         _gather_columns(
-            messages.data, notes, gather_plan, gathered_rows, encoding.swap, row, filled[0]
+            messages.data, walk_notes, gather_plan, gathered_rows, encoding.swap, row, filled[0]
         )
 
 
 @uncounted
 def _gather_columns(
     data: Bytes,
-    notes: WalkNotes,
+    walk_notes: WalkNotes,
     gather_plan: GatherPlan,
     gathered_rows: GatheredRows,
     swap: bool,
@@ -101,7 +101,7 @@ def _gather_columns(
     end: int,
 ) -> None:
     """Gather values, arrays and strings of walked messages."""
-    table, marks, _, _, _ = notes
+    table, marks, _, _, _ = walk_notes
     value_marks, value_offsets, value_loads = gather_plan[:3]
     array_marks, array_offsets, array_bytes, text_marks = gather_plan[3:]
     values, arrays, views, long_bytes, characters, nowhere = gathered_rows
