@@ -479,7 +479,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float_column(
                     "calibrated_unlike_u_kg",
                     "kg",
-                    "part of its u due to driving unlike the campaign",
+                    "part of its u due to manoeuvres unlike the campaign's",
                 ),
                 Column("calibrated_said", pl.String, "1", "notes for the reader"),
                 _float_column("calibrated_payload_kg", "kg", "payload under the calibration"),
@@ -535,7 +535,7 @@ FRAMES: Final[dict[str, Frame]] = {
                     "weight of the empty pass before; the empty pass after has the rest",
                 ),
                 _float_column(
-                    "payload_kg", "kg", "dumped payload: loaded less empty mass, on the scale"
+                    "payload_kg", "kg", "dumped payload: loaded minus empty mass, after scaling"
                 ),
                 _float_column(
                     "payload_u_random_kg", "kg", "the part that differs from cycle to cycle"
@@ -568,10 +568,10 @@ FRAMES: Final[dict[str, Frame]] = {
                 ),
                 _float_column("own_u_shared_kg", "kg", "u_shared by the log alone"),
                 _float_column(
-                    "carry_back_kg", "kg", "empty pass after less the cleanest empty ones"
+                    "carry_back_kg", "kg", "next empty pass minus the cleanest empty passes"
                 ),
                 _float_column(
-                    "carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest"
+                    "carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest ones"
                 ),
                 Column("quality", QUALITY, "1", "how usable the payload is"),
                 Column("counted", pl.Boolean, "1", "whether it is in the sum of the shift"),
@@ -609,7 +609,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float_column("arriving_u_1", "1", "its standard uncertainty"),
                 _float_column("carry_back_mean_kg", "kg", "mean carry-back"),
                 _float_column(
-                    "carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest"
+                    "carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest ones"
                 ),
                 _float_column("lost_cycles", "1", "cycles expected where nothing was recorded"),
                 _float_column("lost_cycles_u", "1", "standard uncertainty of lost_cycles"),
@@ -692,12 +692,12 @@ FRAMES: Final[dict[str, Frame]] = {
             "under learnt priors: estimates by this log of the errors of their means, a row for "
             "each pair",
             (
-                Column("term", pl.String, "1", "whose mean it is"),
-                Column("other", pl.String, "1", "another, or the same"),
+                Column("term", pl.String, "1", "term with this mean"),
+                Column("other", pl.String, "1", "second term of the pair, or the same"),
                 _float_column(
                     "error_1", "1", "error of the term's mean, in its standard uncertainties"
                 ),
-                _float_column("covariance_1", "1", "of the two errors, likewise"),
+                _float_column("covariance_1", "1", "covariance of the two, as error_1"),
                 Column(
                     "told", pl.Boolean, "1", "true where the masses are corrected for that error"
                 ),

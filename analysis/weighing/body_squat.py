@@ -1,13 +1,13 @@
 """Squat: the accelerometer's gain differs between loads, since the body pitches with its load.
 
 Springs let the body pitch in proportion to load and acceleration; the accelerometer sees gravity
-through that pitch. To the force that is a load of another size; the wheels tell:
+through that pitch. In the force equation that looks like another load; the wheels distinguish them:
 
     v = ∫ (1 + g + h · load) a dt + slip · u F - delay · a + a constant and a slope a stretch
 
-with the load relative to a reference. The slopes are tilt, bias and grade: they scatter about a
-common one as much as the log shows, so that on even ground few starts tell h, and on hills few
-do not. Where the pitch is measured, it shows by itself how it follows the acceleration.
+with the load relative to a reference. The slopes are tilt, bias and grade. Their scatter about a
+common slope is estimated from the log: on even ground a few starts determine h, on hills they do
+not. A measured pitch shows directly how it follows the acceleration.
 """
 
 from dataclasses import dataclass

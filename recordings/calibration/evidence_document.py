@@ -1,4 +1,4 @@
-"""What `evidence.json` holds: everything that a calibration can be recomputed and doubted from.
+"""Contents of `evidence.json`: all that is needed to recompute a calibration and to question it.
 
 The published schema, `evidence.schema.json`, is made of these models:
 `python -m recordings.calibration.evidence_document` prints it.

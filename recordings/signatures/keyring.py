@@ -1,7 +1,7 @@
 """Keyring of public keys whose owners the user knows, in one TOML file.
 
 PAYSCOPE_KEYRING names the file; the default is `payscope/keys.toml` in the user's configuration
-folder. The owner of a key is whom the user names; names in evidence are not trusted.
+folder. The owner of a key is the one that the user enters; names in evidence are not trusted.
 """
 
 import datetime as dt

@@ -1,4 +1,4 @@
-"""`payscope keys`: whose public keys the user knows."""
+"""`payscope keys`: public keys whose owners the user knows."""
 
 import datetime as dt
 from pathlib import Path

@@ -147,7 +147,7 @@ class TableLog(Log):
             raise LogError(
                 f"{self.path}: no time column among {named}{more}; "
                 'name it in the machine file: [log] time = "COLUMN", time_unit = "s", or where '
-                "there is none, [log] rate_hz = the rows in a second"
+                "there is none, [log] rate_hz = rows per second"
             )
         return found
 
@@ -235,7 +235,7 @@ class TableLog(Log):
             said = (
                 f"{shared:,} of {there.len():,} rows have the time of the row before; name another "
                 "column or the one of the fractions, [log] time or time_fraction, or set "
-                "[log] rate_hz = the rows in a second"
+                "[log] rate_hz = rows per second"
             )
         raise LogError(f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said}")
 

@@ -381,7 +381,7 @@ def _guess_unit(x: Floats, step: float, span: float) -> str:
     said = " or ".join(possible) if possible else "s, ms, us or ns"
     raise TimeError(
         f"its steps of {step:g} may be {said}: set [log] time_unit, or, where it counts rows, "
-        "[log] rate_hz = the rows in a second,"
+        "[log] rate_hz = rows per second,"
     )
 
 

@@ -194,7 +194,7 @@ def _count_days_since_1970(
     if odd.len():
         raise TimeError(
             f"'{odd[0]}' is not a plausible year of the Gregorian calendar; set [log] rate_hz = "
-            "the rows in a second,"
+            "rows per second,"
         )
     written = pl.concat_str("y", pl.lit("-"), "m", pl.lit("-"), "d")
     day = written.str.to_date("%Y-%m-%d", strict=False)
@@ -273,7 +273,7 @@ def _parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[s
     back = frame.select(step).to_series()
     twelve = ((back < -_TWELVE_NS[0]) & (back > -_TWELVE_NS[1])).any()
     if twelve and not has_halves:
-        raise TimeError("it jumps back by twelve hours, as of a clock without AM and PM")
+        raise TimeError("it jumps back by twelve hours, as a 12-hour clock without AM and PM does")
     days = frame.select((step < -_HALF_DAY_NS).fill_null(value=False).cum_sum()).to_series()
     note = "its times have no date: they are counted from midnight"
     return (stamps + days.cast(pl.Int64) * DAY_NS).alias("log_time_ns"), (note,)
