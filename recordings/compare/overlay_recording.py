@@ -153,9 +153,7 @@ def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | 
     if not (mine or theirs):
         return None
     lone = max(count_named_lines(mine), count_named_lines(theirs)) == 1
-    alike = (
-        set() if view.kind is ViewKind.STATES else _shorten_shared_names(mine, theirs, lone=lone)
-    )
+    alike = set() if view.kind is ViewKind.STATES else _shared_labels(mine, theirs, lone=lone)
     drawn = [
         *_style_lines_of_run(mine, _A, alike, lone=lone),
         *_style_lines_of_run(theirs, _B, alike, lone=lone),
@@ -168,12 +166,12 @@ def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | 
     return Panel(title, view.kind, tuple(drawn), bulk)
 
 
-def _shorten_shared_names(
-    mine: Sequence[DisplayColumn], theirs: Sequence[DisplayColumn], *, lone: bool
+def _shared_labels(
+    own: Sequence[DisplayColumn], others: Sequence[DisplayColumn], *, lone: bool
 ) -> set[str]:
     """Labels common to A and B, which are shown without the name of the run."""
-    both = {each.label for each in mine} & {each.label for each in theirs}
-    return {each.label for each in mine if not lone or each.column == "threshold"} & both
+    both = {each.label for each in own} & {each.label for each in others}
+    return {each.label for each in own if not lone or each.column == "threshold"} & both
 
 
 def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Panel | None:

@@ -22,8 +22,8 @@ from analysis.calibration.line.shared_errors import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
     TermOfLog,
-    learn_terms_of_logs,
     learnable_terms,
+    pool_terms_of_logs,
 )
 from analysis.model.answer import answer
 from analysis.model.machine import Machine
@@ -70,7 +70,7 @@ class CampaignReplay:
     @property
     def learnt(self) -> LearntPriors | None:
         """Priors learnt from all logs; None if there are too few."""
-        terms = learn_terms_of_logs(self.terms)
+        terms = pool_terms_of_logs(self.terms)
         return LearntPriors(terms=terms, logs=self.terms) if terms else None
 
 

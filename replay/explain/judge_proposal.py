@@ -182,9 +182,9 @@ def _reads_gravity(run: Run) -> bool:
     return bool(z.size) and abs(float(np.nanmedian(z)) / pull - 1.0) < _GRAVITY_1
 
 
-def is_cause_reduced(still: Finding, finding: Finding, *, as_claimed: bool) -> bool:
+def is_cause_reduced(remaining: Finding, finding: Finding, *, as_claimed: bool) -> bool:
     """Whether a cause is nearly gone, or is weaker and moved the mass as claimed."""
-    left = still.strength_1 / finding.strength_1
+    left = remaining.strength_1 / finding.strength_1
     return left < _REMAINDER or (left < 1.0 and as_claimed)
 
 

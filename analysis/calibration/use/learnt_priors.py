@@ -83,7 +83,7 @@ def learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
     )
 
 
-def learn_terms_of_logs(log_terms: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
+def pool_terms_of_logs(log_terms: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
     """Pool the logs' estimates of each term: weighted mean, uncertainty, variation between logs.
 
     The variation is estimated by moments (DerSimonian and Laird 1986) if chi-square shows it at 5

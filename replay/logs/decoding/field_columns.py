@@ -36,9 +36,9 @@ from replay.logs.decoding.field_places import (
 from replay.logs.decoding.gather_values import (
     DTYPES,
     concatenate,
-    find_name,
     gather_string_views,
     gather_values,
+    index_of_name,
     numbers_from_bytes,
 )
 from replay.logs.decoding.one_pass import GatheredRows
@@ -215,7 +215,7 @@ class Columns:
         assert isinstance(names.element, TextField)
         if (names.mark, name) not in self._found:
             text = names.element.mark
-            self._found[names.mark, name] = find_name(
+            self._found[names.mark, name] = index_of_name(
                 self.data,
                 self.mark_values[text],
                 self.mark_values[text + 1],
