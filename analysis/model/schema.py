@@ -461,7 +461,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 ),
                 Column("withheld", pl.Boolean, "1", "true when the verdict withholds the mass"),
                 Column(
-                    "withheld_for", pl.String, "1", "why there is no mass (empty when there is)"
+                    "withheld_for", pl.String, "1", "why there is no mass; empty if there is one"
                 ),
                 Column("said", pl.String, "1", "notes on the loads"),
                 _float_column(
@@ -474,7 +474,7 @@ FRAMES: Final[dict[str, Frame]] = {
                     "calibrated_reason",
                     pl.String,
                     "1",
-                    "why there is no calibrated mass (empty when there is)",
+                    "why there is no calibrated mass; empty if there is one",
                 ),
                 _float_column(
                     "calibrated_unlike_u_kg",
@@ -515,7 +515,7 @@ FRAMES: Final[dict[str, Frame]] = {
                     "ns",
                     "when it dumps, by boom or standstill (null: not seen)",
                 ),
-                _float_column("return_s", "s", "from the dump before to digging"),
+                _float_column("return_s", "s", "from the previous dump to digging"),
                 _float_column("load_s", "s", "from digging to the first start with the load"),
                 _float_column("haul_s", "s", "from there to the stop for dumping"),
                 _float_column("dump_s", "s", "that stand"),
@@ -526,8 +526,8 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("empty_before_id", pl.Int64, "1", "number of the empty pass before"),
                 _float_column("empty_before_kg", "kg", "mass of the empty pass before"),
                 _float_column("empty_before_u_kg", "kg", "its random standard uncertainty"),
-                Column("empty_after_id", pl.Int64, "1", "number of the empty pass after"),
-                _float_column("empty_after_kg", "kg", "mass of the empty pass after"),
+                Column("empty_after_id", pl.Int64, "1", "number of the next empty pass"),
+                _float_column("empty_after_kg", "kg", "mass of the next empty pass"),
                 _float_column("empty_after_u_kg", "kg", "its random standard uncertainty"),
                 _float_column(
                     "tare_before_1",
@@ -664,16 +664,16 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float_column("prior_std", "1", "standard deviation of its prior (in its unit)"),
                 _float_column("posterior", "1", "posterior estimate by this log (in its unit)"),
                 _float_column("posterior_std", "1", "standard deviation of that (in its unit)"),
-                _float_column("u_kg", "kg", "what its prior contributes to the mass' uncertainty"),
+                _float_column("u_kg", "kg", "contribution of its prior to the mass' uncertainty"),
                 Column("meaning", pl.String, "1", "physical meaning of the term"),
-                _float_column(
-                    "prior_mean_u", "1", "standard uncertainty of a prior's mean that was learnt"
-                ),
+                _float_column("prior_mean_u", "1", "standard uncertainty of a learnt prior's mean"),
                 _float_column("alone", "1", "estimate by this log without learnt priors"),
                 _float_column("alone_std", "1", "standard deviation of that (in its unit)"),
-                _float_column("alone_prior_mean", "1", "mean of its prior without (in its unit)"),
+                _float_column("alone_prior_mean", "1", "mean of its unlearnt prior (in its unit)"),
                 _float_column(
-                    "alone_prior_std", "1", "standard deviation of its prior without (in its unit)"
+                    "alone_prior_std",
+                    "1",
+                    "standard deviation of its unlearnt prior (in its unit)",
                 ),
             ),
         ),

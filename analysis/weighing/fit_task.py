@@ -110,7 +110,7 @@ class FitTask:
         solution, mean, known_s = None, std, 0.0
         cost = begin and self._slip_cost(begin.theta, begin.solution, begin.terms)
         for number in range(rounds):
-            mean, std = self._round_priors(cost)
+            mean, std = self._priors_of_round(cost)
             self._narrow_gain_drift(std)
             known_s = known.lag_s
             mean[lag] -= known_s
@@ -206,7 +206,7 @@ class FitTask:
 
     def group_effects_of_fit(self, fit: JointFit, rows: FitRows) -> GroupEffects:
         """Mass of each manoeuvre by itself, given the shared parameters of a fit."""
-        mean, std = self._round_priors(self._slip_cost(fit.theta, fit.solution, fit.terms))
+        mean, std = self._priors_of_round(self._slip_cost(fit.theta, fit.solution, fit.terms))
         if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
             std[term_index("gain_drift", self.terms)] *= NARROW
         # loads that alternate and ground that does are told apart by the fit of both, not here
@@ -241,7 +241,7 @@ class FitTask:
         told = self.wheels is not None and self.motion.by_accelerometer
         return self.wheels.swing if self.wheels is not None and told else NO_SWING
 
-    def _round_priors(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
+    def _priors_of_round(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
         """Prior means and standard deviations of a round; those of slip once its cost is known."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))

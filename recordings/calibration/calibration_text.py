@@ -171,8 +171,8 @@ def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
         return []
     logs = len({each.log for each in learnt.logs})
     return [
-        f"The mass is found with what {logs} logs say together of {len(learnt.terms)} nuisances; "
-        "errors of these estimates are common to all masses, and the line absorbs them."
+        f"The mass is estimated with priors of {len(learnt.terms)} nuisances, learnt from "
+        f"{logs} logs; errors of these estimates are common to all masses, and the line absorbs them."
     ]
 
 

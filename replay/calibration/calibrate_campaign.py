@@ -59,9 +59,9 @@ from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_runs import (
     CampaignReplay,
     draw_evidence_id,
+    format_evidence_time,
     replay_runs,
     software_versions,
-    time_for_evidence,
 )
 from replay.calibration.dcc_output import DccOutput, check_dcc_output, write_dcc_output
 from replay.calibration.refuse_campaign import (
@@ -347,7 +347,7 @@ def _make_document(
         format=FORMAT,
         kind=evidence.kind,
         id=draw_evidence_id(),
-        made=time_for_evidence(),
+        made=format_evidence_time(),
         notice=NOTICE,
         campaign=campaign,
         # a check does not prolong what it checks

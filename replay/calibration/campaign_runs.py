@@ -150,8 +150,8 @@ def _installed_requirements() -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
-def time_for_evidence() -> str:
-    """Current time in the format of evidence."""
+def format_evidence_time() -> str:
+    """Format the current time for evidence."""
     return f"{dt.datetime.now(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 

@@ -204,7 +204,7 @@ class SimulatedMachine(BaseModel):
 
 
 class SimulatedCampaign(BaseModel):
-    """Loads, runs a load, and what one run is: stand, full throttle, cruise, brake."""
+    """Loads, runs per load, and the phases of a run: stand, full throttle, cruise, brake."""
 
     model_config = _FORBID
 
