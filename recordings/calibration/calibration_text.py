@@ -172,7 +172,8 @@ def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
     logs = len({each.log for each in learnt.logs})
     return [
         f"The mass is estimated with priors of {len(learnt.terms)} nuisances, learnt from "
-        f"{logs} logs; errors of these estimates are common to all masses, and the line absorbs them."
+        f"{logs} logs; errors of these estimates are common to all masses, and the line "
+        "absorbs them."
     ]
 
 
