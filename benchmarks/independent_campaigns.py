@@ -28,10 +28,10 @@ from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.use.apply_calibration import calibrate_loads
 from analysis.calibration.use.later_log import describe_later_log
 from analysis.calibration.use.learnt_priors import (
-    learn_terms_of_logs,
     learnable_terms,
     machine_for_later_log,
     machine_with_learnt_priors,
+    pool_terms_of_logs,
 )
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -207,7 +207,7 @@ def calibrated(
         if not each.frames["loads"]["withheld"].any()
         for term in learnable_terms(str(number), each.frames["nuisances"])
     ]
-    machine = machine_with_learnt_priors(raw[0][1], learn_terms_of_logs(said))
+    machine = machine_with_learnt_priors(raw[0][1], pool_terms_of_logs(said))
     logs = [(state, np.random.default_rng(seed)) for state, seed in zip(states, seeds, strict=True)]
     again = [replayed(drawn, state, own, machine)[0] for state, own in logs]
     runs = [

@@ -24,9 +24,9 @@ from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.use.apply_calibration import calibrate_loads
 from analysis.calibration.use.later_log import describe_later_log
 from analysis.calibration.use.learnt_priors import (
-    learn_terms_of_logs,
     learnable_terms,
     machine_with_learnt_priors,
+    pool_terms_of_logs,
 )
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -139,7 +139,7 @@ def campaign(seed: int, machine: Machine) -> dict[str, list[Outcome]]:
         for load_kg, each in zip(LOADS_KG, raw, strict=False)
         for term in learnable_terms(f"{load_kg:g}", each.frames["nuisances"])
     ]
-    narrow = replays(logs, machine_with_learnt_priors(machine, learn_terms_of_logs(said)))
+    narrow = replays(logs, machine_with_learnt_priors(machine, pool_terms_of_logs(said)))
     return {
         name: _outcomes(replayed, references)
         for name, replayed in (("learnt from its logs", narrow), ("of the machine file", raw))

@@ -28,8 +28,8 @@ from analysis.cycles.energy_integrals import (
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
-    change_each_term,
     force_gain_uncertainty,
+    perturb_each_term,
     relative_mass_uncertainty,
 )
 from analysis.cycles.fitted_drive import FittedDrive, fit_drive
@@ -140,10 +140,12 @@ def _common_phase_changes(
     """Changes of the energy by one standard uncertainty of each term, (phases, parts) in J each."""
     model = drive.model
     forces = [
-        *change_each_term(model, drive.model_u),
+        *perturb_each_term(model, drive.model_u),
         _shift_friction_to_coulomb(integrals, model, drive.coulomb_N),
     ]
-    moved = [replace(drive, errors=each) for each in change_each_term(drive.errors, drive.errors_u)]
+    moved = [
+        replace(drive, errors=each) for each in perturb_each_term(drive.errors, drive.errors_u)
+    ]
     earlier, later = (
         _split_energy_by_phase(replace(drive, samples=each).integrate(spans), model) - value
         for each in (delay_drive(drive.samples, way * drive.move_rows) for way in (-1, 1))

@@ -17,7 +17,7 @@ from analysis.model.physical_units import NS_PER_S, SECONDS_PER_HOUR
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
 from analysis.weighing.friction_warming import WARMING
-from analysis.weighing.motion_samples import rolling_fraction
+from analysis.weighing.motion_samples import ground_speed_ratio
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -300,7 +300,7 @@ def integrate_phases(
     wheels = _advance_column(samples, "speed_m_s", errors.speed_late_s)
     # brakes slip as well, and leave no measured force
     slipping_N = np.where(samples.digs, force, ground_N)
-    speed = wheels * rolling_fraction(wheels, slipping_N, errors.slip_1_N)
+    speed = wheels * ground_speed_ratio(wheels, slipping_N, errors.slip_1_N)
     step_s, fast = samples.step_s, np.abs(speed)
     # half the difference of squares on either side: what a stretch gains is what its ends differ by
     squares = np.pad(speed**2, 1, mode="edge")

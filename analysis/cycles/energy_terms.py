@@ -75,7 +75,7 @@ def fitted_force(
     offset, offset_u = term_value_and_std("offset")
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
-    wrong_N = priors.const_share * _find_largest_force(excitation)
+    wrong_N = priors.const_share * _robust_largest_force(excitation)
     wrong_1 = min((wrong_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
@@ -117,10 +117,10 @@ def undetermined_coulomb(
         return 0.0
     weight_N = float(np.quantile(mass_kg, 0.1)) * machine.machine.gravity_m_s2
     priors = machine.settings.priors
-    return coulomb_std(_find_largest_force(frames["excitation"]), weight_N, priors)
+    return coulomb_std(_robust_largest_force(frames["excitation"]), weight_N, priors)
 
 
-def _find_largest_force(excitation: pl.DataFrame) -> float:
+def _robust_largest_force(excitation: pl.DataFrame) -> float:
     """Large quantile of the log's force, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
     pushed_N = np.abs(column_values(driving, "force_x_N"))
@@ -195,7 +195,7 @@ def fitted_motion_errors(
     return MotionErrors(*(v for v, _ in pairs)), MotionErrors(*(u for _, u in pairs))
 
 
-def change_each_term(column_values: Terms, stds: Terms) -> list[Terms]:
+def perturb_each_term(column_values: Terms, stds: Terms) -> list[Terms]:
     """Copies of the values, each with one term changed by its standard uncertainty."""
     names = [each.name for each in fields(column_values) if getattr(stds, each.name)]
     return [

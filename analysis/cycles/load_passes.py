@@ -308,8 +308,8 @@ def _digging_labels(
 def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
     """Classify each state as loaded or not, (states,), by a mass border between two classes.
 
-    If loads are below the states' deviations, digging decides, or that nearly every state is
-    heavier or lighter than both neighbours.
+    If loads are smaller than the states' standard deviations, digging decides, or whether nearly
+    every state is heavier or lighter than both neighbours.
     """
     if mass_kg.size < 2:
         return None

@@ -46,7 +46,7 @@ class DeterminedParameters:
     trade_offs: tuple[tuple[str, str, float], ...]
 
 
-def determine_parameters(
+def find_determined_parameters(
     excitation: pl.DataFrame, rows: Bools, noise: pl.DataFrame | None, settings: Settings
 ) -> DeterminedParameters | None:
     """Find which parameters the chosen samples determine.

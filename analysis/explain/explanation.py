@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
-from analysis.explain.determined_parameters import DeterminedParameters, determine_parameters
+from analysis.explain.determined_parameters import DeterminedParameters, find_determined_parameters
 from analysis.explain.worst_manoeuvres import (
     GateStretch,
     ManoeuvreReport,
@@ -185,7 +185,7 @@ def determine_parameters_at_moment(
             rows = _select_moving_rows(excitation)
     else:
         rows = _select_moving_rows(excitation)
-    return determine_parameters(excitation, rows, run.frames.get("noise"), settings)
+    return find_determined_parameters(excitation, rows, run.frames.get("noise"), settings)
 
 
 def _select_moving_rows(excitation: pl.DataFrame) -> np.ndarray:

@@ -21,9 +21,9 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import (
     ProjectedEquation,
     block_sums,
-    force_system,
     row_noise_variance,
     samples_in_whole_blocks,
+    whitened_force_rows,
 )
 from estimators.errors import counted
 from estimators.numerics.fit_loss import group_rows
@@ -70,9 +70,9 @@ def compare_share_with_loads(inputs: FindingInputs) -> ForceShareChange | None:
     one_kg = np.full_like(own_kg, np.median(own_kg[motion.used]))
     # with the share as well: loads that change otherwise than with the direction stay loads
     by_loads = ProjectedEquation.project_out(
-        force_system(motion, noise, own_kg, viscous), ("driveline",)
+        whitened_force_rows(motion, noise, own_kg, viscous), ("driveline",)
     )
-    one = force_system(motion, noise, one_kg, viscous)
+    one = whitened_force_rows(motion, noise, one_kg, viscous)
     before, after = (
         ProjectedEquation.project_out(one, ()),
         ProjectedEquation.project_out(one, ("driveline",)),
@@ -156,7 +156,7 @@ def _select_significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
     if len(parts) < 3:  # then nothing says what is usual
         return []
     viscous = max(fit.viscous, 0.0)
-    system = force_system(motion, noise, inputs.sample_masses_kg(motion), viscous)
+    system = whitened_force_rows(motion, noise, inputs.sample_masses_kg(motion), viscous)
     taken = samples_in_whole_blocks(motion.group, LIMITS.force_mean_samples).reshape(
         -1, LIMITS.force_mean_samples
     )

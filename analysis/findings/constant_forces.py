@@ -14,7 +14,7 @@ import numpy as np
 from analysis.findings.altered_motion import change_accelerometer
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.whitened_rows import ProjectedEquation, force_system
+from analysis.findings.whitened_rows import ProjectedEquation, whitened_force_rows
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.weighing.motion_samples import MotionSamples
@@ -61,13 +61,13 @@ def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
 def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
     """Explain the constant force in motion by the fewest causes that suffice."""
     if "constants" not in inputs.kept:
-        inputs.kept["constants"] = _fit_explanation(inputs)
+        inputs.kept["constants"] = _explain_constant_forces(inputs)
     found = inputs.kept["constants"]
     assert isinstance(found, ConstantForces)
     return found
 
 
-def _fit_explanation(inputs: FindingInputs) -> ConstantForces:
+def _explain_constant_forces(inputs: FindingInputs) -> ConstantForces:
     """Constant forces at rest, and which causes explain that in motion."""
     rest = inputs.standstill_level_of(longitudinal_force(inputs.aligned, inputs.machine.machine))
     error = np.nan, np.nan
@@ -96,7 +96,7 @@ def _fit_explanation(inputs: FindingInputs) -> ConstantForces:
     left: dict[tuple[bool, bool, bool], float] = {}
     variances: list[float] = []
     for acts, tilted in product(offsets, tilts):
-        system = force_system(
+        system = whitened_force_rows(
             _subtract_constants(motion, rest[0] * acts, error[0] * tilted), noise, mass_kg, viscous
         )
         if system.y.size < LIMITS.constant_min_rows:

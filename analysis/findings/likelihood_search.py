@@ -20,8 +20,8 @@ from analysis.findings.refit import renumber_and_drop_short_stretches
 from analysis.findings.whitened_rows import (
     EquationRows,
     ProjectedEquation,
-    force_system,
     wheel_system,
+    whitened_force_rows,
 )
 from analysis.weighing.motion_samples import MotionSamples
 
@@ -199,7 +199,7 @@ def remove_delay_iteratively(
 
 def attribute_delay(
     inputs: FindingInputs,
-    begun: MotionSamples,
+    uncorrected: MotionSamples,
     picked_causes: list[str],
     settled: tuple[MotionSamples, PickedCause],
 ) -> tuple[MotionSamples, PickedCause, tuple[str, ...]]:
@@ -209,7 +209,7 @@ def attribute_delay(
 
     Args:
         inputs: the log.
-        begun: motion before any correction.
+        uncorrected: motion before any correction.
         picked_causes: causes found before.
         settled: corrected motion and the delay that was found.
 
@@ -219,7 +219,7 @@ def attribute_delay(
     """
     motion, own = settled
     turned = replace(own, name=_BESIDE[own.name], value=-own.value)
-    other = correct_channel_delay(begun, turned.name.partition(":")[2], turned.value)
+    other = correct_channel_delay(uncorrected, turned.name.partition(":")[2], turned.value)
     # tried whole: noise of the force makes its derivative too large, and a delay too small
     left, left_other = (
         remaining_motion(build_equations(inputs, each), picked_causes)[0]
@@ -257,7 +257,7 @@ def build_equations(inputs: FindingInputs, motion: MotionSamples) -> Equations:
     fit, noise = inputs.fit, inputs.column_noise
     assert fit is not None
     assert noise is not None
-    force = force_system(
+    force = whitened_force_rows(
         motion,
         noise,
         inputs.sample_masses_kg(motion),

@@ -13,7 +13,7 @@ from analysis.findings.cause import MassChange
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.fitted_stretches import first_of_stretch
+from analysis.weighing.fitted_stretches import is_first_of_stretch
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
@@ -123,9 +123,7 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
 def is_wheel_agreement_kept(before: MotionSamples, after: MotionSamples) -> bool:
     """Whether wheels and accelerometer still agree as before.
 
-    A constant accelerometer error is ignored.
-
-    Their comparison takes a constant of the accelerometer off.
+    A constant error of the accelerometer is ignored, since their comparison removes it.
     """
     if not (
         after.speed is before.speed and after.force is before.force and after.group is before.group
@@ -148,33 +146,33 @@ def _differ_by_constant(old: Floats, new: Floats) -> bool:
 
 
 def refit_warm_started(
-    begun: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, *, known: bool
+    earlier: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, *, known: bool
 ) -> JointFit:
     """Refit from the parameters of an earlier fit; a long log's lag uses its first stretches.
 
     Args:
-        begun: the earlier fit.
+        earlier: the earlier fit.
         noise: noise of the columns.
         priors: priors of the nuisances.
         known: whether force and speed are unchanged, so that the lag is known.
     """
-    part = begun.motion.cut_to_first_stretches(LIMITS.refit_pilot_stretches)
-    if part is begun.motion or not part.drives:
-        return refit_with_changes(begun, noise, priors, rounds=LIMITS.refit_rounds - known)
+    part = earlier.motion.cut_to_first_stretches(LIMITS.refit_pilot_stretches)
+    if part is earlier.motion or not part.drives:
+        return refit_with_changes(earlier, noise, priors, rounds=LIMITS.refit_rounds - known)
     if known:
-        return refit_with_changes(begun, noise, priors)
-    states = None if begun.states is None else begun.states.restrict_to(part)
-    pilot = refit_with_changes(replace(begun, motion=part, states=states), noise, priors)
-    if abs(pilot.found.lag_s - begun.found.lag_s) > LIMITS.refit_lag_moves_s:
+        return refit_with_changes(earlier, noise, priors)
+    states = None if earlier.states is None else earlier.states.restrict_to(part)
+    pilot = refit_with_changes(replace(earlier, motion=part, states=states), noise, priors)
+    if abs(pilot.found.lag_s - earlier.found.lag_s) > LIMITS.refit_lag_moves_s:
         pilot = refit_with_changes(pilot, noise, priors)
-    theta = begun.theta.copy()
-    theta[begun.count] = pilot.viscous
-    return refit_with_changes(replace(begun, found=pilot.found, theta=theta), noise, priors)
+    theta = earlier.theta.copy()
+    theta[earlier.count] = pilot.viscous
+    return refit_with_changes(replace(earlier, found=pilot.found, theta=theta), noise, priors)
 
 
 def renumber_and_drop_short_stretches(motion: MotionSamples) -> MotionSamples:
     """Number the stretches again after samples were excluded, and exclude those now too short."""
-    parts = np.where(motion.used, np.cumsum(first_of_stretch(motion.group)) - 1, -1)
+    parts = np.where(motion.used, np.cumsum(is_first_of_stretch(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
     short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)
     return replace(motion, group=parts.astype(np.int64)).exclude_samples(short)

@@ -40,7 +40,7 @@ class EquationRows:
     size_N: float = 1.0
 
 
-def force_system(
+def whitened_force_rows(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     mass_kg: Floats,

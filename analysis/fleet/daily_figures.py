@@ -72,7 +72,7 @@ def sum_results(results: pl.DataFrame, group_columns: list[str]) -> pl.DataFrame
             pl.col("payload_kg").sum(),
             (pl.col("payload_u_random_kg") ** 2).sum().sqrt().alias("payload_u_random_kg"),
             pl.col("payload_u_common_kg").sum(),
-            tonnes_without_scale().alias("without_scale"),
+            count_recordings_without_scale().alias("without_scale"),
         )
         .with_columns(
             (pl.col("payload_u_random_kg") ** 2 + pl.col("payload_u_common_kg") ** 2)
@@ -99,7 +99,7 @@ def sum_machines(machines: pl.DataFrame) -> Mapping[str, float]:
     }
 
 
-def tonnes_without_scale() -> pl.Expr:
-    """Expression for recordings with tonnes of unknown scale."""
+def count_recordings_without_scale() -> pl.Expr:
+    """Expression: number of recordings whose tonnes have an unknown scale."""
     unknown = pl.col("scale_unknown").fill_null("") != ""
     return (unknown & (pl.col("cycles_counted") > 0)).sum().cast(pl.Int64)

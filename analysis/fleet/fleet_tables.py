@@ -67,7 +67,7 @@ RESULTS: Final = Frame(
             "scale_unknown",
             pl.String,
             "1",
-            "scale sources of the payloads without a stated uncertainty",
+            "sources of payload scale error without a stated uncertainty",
         ),
         _declare_float_column(
             "gain_1", "1", "empty machine in the log over that of the machine file"

@@ -85,7 +85,7 @@ class Channel(BaseModel):
         return match[1] if match else None
 
     @property
-    def mean_of(self) -> tuple[str, str] | None:
+    def averaged_channels(self) -> tuple[str, str] | None:
         """The two channels that `derive = "mean(A, B)"` averages."""
         match = _MEAN.fullmatch((self.derive or "").strip())
         return (match[1], match[2]) if match else None
@@ -99,7 +99,7 @@ class Channel(BaseModel):
     @property
     def expression(self) -> Expression | None:
         """The arithmetic of `derive = "torque_N_m / 0.35 [m]"`; None where it is another form."""
-        if self.derive is None or self.derivative_of or self.mean_of or self.angle_of:
+        if self.derive is None or self.derivative_of or self.averaged_channels or self.angle_of:
             return None
         return parse_expression(self.derive.strip())
 
@@ -127,7 +127,7 @@ class Channel(BaseModel):
                     n for n in iter_channel_names(self.expression) if n not in BODY_NUMBERS
                 )
             )
-        return self.mean_of or ((self.derivative_of,) if self.derivative_of else ())
+        return self.averaged_channels or ((self.derivative_of,) if self.derivative_of else ())
 
     @model_validator(mode="after")
     def _field_or_derived(self) -> Self:

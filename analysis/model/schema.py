@@ -355,13 +355,13 @@ FRAMES: Final[dict[str, Frame]] = {
                     "scale_unknown",
                     pl.String,
                     "1",
-                    "sources without an uncertainty in the machine file, for inertia and moments",
+                    "sources without an uncertainty in the machine file, of inertia and moments",
                 ),
                 Column(
                     "com_scale_unknown",
                     pl.String,
                     "1",
-                    "sources without an uncertainty in the machine file, for the centre of mass",
+                    "sources without an uncertainty in the machine file, of the centre of mass",
                 ),
                 Column("withheld", pl.Boolean, "1", "true when the verdict withholds the numbers"),
                 Column("reason", REASON, "1", "accepted, or why it has no number"),
@@ -461,7 +461,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 ),
                 Column("withheld", pl.Boolean, "1", "true when the verdict withholds the mass"),
                 Column(
-                    "withheld_for", pl.String, "1", "why there is no mass (empty when there is)"
+                    "withheld_for", pl.String, "1", "why there is no mass; empty if there is one"
                 ),
                 Column("said", pl.String, "1", "notes on the loads"),
                 _float_column(
@@ -474,12 +474,12 @@ FRAMES: Final[dict[str, Frame]] = {
                     "calibrated_reason",
                     pl.String,
                     "1",
-                    "why there is no calibrated mass (empty when there is)",
+                    "why there is no calibrated mass; empty if there is one",
                 ),
                 _float_column(
                     "calibrated_unlike_u_kg",
                     "kg",
-                    "part of its u due to driving unlike the campaign",
+                    "part of its u due to manoeuvres unlike the campaign's",
                 ),
                 Column("calibrated_said", pl.String, "1", "notes for the reader"),
                 _float_column("calibrated_payload_kg", "kg", "payload under the calibration"),
@@ -515,7 +515,7 @@ FRAMES: Final[dict[str, Frame]] = {
                     "ns",
                     "when it dumps, by boom or standstill (null: not seen)",
                 ),
-                _float_column("return_s", "s", "from the dump before to digging"),
+                _float_column("return_s", "s", "from the previous dump to digging"),
                 _float_column("load_s", "s", "from digging to the first start with the load"),
                 _float_column("haul_s", "s", "from there to the stop for dumping"),
                 _float_column("dump_s", "s", "that stand"),
@@ -526,8 +526,8 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("empty_before_id", pl.Int64, "1", "number of the empty pass before"),
                 _float_column("empty_before_kg", "kg", "mass of the empty pass before"),
                 _float_column("empty_before_u_kg", "kg", "its random standard uncertainty"),
-                Column("empty_after_id", pl.Int64, "1", "number of the empty pass after"),
-                _float_column("empty_after_kg", "kg", "mass of the empty pass after"),
+                Column("empty_after_id", pl.Int64, "1", "number of the next empty pass"),
+                _float_column("empty_after_kg", "kg", "mass of the next empty pass"),
                 _float_column("empty_after_u_kg", "kg", "its random standard uncertainty"),
                 _float_column(
                     "tare_before_1",
@@ -535,7 +535,7 @@ FRAMES: Final[dict[str, Frame]] = {
                     "weight of the empty pass before; the empty pass after has the rest",
                 ),
                 _float_column(
-                    "payload_kg", "kg", "dumped payload: loaded less empty mass, on the scale"
+                    "payload_kg", "kg", "dumped payload: loaded minus empty mass, after scaling"
                 ),
                 _float_column(
                     "payload_u_random_kg", "kg", "the part that differs from cycle to cycle"
@@ -568,10 +568,10 @@ FRAMES: Final[dict[str, Frame]] = {
                 ),
                 _float_column("own_u_shared_kg", "kg", "u_shared by the log alone"),
                 _float_column(
-                    "carry_back_kg", "kg", "empty pass after less the cleanest empty ones"
+                    "carry_back_kg", "kg", "next empty pass minus the cleanest empty passes"
                 ),
                 _float_column(
-                    "carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest"
+                    "carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest ones"
                 ),
                 Column("quality", QUALITY, "1", "how usable the payload is"),
                 Column("counted", pl.Boolean, "1", "whether it is in the sum of the shift"),
@@ -609,7 +609,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float_column("arriving_u_1", "1", "its standard uncertainty"),
                 _float_column("carry_back_mean_kg", "kg", "mean carry-back"),
                 _float_column(
-                    "carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest"
+                    "carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest ones"
                 ),
                 _float_column("lost_cycles", "1", "cycles expected where nothing was recorded"),
                 _float_column("lost_cycles_u", "1", "standard uncertainty of lost_cycles"),
@@ -633,14 +633,14 @@ FRAMES: Final[dict[str, Frame]] = {
                     "on_board_kg", "kg", "load that is not dumped when the recording ends"
                 ),
                 _float_column("on_board_u_kg", "kg", "standard uncertainty of that"),
-                _float_column("total_kg", "kg", "dumped in the shift: counted, uncounted and lost"),
+                _float_column("total_kg", "kg", "dumped: counted, uncounted and lost loads"),
                 _float_column("total_u_kg", "kg", "standard uncertainty of that"),
                 Column("scale_from", pl.String, "1", "what determines the scale, as in cycles"),
                 Column(
                     "scale_unknown",
                     pl.String,
                     "1",
-                    "scale sources of the payloads without a stated uncertainty",
+                    "sources of payload scale error without a stated uncertainty",
                 ),
                 _float_column(
                     "gain_1", "1", "empty machine in the log over that of the machine file"
@@ -664,16 +664,16 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float_column("prior_std", "1", "standard deviation of its prior (in its unit)"),
                 _float_column("posterior", "1", "posterior estimate by this log (in its unit)"),
                 _float_column("posterior_std", "1", "standard deviation of that (in its unit)"),
-                _float_column("u_kg", "kg", "what its prior contributes to the mass' uncertainty"),
+                _float_column("u_kg", "kg", "contribution of its prior to the mass' uncertainty"),
                 Column("meaning", pl.String, "1", "physical meaning of the term"),
-                _float_column(
-                    "prior_mean_u", "1", "standard uncertainty of a prior's mean that was learnt"
-                ),
+                _float_column("prior_mean_u", "1", "standard uncertainty of a learnt prior's mean"),
                 _float_column("alone", "1", "estimate by this log without learnt priors"),
                 _float_column("alone_std", "1", "standard deviation of that (in its unit)"),
-                _float_column("alone_prior_mean", "1", "mean of its prior without (in its unit)"),
+                _float_column("alone_prior_mean", "1", "mean of its unlearnt prior (in its unit)"),
                 _float_column(
-                    "alone_prior_std", "1", "standard deviation of its prior without (in its unit)"
+                    "alone_prior_std",
+                    "1",
+                    "standard deviation of its unlearnt prior (in its unit)",
                 ),
             ),
         ),
@@ -692,12 +692,12 @@ FRAMES: Final[dict[str, Frame]] = {
             "under learnt priors: estimates by this log of the errors of their means, a row for "
             "each pair",
             (
-                Column("term", pl.String, "1", "whose mean it is"),
-                Column("other", pl.String, "1", "another, or the same"),
+                Column("term", pl.String, "1", "term with this mean"),
+                Column("other", pl.String, "1", "second term of the pair, or the same"),
                 _float_column(
                     "error_1", "1", "error of the term's mean, in its standard uncertainties"
                 ),
-                _float_column("covariance_1", "1", "of the two errors, likewise"),
+                _float_column("covariance_1", "1", "covariance of the two, as error_1"),
                 Column(
                     "told", pl.Boolean, "1", "true where the masses are corrected for that error"
                 ),
@@ -804,7 +804,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _float_column("beta_kg", "kg", "offset of the calibrated mass"),
                 _float_column("valid_from_kg", "kg", "lightest mass for which it is valid"),
                 _float_column("valid_to_kg", "kg", "heaviest mass for which it is valid"),
-                _float_column("line_u_kg", "kg", "standard uncertainty of a run's mass, heavy end"),
+                _float_column("line_u_kg", "kg", "standard uncertainty of a mass at valid_to_kg"),
                 _float_column("coverage_k_1", "1", "coverage factor of that"),
             ),
         ),

@@ -213,7 +213,7 @@ def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, Axi
         state, fed = feed_recursive(state)
         estimates |= fed
     if any(methods_fed_by(state, FeedKind.SEGMENTS)):
-        state, finished = pool_settled(state, gate.row)
+        state, finished = pool_settled_samples(state, gate.row)
         estimates |= finished
     return state, AxisStep(gate_row, estimates)
 
@@ -280,7 +280,9 @@ def queue_for_pooling(state: AxisState, row: int, newest: int) -> AxisState:
     return replace(state, pending=(*state.pending, *pending))
 
 
-def pool_settled(state: AxisState, row: int) -> tuple[AxisState, Mapping[str, TimedEstimate]]:
+def pool_settled_samples(
+    state: AxisState, row: int
+) -> tuple[AxisState, Mapping[str, TimedEstimate]]:
     """Pool samples that braking can no longer exclude; an estimate at a manoeuvre's end."""
     waiting = list(state.pending)
     while waiting and row - waiting[0].row >= state.gate.braking_lag - 1:

@@ -71,7 +71,7 @@ def masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFrame:
 LOADS: Final = Extract(CAMPAIGNS, masses_by_method_and_load)
 
 
-def _all_loads(extracts: Extracts) -> pl.DataFrame:
+def _concatenate_loads(extracts: Extracts) -> pl.DataFrame:
     return pl.concat(extracts.results_of_extract(LOADS), how="vertical_relaxed")
 
 
@@ -93,7 +93,7 @@ class Figure6:
 def make_figure_6(extracts: Extracts) -> Figure6:
     """Average the raw masses over the campaigns."""
     means = mean_intervals(
-        _all_loads(extracts),
+        _concatenate_loads(extracts),
         ["method", "load_kg", "reference_kg"],
         ["estimate_kg", "estimate_std_kg"],
     )
@@ -127,7 +127,7 @@ def make_figure_7(extracts: Extracts) -> Figure7:
     """Average the calibrated masses over the campaigns."""
     spread = pl.col("estimate_std_kg") * pl.col("alpha_1")
     table = mean_intervals(
-        _all_loads(extracts).with_columns(calibrated_std_kg=spread),
+        _concatenate_loads(extracts).with_columns(calibrated_std_kg=spread),
         ["method", "load_kg", "reference_kg"],
         ["calibrated_kg", "calibrated_std_kg", "error_kg", "error_left_out_kg"],
     )
@@ -150,7 +150,7 @@ class Figure8:
 def make_figure_8(extracts: Extracts) -> Figure8:
     """Average the r.m.s. errors by load and method over the campaigns."""
     table = mean_intervals(
-        _all_loads(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"]
+        _concatenate_loads(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"]
     )
     ratios = table.group_by("load_kg", maintain_order=True).agg(
         (pl.col("rms_left_out_kg") / pl.col("rms_kg")).mean().alias("ratio")

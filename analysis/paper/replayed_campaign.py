@@ -32,13 +32,13 @@ class ReplayedCampaign:
         scenario: simulated scenario.
         replayed: replay of its logs on one time line.
         trials: truth of every trial (`SimulatedLog.trials`).
-        noise_free: true motion (`SimulatedLog.noise_free`) of all logs.
+        noise_free_motion: true motion (`SimulatedLog.noise_free_motion`) of all logs.
     """
 
     scenario: Scenario
     replayed: Run
     trials: pl.DataFrame
-    noise_free: pl.DataFrame
+    noise_free_motion: pl.DataFrame
 
     @property
     def settings(self) -> Settings:
@@ -108,7 +108,7 @@ def trial_bound_kg(campaign: ReplayedCampaign) -> float:
         pl.DataFrame({"time_ns": unix_ns})
         .filter(used)
         .sort("time_ns")
-        .join_asof(campaign.noise_free.sort("time_ns"), on="time_ns")
+        .join_asof(campaign.noise_free_motion.sort("time_ns"), on="time_ns")
         .join_asof(campaign.trials.sort("start_ns"), left_on="time_ns", right_on="start_ns")
         .filter((pl.col("time_ns") < pl.col("end_ns")) & (pl.col("phase") != "braking"))
         .group_by("load_kg", "run", "mass_kg", "friction_N_s_m", maintain_order=True)

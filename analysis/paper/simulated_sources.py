@@ -184,12 +184,12 @@ def _replay_torque_chain_campaign(study: StudySettings, repetition: int) -> Repl
     )
 
 
-def _drive_straight(study: StudySettings, _: int) -> ReplayedCampaign:
+def _replay_straight_drive(study: StudySettings, _: int) -> ReplayedCampaign:
     driven = scenario_with_waveforms(study.scenario, force=ForceWave(), torque=None)
     return study.replay(driven, study.machine, _unchanged_log)
 
 
-def _drive_spin(study: StudySettings, _: int) -> ReplayedCampaign:
+def _replay_spin(study: StudySettings, _: int) -> ReplayedCampaign:
     driven = scenario_with_waveforms(study.scenario, force=None, torque=TorqueWave())
     yaw = {"yaw_acc_rad_s2": Channel(derive="d/dt yaw_rate_rad_s")}
     machine = study.machine.model_copy(update={"channels": {**study.machine.channels, **yaw}})
@@ -230,8 +230,8 @@ CHAINED_CAMPAIGNS: Final = SimulationSource(
     "torque chain", _replay_torque_chain_campaign, _count_campaigns
 )
 #: The excitations of Figures 2 to 4.
-LINEAR: Final = SimulationSource("linear motion", _drive_straight)
-ROTATION: Final = SimulationSource("rotation", _drive_spin)
+LINEAR: Final = SimulationSource("linear motion", _replay_straight_drive)
+ROTATION: Final = SimulationSource("rotation", _replay_spin)
 #: One start and stop.
 START: Final = SimulationSource("start and stop", _replay_start)
 #: A start, and a long cruise.

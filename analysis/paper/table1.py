@@ -163,7 +163,7 @@ def errors_by_window_length(
     for window_s in windows_s:
         # a length's windows are the same whichever other lengths are asked for
         rng = np.random.default_rng([sensors.seed, round(window_s * 1e3)])
-        bound_kg, strict_kg, errors = _errors_kg(
+        bound_kg, strict_kg, errors = _bounds_and_errors_kg(
             drive, sensors, window_s, smooth_samples, windows, methods, rng
         )
         printed = printed_numbers.values_by_method(printed_numbers.TABLE_1_KG.get(window_s))
@@ -199,7 +199,7 @@ def errors_in_raw_units(
     )
 
 
-def _errors_kg(
+def _bounds_and_errors_kg(
     drive: SteadyDrive,
     sensors: SimulatedSensors,
     window_s: float,

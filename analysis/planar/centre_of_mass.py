@@ -277,7 +277,7 @@ def fit_with_coefficients(
         np.ascontiguousarray(segment_id[part]),
         prior,
         np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
-        regressor.loading,
+        regressor.noise_loading,
     )
     return PlanarFit(fitted, prior.names)
 

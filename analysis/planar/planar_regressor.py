@@ -59,7 +59,7 @@ class Regressor:
         return np.concatenate([plain[..., self.columns], more], axis=-1)[:, self.axes]
 
     @property
-    def loading(self) -> Floats:
+    def noise_loading(self) -> Floats:
         """(rows, p, p) loading of each column on the noise of each, see `base_parameters.fit`."""
         size = self.shape[-1]
         found = np.zeros((2, size, size))

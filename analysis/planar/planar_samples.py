@@ -95,7 +95,7 @@ def collect_planar_samples(
         stands = (phase == "standstill").fill_null(True).to_numpy()
         speeds_up = ((along > 0) | (about > 0)) & ~slows
         usable = known & ~braking_within_sight(slows, settings)
-        usable &= ~stop_endings(slows, speeds_up, stands)
+        usable &= ~is_ending_of_stop(slows, speeds_up, stands)
     return PlanarSamples(
         t_ns=excitation["t_ns"].to_numpy(),
         motion=motion,
@@ -110,7 +110,7 @@ def collect_planar_samples(
     )
 
 
-def stop_endings(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
+def is_ending_of_stop(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
     """Samples between braking and the following stand, (n,).
 
     Unmeasured brakes still act there, too gently to be classified as braking.

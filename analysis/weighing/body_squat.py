@@ -1,13 +1,13 @@
 """Squat: the accelerometer's gain differs between loads, since the body pitches with its load.
 
 Springs let the body pitch in proportion to load and acceleration; the accelerometer sees gravity
-through that pitch. To the force that is a load of another size; the wheels tell:
+through that pitch. In the force equation that looks like another load; the wheels distinguish them:
 
     v = ∫ (1 + g + h · load) a dt + slip · u F - delay · a + a constant and a slope a stretch
 
-with the load relative to a reference. The slopes are tilt, bias and grade: they scatter about a
-common one as much as the log shows, so that on even ground few starts tell h, and on hills few
-do not. Where the pitch is measured, it shows by itself how it follows the acceleration.
+with the load relative to a reference. The slopes are tilt, bias and grade. Their scatter about a
+common slope is estimated from the log: on even ground a few starts determine h, on hills they do
+not. A measured pitch shows directly how it follows the acceleration.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.fitted_stretches import stretch_spans
-from analysis.weighing.motion_samples import Floats, MotionSamples, rolling_fraction
+from analysis.weighing.motion_samples import Floats, MotionSamples, ground_speed_ratio
 from analysis.weighing.pitch_squat import fit_instrumental_variables, pitch_squat_cross_products
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
@@ -137,7 +137,7 @@ def _stretch_rows(
     known = wheels.is_consistent
     delay_s, slip_1_N = (wheels.delay_s[0], wheels.slip_1_N[0]) if known else (0.0, 0.0)
     in_time = motion.shift_speed(delay_s)
-    ground = in_time.speed * rolling_fraction(in_time.speed, motion.force, slip_1_N)
+    ground = in_time.speed * ground_speed_ratio(in_time.speed, motion.force, slip_1_N)
     relative = loads.relative_load_of(motion.unit)
     found: list[_Stretch] = []
     for begin, end in stretch_spans(motion.group).tolist():

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
-from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
+from analysis.weighing.fitted_stretches import is_first_of_stretch, last_of_stretch
 from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.motion_samples import (
@@ -16,7 +16,7 @@ from analysis.weighing.motion_samples import (
     Floats,
     Ints,
     MotionSamples,
-    rolling_fraction,
+    ground_speed_ratio,
 )
 from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
@@ -326,7 +326,7 @@ def _make_piece_columns(
         acceleration,
         zeros if wheels is None else wheels,
         speed,
-        rolling_fraction(speed, acting, previous.slip_1_N),
+        ground_speed_ratio(speed, acting, previous.slip_1_N),
         acting,
         derive_force_rate(force, motion.rate_hz, force_std, whole=wheels is not None),
         motion.direction,
@@ -366,7 +366,7 @@ def mean_stride(samples: int) -> int:
 def _samples_since_start(group: Ints) -> Ints:
     """Number of earlier samples in the same stretch, (n,)."""
     row = np.arange(group.size)
-    return row - np.maximum.accumulate(np.where(first_of_stretch(group), row, 0))
+    return row - np.maximum.accumulate(np.where(is_first_of_stretch(group), row, 0))
 
 
 def _distance_from_start(motion: MotionSamples) -> Floats:

@@ -110,7 +110,7 @@ class FitTask:
         solution, mean, known_s = None, std, 0.0
         cost = begin and self._slip_cost(begin.theta, begin.solution, begin.terms)
         for number in range(rounds):
-            mean, std = self._round_priors(cost)
+            mean, std = self._priors_of_round(cost)
             self._narrow_gain_drift(std)
             known_s = known.lag_s
             mean[lag] -= known_s
@@ -206,7 +206,7 @@ class FitTask:
 
     def group_effects_of_fit(self, fit: JointFit, rows: FitRows) -> GroupEffects:
         """Mass of each manoeuvre by itself, given the shared parameters of a fit."""
-        mean, std = self._round_priors(self._slip_cost(fit.theta, fit.solution, fit.terms))
+        mean, std = self._priors_of_round(self._slip_cost(fit.theta, fit.solution, fit.terms))
         if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
             std[term_index("gain_drift", self.terms)] *= NARROW
         # loads that alternate and ground that does are told apart by the fit of both, not here
@@ -241,12 +241,12 @@ class FitTask:
         told = self.wheels is not None and self.motion.by_accelerometer
         return self.wheels.swing if self.wheels is not None and told else NO_SWING
 
-    def _round_priors(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
+    def _priors_of_round(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
         """Prior means and standard deviations of a round; those of slip once its cost is known."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
         if cost is not None:
-            self._narrow_slip(cost, mean, std)
+            self._narrow_slip_prior(cost, mean, std)
             if self.motion.wheel_acceleration is not None:
                 at = term_index("slip_acceleration", self.terms)
                 self._set_slip_prior(at, cost.mass_kg, self._slip_from_wheels(), mean, std)
@@ -298,7 +298,7 @@ class FitTask:
             mean_u[place] = term.mean_u
         return PriorMeans(mean, mean_u)
 
-    def _narrow_slip(self, cost: _SlipCost, mean: Floats, std: Floats) -> None:
+    def _narrow_slip_prior(self, cost: _SlipCost, mean: Floats, std: Floats) -> None:
         """Set the prior of the slip terms to friction times slip, if the wheels determine slip."""
         at = term_index("slip", self.terms)
         friction = cost.friction_N_s_m

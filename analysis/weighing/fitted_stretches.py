@@ -94,7 +94,7 @@ def driving_directions(group: Ints, speed: Floats) -> Floats:
     return out
 
 
-def first_of_stretch(group: Ints) -> Bools:
+def is_first_of_stretch(group: Ints) -> Bools:
     """Whether each sample is the first of its stretch, (n,)."""
     return (group >= 0) & (np.append(-1, group[:-1]) != group)
 
@@ -106,14 +106,14 @@ def last_of_stretch(group: Ints) -> Bools:
 
 def stretch_spans(group: Ints) -> Ints:
     """First sample of each stretch, and the one behind its last, (stretches, 2)."""
-    first, last = (np.flatnonzero(of(group)) for of in (first_of_stretch, last_of_stretch))
+    first, last = (np.flatnonzero(of(group)) for of in (is_first_of_stretch, last_of_stretch))
     return np.column_stack([first, last + 1])
 
 
 def cut_stretches(group: Ints, unit: Ints) -> Ints:
     """Split stretches at manoeuvre borders and number them again, (n,)."""
     used = group >= 0
-    cut = used & (first_of_stretch(group) | np.append(False, unit[1:] != unit[:-1]))
+    cut = used & (is_first_of_stretch(group) | np.append(False, unit[1:] != unit[:-1]))
     return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
 
 
@@ -123,7 +123,7 @@ def trim_to_break_away(
     """Begin each manoeuvre where its speed leaves the noise rather than where the phase begins."""
     smooth = np.abs(_mean_of_three(speed)) > moves_m_s
     grown = group.copy()
-    for begin in np.flatnonzero(first_of_stretch(group)):
+    for begin in np.flatnonzero(is_first_of_stretch(group)):
         first = int(begin)
         while (
             first > 0 and begin - first < look_back and smooth[first - 1] and group[first - 1] < 0
@@ -142,7 +142,7 @@ def number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
     near = flagged_windows(turns, mixed) | flagged_windows(turns[::-1], mixed + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
-    return np.where(group >= 0, np.cumsum(first_of_stretch(group)) - 1, -1).astype(np.int64)
+    return np.where(group >= 0, np.cumsum(is_first_of_stretch(group)) - 1, -1).astype(np.int64)
 
 
 def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
@@ -153,7 +153,7 @@ def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
     used = group >= 0
     if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
         return group
-    first = np.flatnonzero(first_of_stretch(group))
+    first = np.flatnonzero(is_first_of_stretch(group))
     fastest = np.maximum.reduceat(np.where(used, np.abs(_mean_of_three(speed)), 0.0), first)
     moves = fastest > noise_m_s
     return np.where(used & moves[group], group, -1)

@@ -137,7 +137,7 @@ def find_growing_loads(
     told = [part.size >= LIMITS.growth_min_rows for part in parts]
     if sum(told) < LIMITS.growth_min_manoeuvres:
         return ()
-    left = _residual_of_rows(fit, rows, unit)
+    left = _residual_force(fit, rows, unit)
     usual = np.median(np.abs(left[unit >= 0]))
     for part in parts:
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
@@ -215,8 +215,8 @@ def find_creeping_manoeuvres(fit: JointFit) -> Ints:
     return states.unit[between & changes]
 
 
-def _residual_of_rows(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
-    """Residual of the rows, (n,) in N; undefined for rows outside manoeuvres."""
+def _residual_force(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
+    """Residual force of the rows, (n,) in N; undefined for rows outside manoeuvres."""
     assert fit.states is not None
     place = np.searchsorted(fit.states.unit, unit).clip(0, fit.states.unit.size - 1)
     masses = fit.theta[: fit.count][fit.states.membership[place]]

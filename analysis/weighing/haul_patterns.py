@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.weighing.fitted_stretches import first_of_stretch
+from analysis.weighing.fitted_stretches import is_first_of_stretch
 from analysis.weighing.haul_route import add_missed_visits
 from analysis.weighing.load_states import load_change_kinds, unit_of_each_sample
 from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
@@ -37,7 +37,7 @@ def hauling_patterns(motion: MotionSamples) -> list[Ints]:
     change; a machine with another response in reverse would have loads otherwise.
     """
     kind = load_change_kinds(motion)
-    first = np.flatnonzero(motion.used)[first_of_stretch(unit_of_each_sample(motion))]
+    first = np.flatnonzero(motion.used)[is_first_of_stretch(unit_of_each_sample(motion))]
     forwards = motion.direction[first] > 0.0
     begins_m = motion.driven_m[first]
     visits = [

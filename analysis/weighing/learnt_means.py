@@ -74,7 +74,9 @@ class LearntErrors:
         names, moved_kg = weighing.fit.learnt_mean_sensitivities
         own = dict(zip(names, moved_kg, strict=True))
         by_fit = (
-            dict(zip(self.terms, self.by_fit_kg, strict=False)) if weighing.means_are_told else {}
+            dict(zip(self.terms, self.by_fit_kg, strict=False))
+            if weighing.corrects_learnt_means
+            else {}
         )
         none = np.zeros(weighing.fit.count)
         return np.array([by_fit.get(term, own.get(term, none)) for term in self.terms])
@@ -113,7 +115,7 @@ def make_learnt_mean_responses(
             "other": other,
             "error_1": errors.mean[i],
             "covariance_1": value,
-            "told": weighing.means_are_told and one not in TERMS,
+            "told": weighing.corrects_learnt_means and one not in TERMS,
         }
         for i, one in enumerate(errors.terms)
         for other, value in zip(errors.terms, errors.covariance[i].tolist(), strict=True)

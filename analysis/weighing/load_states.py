@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
-from analysis.weighing.fitted_stretches import first_of_stretch, last_of_stretch
+from analysis.weighing.fitted_stretches import is_first_of_stretch, last_of_stretch
 from analysis.weighing.motion_samples import (
     Floats,
     Ints,
@@ -158,7 +158,7 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
     A stretch too short or too steady to determine a mass joins the manoeuvre before it, or the one
     after it if only that border has no sign of a load change.
     """
-    unit = motion.unit[first_of_stretch(motion.group)]
+    unit = motion.unit[is_first_of_stretch(motion.group)]
     number, of = np.unique(unit, return_inverse=True)
     samples = np.bincount(of, weights=np.bincount(motion.group[motion.used]))
     tells = samples >= min(
@@ -168,14 +168,14 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
         samples.max(),
     )
     # where a record begins or ends while the machine cruises, a mass would be any
-    gained_m_s = gained_speeds_m_s(motion, of, number.size)
+    gained_m_s = speed_ranges_m_s(motion, of, number.size)
     tells &= gained_m_s >= LIMITS.informative_speed_share * float(np.median(gained_m_s[tells]))
     place = np.arange(number.size)
     before = np.maximum.accumulate(np.where(tells, place, -1))
     after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
     goes = np.where(before < 0, np.argmax(tells), before)
     group = motion.group
-    first, last = (np.flatnonzero(each(group)) for each in (first_of_stretch, last_of_stretch))
+    first, last = (np.flatnonzero(each(group)) for each in (is_first_of_stretch, last_of_stretch))
     for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
@@ -186,7 +186,7 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
     return number[goes][of]
 
 
-def gained_speeds_m_s(motion: MotionSamples, unit: Ints, units: int) -> Floats:
+def speed_ranges_m_s(motion: MotionSamples, unit: Ints, units: int) -> Floats:
     """Range of the speeds of each manoeuvre, (units,) in m/s.
 
     Args:

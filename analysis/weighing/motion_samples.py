@@ -367,7 +367,7 @@ def motion_samples(
 
 
 @compiled_ahead
-def rolling_fraction(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
+def ground_speed_ratio(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
     """Ground speed over wheel speed, (n,), for a slip of κ = F / C."""
     return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
 

@@ -45,7 +45,7 @@ def _make_term_rows(weighing: Weighing) -> pl.DataFrame:
     }
     if own is None:
         return pl.DataFrame(columns)
-    learnt = weighing.learnt if weighing.means_are_told else {}
+    learnt = weighing.learnt if weighing.corrects_learnt_means else {}
     for place, term in enumerate(fit.terms):
         if term.name in learnt and not fit.prior_means.mean_u[place]:
             prior_std[place] = learnt[term.name].std

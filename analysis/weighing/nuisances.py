@@ -24,7 +24,7 @@ class ColumnInputs:
         acceleration: in m/s².
         wheel_acceleration: derivative of the wheel speed in m/s² if it is the acceleration; else 0.
         speed: in m/s.
-        rolling_fraction: ground speed over wheel speed, by the known slip.
+        ground_speed_ratio: ground speed over wheel speed, by the known slip.
         force: force on the ground in N, corrected for its delay.
         force_rate: derivative of the measured force in N/s; 0 within its noise.
         direction: driving direction of each manoeuvre.
@@ -45,7 +45,7 @@ class ColumnInputs:
     acceleration: Floats
     wheel_acceleration: Floats
     speed: Floats
-    rolling_fraction: Floats
+    ground_speed_ratio: Floats
     force: Floats
     force_rate: Floats
     direction: Floats
@@ -64,7 +64,7 @@ class ColumnInputs:
     @property
     def ground_speed(self) -> Floats:
         """(n,) ground speed in m/s, without the slip."""
-        return self.rolling_fraction * self.speed
+        return self.ground_speed_ratio * self.speed
 
     def select_rows(self, rows: Ints) -> "ColumnInputs":
         """Select some of the samples."""
@@ -249,7 +249,7 @@ NUISANCES: Final = (
         "kg/N",
         lambda m: (
             -(1.0 + m.relative_load)
-            * m.rolling_fraction
+            * m.ground_speed_ratio
             * (
                 np.sign(m.speed) * m.wheel_acceleration * m.force
                 + np.abs(m.ground_speed) * m.force_rate

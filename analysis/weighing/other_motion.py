@@ -1,7 +1,7 @@
 """The answer with the other acceleration: wheels instead of accelerometer, or vice versa.
 
-Wheels and accelerometer that do not agree say different motions of one machine. Which of them is
-wrong no log tells, but whether it matters: the fit once more with the other one.
+Wheels and accelerometer that disagree describe two motions of one machine. The log cannot tell
+which is wrong, but a refit with the other one shows whether it matters.
 """
 
 from dataclasses import dataclass, replace

@@ -26,7 +26,7 @@ def average_overlapping(x: Floats) -> Floats:
 
 
 @compiled_ahead
-def subtract_line(x: Floats) -> Floats:
+def subtract_fitted_line(x: Floats) -> Floats:
     """Residual of a linear fit."""
     middle = (x.size - 1) / 2.0
     ramp = np.arange(x.size) - middle

@@ -110,7 +110,7 @@ class Weighing:
     learnt: Mapping[str, LearntTerm] = field(default_factory=dict[str, LearntTerm])
 
     @property
-    def means_are_told(self) -> bool:
+    def corrects_learnt_means(self) -> bool:
         """Whether the answer's fit already corrects the errors of learnt means."""
         return self.informed is self.fit
 

@@ -24,7 +24,7 @@ from analysis.weighing.motion_samples import (
     Floats,
     Ints,
     MotionSamples,
-    rolling_fraction,
+    ground_speed_ratio,
 )
 from analysis.weighing.nuisances import const_prior_std
 from analysis.weighing.pitch_squat import estimate_pitch_squat
@@ -33,7 +33,7 @@ from analysis.weighing.stretch_means import (
     MEAN,
     average_overlapping,
     stretch_trend_columns,
-    subtract_line,
+    subtract_fitted_line,
 )
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
@@ -320,15 +320,15 @@ def centred_means(
         a, v, f = measured[part], speed[part], force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
         # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
-        slipping = v * rolling_fraction(v, f, slip_1_N) - gained
-        ground = np.abs(gained + slipping - subtract_line(slipping))
+        slipping = v * ground_speed_ratio(v, f, slip_1_N) - gained
+        ground = np.abs(gained + slipping - subtract_fitted_line(slipping))
         rows = slice(row, row + counts[number])
-        y[rows] = subtract_line(average_overlapping(v - gained))
-        X[rows, 0] = subtract_line(average_overlapping(gained))
-        X[rows, 1] = subtract_line(average_overlapping(ground * f))
-        X[rows, 2] = subtract_line(average_overlapping(-a))
+        y[rows] = subtract_fitted_line(average_overlapping(v - gained))
+        X[rows, 0] = subtract_fitted_line(average_overlapping(gained))
+        X[rows, 1] = subtract_fitted_line(average_overlapping(ground * f))
+        X[rows, 2] = subtract_fitted_line(average_overlapping(-a))
         of_ground = average_overlapping(ground)
-        X[rows, 3] = subtract_line(-of_ground)
+        X[rows, 3] = subtract_fitted_line(-of_ground)
         group[rows] = number
         squares[number] = sum_in_order(of_ground * of_ground)
         row += counts[number]

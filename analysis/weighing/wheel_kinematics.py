@@ -1,4 +1,4 @@
-"""What wheels and accelerometer say of each other: gain, slip and delay of the speed."""
+"""Relation of wheels and accelerometer: gain, slip and delay of the speed."""
 
 from dataclasses import dataclass, replace
 from typing import Final

@@ -170,7 +170,7 @@ def _candidate_partitions(posterior: PartitionPosterior, effects: Floats) -> set
     """Candidates for the most probable partition, starting from given effects."""
     units, spread = posterior.units, posterior.spread
     level = units.y - units.x @ effects
-    tried = {split_two_levels(level, posterior.variance, units.kind).tobytes()}
+    tried = {assign_two_levels(level, posterior.variance, units.kind).tobytes()}
     if np.count_nonzero(units.kind == FILLED) > 1:
         tried |= find_fill_cycles(posterior, effects)
     for probability in _CANDIDATES:
@@ -209,7 +209,7 @@ def _alternate_effects(
     return tried
 
 
-def split_two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
+def assign_two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
     """Assign the units to two alternating levels with the least sum of squares.
 
     Args:

@@ -3,8 +3,8 @@
 Smoothing correlates residuals over its length, so the textbook variance σ²(AᵀA)⁻¹ is several times
 too small. One window is too short to tell its residuals' correlation; the log is not.
 
-Deviations are stated so that 1.96 of them are 95 %, however few residuals they rest on: few degrees
-of freedom widen them by Student's t.
+Standard deviations are scaled so that ±1.96 of them cover 95 % for any number of
+residuals: with few degrees of freedom, Student's t widens them.
 """
 
 from typing import Final

@@ -2,8 +2,9 @@
 
 The residuals are e = M u with M = I - QQᵀ, Q an orthonormal basis of the regressor. With u's
 autocovariances r, E Σ_i e_i e_{i+j} = Σ_l r_l tr(D_j M R_l M), R_l with ones at the distances ±l
-and D_j with halves at ±j: linear in r, which can so be put back. To first order every lag loses p/n
-of the long-run variance; less where the correlation lasts as long as the regressor takes to change.
+and D_j with halves at ±j: linear in r, which can thus be recovered. To first order every lag loses
+p/n of the long-run variance; less where the correlation lasts as long as the regressor takes to
+change.
 """
 
 import numpy as np

@@ -106,7 +106,7 @@ def fit(
     shared = np.broadcast_to(np.eye(p), (k, p, p)) if loading is None else loading
     system = _System(R[..., columns], R[..., -1], added, shared[:, columns], prior, samples)
     fitted = system.solve(np.ones(k))
-    coefficients = scatter_parameters(fitted.theta, columns, p)
+    coefficients = place_in_columns(fitted.theta, columns, p)
     residual = residuals(A, f, used, coefficients)
     losses = fit_losses(A, columns, segment_id)
     correlations = _autocorrelate_residuals(segment_id, residual, losses)
@@ -114,7 +114,7 @@ def fit(
         # a prior is worth as many samples as are independent
         lasting = [max(2.0 * float(each.sum()) - 1.0, 1.0) for each in correlations]
         fitted = system.solve(np.array(lasting))
-        coefficients = scatter_parameters(fitted.theta, columns, p)
+        coefficients = place_in_columns(fitted.theta, columns, p)
         residual = residuals(A, f, used, coefficients)
         correlations = _autocorrelate_residuals(segment_id, residual, losses)
     covariance = _sandwich_covariance(A, columns, segment_id, correlations, fitted, prior)
@@ -126,10 +126,10 @@ def fit(
     return BaseEstimate(
         identifiability=found,
         parameters=tuple(parameters),
-        theta=scatter_parameters(fitted.theta[single], here, p, np.nan),
-        by_axis=scatter_parameters(fitted.by_axis[:, single], here, p, np.nan),
+        theta=place_in_columns(fitted.theta[single], here, p, np.nan),
+        by_axis=place_in_columns(fitted.by_axis[:, single], here, p, np.nan),
         covariance=full,
-        responses=scatter_parameters(fitted.responses[:, single], here, p, np.nan),
+        responses=place_in_columns(fitted.responses[:, single], here, p, np.nan),
         coefficients=coefficients,
         combination=fitted.theta[~single],
         combination_std=np.sqrt(np.diagonal(covariance))[~single],
@@ -137,7 +137,7 @@ def fit(
     )
 
 
-def scatter_parameters(values: Floats, at: Ints, p: int, other: float = 0.0) -> Floats:
+def place_in_columns(values: Floats, at: Ints, p: int, other: float = 0.0) -> Floats:
     """Place values (…, r) in columns `at` of p columns; the others are `other`."""
     out = np.full((*values.shape[:-1], p), other)
     out[..., at] = values

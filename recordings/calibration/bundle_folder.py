@@ -134,7 +134,7 @@ def read_file(folder: Path, name: str) -> BundleFile:
     return BundleFile(digest.hexdigest(), b"".join(parts) if keep else None)
 
 
-def copy_file(folder: Path, name: str, to: Path) -> str:
+def copy_and_digest(folder: Path, name: str, to: Path) -> str:
     """Copy a file from `list_bundle`; returns the SHA-256 of the copy.
 
     Raises:

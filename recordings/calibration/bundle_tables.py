@@ -100,11 +100,11 @@ def _read_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] |
     return None if out is None else json.loads(out)
 
 
-def start_reader(asked: str, data: bytes) -> bytes | None:
+def start_reader(request: str, data: bytes) -> bytes | None:
     """Run the reader's process; its JSON output, or None if it crashed."""
     # the process writes JSON, and is told nothing but what columns to expect
     child = subprocess.Popen(
-        [sys.executable, "-I", str(_READER), asked],
+        [sys.executable, "-I", str(_READER), request],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -122,11 +122,11 @@ def start_reader(asked: str, data: bytes) -> bytes | None:
 _ask_once: Final = lru_cache(maxsize=16)(start_reader)
 
 
-def _make_frame(said: dict[str, Any], schema: Schema) -> pl.DataFrame | str:
+def _make_frame(output: dict[str, Any], schema: Schema) -> pl.DataFrame | str:
     """Frame of an untrusted table, or the fault that makes it unusable."""
-    if "fault" in said:
-        return str(said["fault"])
-    columns: dict[str, list[Any]] = said["columns"]
+    if "fault" in output:
+        return str(output["fault"])
+    columns: dict[str, list[Any]] = output["columns"]
     for values in columns.values():
         if any(isinstance(v, float) and not math.isfinite(v) for v in values):
             return "holds a number that is not finite"

@@ -52,7 +52,7 @@ def report_paragraphs(
         found += _describe_campaign_without_line(document, readings, points)
     else:
         found += [
-            *_describe_outcome(document),
+            *_describe_limits_and_drift(document),
             constant_share_text(fitted),
             *(f"{_capitalise_first_letter(said)}." for said in fitted.says),
             *_describe_learnt_priors(document),
@@ -140,7 +140,7 @@ def _describe_recording_machine(document: EvidenceDocument) -> Iterator[str]:
         )
 
 
-def _describe_outcome(document: EvidenceDocument) -> list[str]:
+def _describe_limits_and_drift(document: EvidenceDocument) -> list[str]:
     """Sentences on limits and drift, with their risks."""
     found: list[str] = []
     if document.limits is not None:
@@ -171,8 +171,9 @@ def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
         return []
     logs = len({each.log for each in learnt.logs})
     return [
-        f"The mass is found with what {logs} logs say together of {len(learnt.terms)} nuisances; "
-        "errors of these estimates are common to all masses, and the line absorbs them."
+        f"The mass is estimated with priors of {len(learnt.terms)} nuisances, learnt from "
+        f"{logs} logs; errors of these estimates are common to all masses, and the line "
+        "absorbs them."
     ]
 
 
@@ -239,7 +240,7 @@ def _describe_campaign_without_line(
 ) -> list[str]:
     loads = sorted({run.load_id for run in document.campaign.runs if not run.excluded})
     found = [f"There is no calibration line: {document.no_fit}."]
-    found += [_describe_offset(document, load, readings, points) for load in loads]
+    found += [_describe_estimate_error(document, load, readings, points) for load in loads]
     if len(loads) == 1:
         found.append(
             "One load shows how far the estimate is from one reference, and how it repeats. It "
@@ -251,7 +252,7 @@ def _describe_campaign_without_line(
     return found
 
 
-def _describe_offset(
+def _describe_estimate_error(
     document: EvidenceDocument, load_id: str, readings: pl.DataFrame, points: pl.DataFrame
 ) -> str:
     """Sentence on the error of one load's estimate."""

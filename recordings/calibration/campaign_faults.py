@@ -23,7 +23,7 @@ def log_begin(log: EvidenceLog) -> dt.datetime | None:
 
 
 def find_day_faults(
-    campaign: CalibrationCampaign, logs: Sequence[EvidenceLog], zone: ZoneInfo, made: dt.datetime
+    campaign: CalibrationCampaign, logs: Sequence[EvidenceLog], zone: ZoneInfo, created: dt.datetime
 ) -> Iterator[str]:
     """Yield contradictions to the days of a campaign, a sentence each.
 
@@ -31,7 +31,7 @@ def find_day_faults(
         campaign: the campaign.
         logs: logs as replayed.
         zone: time zone of the machine.
-        made: time at which the evidence was made.
+        created: time at which the evidence was made.
     """
     by_name = {each.log: each for each in logs}
     for run in campaign.runs:
@@ -40,8 +40,10 @@ def find_day_faults(
         if log is None:
             continue
         if begin is None:
-            if run.day > made.astimezone(zone).date():
-                yield f"run '{run.id}' of {run.day}: is after the evidence was made, {made:%F %R}"
+            if run.day > created.astimezone(zone).date():
+                yield (
+                    f"run '{run.id}' of {run.day}: is after the evidence was made, {created:%F %R}"
+                )
             continue
         start, end = _run_span(run, log, begin)
         first, last = start.astimezone(zone).date(), end.astimezone(zone).date()
@@ -50,10 +52,10 @@ def find_day_faults(
                 f"run '{run.id}' of {run.day}: its log {run.log} was recorded on {first} in the "
                 f"machine's time zone, {zone.key}"
             )
-        if end > made + dt.timedelta(seconds=CLOCK_S):
+        if end > created + dt.timedelta(seconds=CLOCK_S):
             yield (
                 f"run '{run.id}': its log {run.log} ends {end:%F %R} UTC, after the evidence was "
-                f"made, {made:%F %R} UTC"
+                f"made, {created:%F %R} UTC"
             )
 
 

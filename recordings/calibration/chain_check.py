@@ -72,7 +72,7 @@ def check_chain(
             checked.add(BundleOutcome.TAMPERED, f"{EVIDENCE}: made", what)
         _check_as_found(checked, document, last)
         if document.kind == "check":
-            _check_kept(checked, document, last)
+            _check_copied_parts(checked, document, last)
 
 
 def digest_chain_link(checked: CheckedBundle) -> str:
@@ -139,7 +139,9 @@ def _signer_sentences(ordered: Sequence[tuple[EvidenceDocument, CheckedBundle]])
         )
 
 
-def _check_kept(checked: CheckedBundle, document: EvidenceDocument, last: EvidenceDocument) -> None:
+def _check_copied_parts(
+    checked: CheckedBundle, document: EvidenceDocument, last: EvidenceDocument
+) -> None:
     """Check the parts that a single-mass check copies from the calibration."""
     for name in ("calibration", "expires", "machine", "learnt", "options"):
         if getattr(document, name) != getattr(last, name):

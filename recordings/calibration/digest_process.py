@@ -25,7 +25,7 @@ def main() -> None:
     """Read the files that the command line names, as its first word says."""
     _limit_process()
     kind, *files = sys.argv[1:]
-    read = {"recording": _digest_recording, "pdf": _words_of_pdf}[kind]
+    read = {"recording": _digest_recording, "pdf": _extract_pdf_words}[kind]
     sys.stdout.write(json.dumps([read(Path(each)) for each in files]))
 
 
@@ -49,7 +49,8 @@ def _digest_recording(path: Path) -> dict[str, Any]:
     }
 
 
-def _words_of_pdf(path: Path) -> dict[str, Any]:
+def _extract_pdf_words(path: Path) -> dict[str, Any]:
+    """Words of a PDF, or the fault that makes it unreadable, as the reader's JSON output."""
     from pypdf import PdfReader
     from pypdf.errors import PyPdfError
 

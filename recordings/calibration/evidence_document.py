@@ -1,4 +1,4 @@
-"""What `evidence.json` holds: everything that a calibration can be recomputed and doubted from.
+"""Contents of `evidence.json`: all that is needed to recompute a calibration and to question it.
 
 The published schema, `evidence.schema.json`, is made of these models:
 `python -m recordings.calibration.evidence_document` prints it.
@@ -289,7 +289,7 @@ def parse_document(data: bytes, what: str) -> EvidenceDocument:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
-        made = version_of_maker(values)
+        made = other_payscope_version(values)
         if made:
             raise UnknownFormatError(
                 f"{what}: made by {made}, and payscope {version('payscope')} does not read all of "
@@ -306,7 +306,7 @@ def parse_document(data: bytes, what: str) -> EvidenceDocument:
     return document.fill_in_released_defaults(values)
 
 
-def version_of_maker(values: Any) -> str:
+def other_payscope_version(values: Any) -> str:
     """Other version that a document states as its own; "" if it is this one, or none."""
     if not isinstance(values, dict) or not isinstance(values.get("software"), dict):
         return ""

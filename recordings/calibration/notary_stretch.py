@@ -50,7 +50,7 @@ def check_notary(
         return
     kept = check_list(data, dt.datetime.now(dt.UTC), stretch.first)
     checked.findings += stretch_findings(document, stretch, kept)
-    reasons = stretch.reasons
+    reasons = stretch.omission_reasons
     checked.notes += [
         f"{NOTARY}: {each.what} (left out: {reasons[each.counter]})"
         for each in kept.faults
@@ -67,7 +67,7 @@ def stretch_findings(
     for fault in checked_list.faults:
         if fault.forged:
             yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, fault.what)
-        elif fault.counter not in stretch.reasons:
+        elif fault.counter not in stretch.omission_reasons:
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, fault.what)
     if checked_list.head is None:
         return
@@ -93,7 +93,7 @@ def find_unaccounted_logs(
     for entry in entries:
         if not stretch.first <= entry.counter <= stretch.last:
             yield f"number {entry.counter} is not among the numbers that the campaign names"
-        elif entry.counter not in stretch.reasons and not any(
+        elif entry.counter not in stretch.omission_reasons and not any(
             _is_entry_of_log(log, entry) for log in logs
         ):
             yield (
@@ -123,7 +123,7 @@ def find_contradictions(
         said = ""
         if listed > made + _CLOCK:
             said = f"number {number} was listed {entry.listed}, after the evidence was made"
-        elif own is not None and number in stretch.reasons:
+        elif own is not None and number in stretch.omission_reasons:
             said = f"number {number} is left out, although {own.log} is a log of the campaign"
         elif own is not None and entry.machine_id not in ("", machine):
             said = f"number {number} names machine '{entry.machine_id}', the campaign '{machine}'"

@@ -18,7 +18,7 @@ from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.line.procedure import PROCEDURES
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import learn_terms_of_logs
+from analysis.calibration.use.learnt_priors import pool_terms_of_logs
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.calibration.calibration_report import report_html
@@ -205,7 +205,7 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
         {name: term.model_dump() for name, term in terms.items()}
         for terms in (
             learnt.terms,
-            learn_terms_of_logs(learnt.logs, PROCEDURES[document.procedure]),
+            pool_terms_of_logs(learnt.logs, PROCEDURES[document.procedure]),
         )
     )
     if not all(near for _, near in find_differences(stored, computed)):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from recordings.calibration.bundle_folder import copy_file
+from recordings.calibration.bundle_folder import copy_and_digest
 
 #: Seconds that recordings of long logs may take.
 _PATIENCE_S: Final = 900.0
@@ -79,19 +79,23 @@ def read_in_process(
         copies: dict[str, Path] = {}
         for number, (name, sha256) in enumerate(sums.items()):
             copy = Path(place) / f"{number}{Path(name).suffix}"
-            if copy_file(folder, name, copy) != sha256:
+            if copy_and_digest(folder, name, copy) != sha256:
                 found[name] = "is not the file whose digest the bundle has"
             else:
                 copies[name] = copy
-        said = _run_reader(kind, list(copies.values()))
+        said = _run_reader_process(kind, list(copies.values()))
         for number, (name, copy) in enumerate(copies.items()):
             # one of them ended the process: which?
-            each = said[number] if said is not None else (_run_reader(kind, [copy]) or [None])[0]
+            each = (
+                said[number]
+                if said is not None
+                else (_run_reader_process(kind, [copy]) or [None])[0]
+            )
             found[name] = _DAMAGED if each is None else each.get("fault", each)
     return found
 
 
-def _run_reader(kind: str, copies: Sequence[Path]) -> list[dict[str, Any]] | None:
+def _run_reader_process(kind: str, copies: Sequence[Path]) -> list[dict[str, Any]] | None:
     """Results of the process for each copy; None if it crashed."""
     if not copies:
         return []

@@ -134,8 +134,8 @@ def check_timestamp(
         checked.add(BundleOutcome.IRREPRODUCIBLE, TIMESTAMP, what)
     elif not authorities:
         checked.notes.append(
-            f"a time stamp states that the evidence was signed by {stamped:%F %R} UTC; only "
-            "the authority's certificate proves whose time stamp this is: --tsa CA.pem"
+            f"a time stamp states that the evidence was signed no later than {stamped:%F %R} UTC; "
+            "only the authority's certificate proves whose time stamp this is: --tsa CA.pem"
         )
     else:
         fault = timestamp_fault(response, statement, authorities)
@@ -143,7 +143,9 @@ def check_timestamp(
             checked.add(BundleOutcome.TAMPERED, TIMESTAMP, fault)
         else:
             checked.proven_day = stamped.date()
-            checked.notes.append(f"signed by {stamped:%F %R} UTC, as its time stamp proves")
+            checked.notes.append(
+                f"signed no later than {stamped:%F %R} UTC, proven by its time stamp"
+            )
 
 
 def timestamp_fault(

@@ -39,7 +39,7 @@ _MOST: Final = 12
 
 @dataclass(frozen=True)
 class _OverlaidRun:
-    """Run with its drawn columns and its own name."""
+    """One of the overlaid runs, with its name in the recording and the columns that are drawn."""
 
     name: str
     run: Run
@@ -153,9 +153,7 @@ def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | 
     if not (mine or theirs):
         return None
     lone = max(count_named_lines(mine), count_named_lines(theirs)) == 1
-    alike = (
-        set() if view.kind is ViewKind.STATES else _shorten_shared_names(mine, theirs, lone=lone)
-    )
+    alike = set() if view.kind is ViewKind.STATES else _shared_labels(mine, theirs, lone=lone)
     drawn = [
         *_style_lines_of_run(mine, _A, alike, lone=lone),
         *_style_lines_of_run(theirs, _B, alike, lone=lone),
@@ -168,12 +166,12 @@ def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | 
     return Panel(title, view.kind, tuple(drawn), bulk)
 
 
-def _shorten_shared_names(
-    mine: Sequence[DisplayColumn], theirs: Sequence[DisplayColumn], *, lone: bool
+def _shared_labels(
+    own: Sequence[DisplayColumn], others: Sequence[DisplayColumn], *, lone: bool
 ) -> set[str]:
     """Labels common to A and B, which are shown without the name of the run."""
-    both = {each.label for each in mine} & {each.label for each in theirs}
-    return {each.label for each in mine if not lone or each.column == "threshold"} & both
+    both = {each.label for each in own} & {each.label for each in others}
+    return {each.label for each in own if not lone or each.column == "threshold"} & both
 
 
 def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Panel | None:
@@ -207,7 +205,7 @@ def count_named_lines(display_columns: Sequence[DisplayColumn]) -> int:
 
 
 def _style_lines_of_run(
-    display_columns: Sequence[DisplayColumn], side: str, alike: set[str], *, lone: bool
+    display_columns: Sequence[DisplayColumn], side: str, common_labels: set[str], *, lone: bool
 ) -> list[DisplayColumn]:
     """Style A with usual colours and wide lines, visible under B; B with other or paler colours."""
     found: list[DisplayColumn] = []
@@ -220,7 +218,7 @@ def _style_lines_of_run(
             replace(
                 each,
                 frame=entity_under_side(side, each.frame),
-                label=each.label if each.label in alike else f"{side} {each.label}".strip(),
+                label=each.label if each.label in common_labels else f"{side} {each.label}".strip(),
                 colour=colour,
                 wide=side == _A and not each.faint,
             )

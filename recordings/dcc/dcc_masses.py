@@ -188,7 +188,7 @@ def weights_of_list(
         (each, names) for each, names in items if named_by is None or each.get("id") in named_by
     ]
     by_name: list[_Element] | None = None
-    for texts in _iter_name_lists(quantity, what):
+    for texts in _iter_weight_name_lists(quantity, what):
         found = _find_named_items(texts, scope, count, what)
         if found is not None and by_name is not None and found != by_name:
             raise EvidenceError(f"{what}: a list of masses has two lists of names that disagree")
@@ -210,7 +210,7 @@ def weights_of_list(
     return [each for each, _ in scope]
 
 
-def _iter_name_lists(quantity: "_Element", what: str) -> Iterator[list[str]]:
+def _iter_weight_name_lists(quantity: "_Element", what: str) -> Iterator[list[str]]:
     """Yield lists that may name weights: labels of the list, and texts next to it."""
     values = quantity.find(f"{{{SI}}}realListXMLList")
     assert values is not None

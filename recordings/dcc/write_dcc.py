@@ -99,15 +99,15 @@ def _add_identification(parent: "_Element", issuer: str, value: str, name: str, 
     _add_language_text(made, "name", name)
 
 
-def _add_contact(parent: "_Element", name: str, said: Organisation) -> None:
-    made = _add_element(parent, name)
-    _add_language_text(made, "name", said.name)
-    if said.email:
-        _add_element(made, "eMail", said.email)
-    place = _add_element(made, "location")
-    _add_element(place, "city", said.city)
-    _add_element(place, "countryCode", said.country)
-    _add_element(place, "street", said.address)
+def _add_contact(parent: "_Element", name: str, organisation: Organisation) -> None:
+    contact = _add_element(parent, name)
+    _add_language_text(contact, "name", organisation.name)
+    if organisation.email:
+        _add_element(contact, "eMail", organisation.email)
+    place = _add_element(contact, "location")
+    _add_element(place, "city", organisation.city)
+    _add_element(place, "countryCode", organisation.country)
+    _add_element(place, "street", organisation.address)
 
 
 def _add_hash(parent: "_Element", name: str, about: tuple[str, str, str]) -> None:

@@ -28,7 +28,7 @@ def render_table_1(frame: pl.DataFrame) -> list[RenderedTable]:
     errors = rows_beside_printed(
         frame, "window_s", "window, s", lambda row: interval_text(row, "rmse_kg"), "bound_kg"
     )
-    ratios = rows_by_method(
+    ratios = table_by_method(
         frame, "window_s", "window, s", lambda row: _format_number(row["over_bound_1"], 2)
     )
     trials = frame["trials"].max()
@@ -83,7 +83,7 @@ def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[Rendere
     within = rows_beside_printed(
         frame, setting, title, lambda row: interval_text(row, "run_kg"), "bound_kg"
     )
-    without = rows_by_method(
+    without = table_by_method(
         frame, setting, title, lambda row: interval_text(row, "run_left_out_kg")
     )
     return [
@@ -98,7 +98,7 @@ def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[Rendere
 
 def render_figure_8(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by load, with the load in the fit and without it."""
-    header, rows = rows_by_method(
+    header, rows = table_by_method(
         frame,
         "load_kg",
         "load, kg",
@@ -126,7 +126,7 @@ def render_claims(frame: pl.DataFrame) -> list[RenderedTable]:
     return [RenderedTable("Each claim as we find it", header, rows, texts=3)]
 
 
-def rows_by_method(
+def table_by_method(
     frame: pl.DataFrame, key: str, title: str, cell: Callable[[_Row], str]
 ) -> tuple[list[str], list[list[str]]]:
     """Header and rows with one row per value of `key` and one column per method."""

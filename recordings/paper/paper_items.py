@@ -35,7 +35,7 @@ class ItemNumbers(Protocol):
 N = TypeVar("N", bound=ItemNumbers)
 
 
-def _use_frame_of_numbers(numbers: ItemNumbers) -> pl.DataFrame:
+def _frame_of_numbers(numbers: ItemNumbers) -> pl.DataFrame:
     return numbers.frame
 
 
@@ -63,7 +63,7 @@ class Item(Generic[N]):
     needs: tuple[Extract[Any, Any], ...]
     numbers: Callable[[Extracts], N]
     said: Callable[[N], ItemSentences]
-    frame: Callable[[N], pl.DataFrame] = _use_frame_of_numbers
+    frame: Callable[[N], pl.DataFrame] = _frame_of_numbers
     tables: Callable[[pl.DataFrame], list[RenderedTable]] = _render_no_tables
     picture: FigurePicture | None = None
 

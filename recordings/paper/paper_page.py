@@ -57,7 +57,9 @@ def write_reproduction(
     with atomic_files(targets, force=force) as stage:
         for each in found:
             if each.item.picture:
-                draw_paper_figure(each.item.picture, each.frame, stage / _name_picture(each.item))
+                draw_paper_figure(
+                    each.item.picture, each.frame, stage / _picture_file_name(each.item)
+                )
         if output_format == "md":
             (stage / PAGE).write_text(_render_page(found, about), encoding="utf-8")
         else:
@@ -70,10 +72,12 @@ def write_reproduction(
 def _list_output_files(items: Sequence[Item[Any]], folder: Path, output_format: str) -> list[Path]:
     tables = [f"{item.name}.csv" for item in items]
     written = [PAGE] if output_format == "md" else [*tables, SENTENCES]
-    return [folder / name for name in (*written, *(_name_picture(i) for i in items if i.picture))]
+    return [
+        folder / name for name in (*written, *(_picture_file_name(i) for i in items if i.picture))
+    ]
 
 
-def _name_picture(item: Item[Any]) -> str:
+def _picture_file_name(item: Item[Any]) -> str:
     return f"{item.name}.png"
 
 
@@ -86,7 +90,7 @@ def _render_page(found: Sequence[ItemResult], about: str) -> str:
     sections = [
         {
             "title": each.item.title,
-            "picture": _name_picture(each.item) if each.item.picture else None,
+            "picture": _picture_file_name(each.item) if each.item.picture else None,
             "tables": each.item.tables(each.frame),
             "findings": each.said.findings,
             "choices": each.said.choices,

@@ -135,6 +135,7 @@ def _draw_running_means(axes: "Axes", run: Run) -> list[float]:
 
 
 def _draw_answers(axes: "Axes", run: Run) -> list[float]:
+    """Draw the answer of each load; returns the ends of the intervals in kg, for the axis."""
     loads = run.frames.get("loads")
     if loads is None:
         return []

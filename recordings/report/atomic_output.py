@@ -31,7 +31,7 @@ class AppendedFile:
         self.path, self.size = path, size
         self._file: FileIO | None = None
         if size:
-            self._cut(self._open())
+            self._cut_incomplete_record(self._open())
 
     def append(self, piece: bytes) -> None:
         """Append a record.
@@ -45,7 +45,7 @@ class AppendedFile:
             while rest:
                 rest = rest[file.write(rest) :]
         except OSError:
-            self._cut(file)
+            self._cut_incomplete_record(file)
             raise
         self.size += len(piece)
 
@@ -62,7 +62,7 @@ class AppendedFile:
         self._file = self.path.open("r+b" if self.size else "wb", buffering=0)
         return self._file
 
-    def _cut(self, file: FileIO) -> None:
+    def _cut_incomplete_record(self, file: FileIO) -> None:
         """Cut off an incomplete record at the end."""
         file.truncate(self.size)
         file.seek(self.size)

@@ -35,7 +35,11 @@ def planar_fit_lines(
 ) -> list[str]:
     """Lines for each fit over several arcs, or for a single arc, with its uncertainty sources."""
     whole = [row for row in rows if row["kind"] in _OF] or list(rows)
-    return [_describe_fit(row) for row in whole] + largest_parts(budget) + missing_values(whole)
+    return (
+        [_describe_fit(row) for row in whole]
+        + largest_parts(budget)
+        + missing_uncertainty_lines(whole)
+    )
 
 
 def largest_parts(budget: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -53,8 +57,8 @@ def largest_parts(budget: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines
 
 
-def missing_values(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Uncertainties missing from the machine file; empty for recordings of earlier versions."""
+def missing_uncertainty_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Lines on uncertainties missing from the machine file; empty in recordings of old versions."""
     lines: list[str] = []
     for column, of in (
         ("scale_unknown", "yaw inertia and first moments"),
@@ -86,7 +90,7 @@ def planar_markdown(run: Run) -> str:
     head = ("of", "s", "m/s", "rad/s", "ahead (m)", "to the left (m)", "outcome")
     parts = ["# Centre of mass", markdown_table(head, cells)]
     whole = [row for row in rows if row["kind"] in _OF]
-    parts += [f"- {line}" for line in missing_values(rows)]
+    parts += [f"- {line}" for line in missing_uncertainty_lines(rows)]
     parts += [f"**{_OF[row['kind']].capitalize()}**: {list_determined(row)}" for row in whole]
     if "planar_budget" in run.frames and not run.frames["planar_budget"].is_empty():
         sources = run.frames["planar_budget"].to_dicts()

@@ -196,7 +196,7 @@ class UsedCalibration(NamedTuple):
 
     @property
     def counts(self) -> bool:
-        """Whether payloads are calibrated by it."""
+        """Whether the payloads are calibrated by this evidence."""
         return bool(self.says) and not self.against
 
 

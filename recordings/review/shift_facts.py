@@ -87,7 +87,7 @@ def long_hole_sentence(shift: Mapping[str, Any], state: ReviewState) -> str:
     price = "the loads of that time are unknown"
     if shift["lost_cycles"] > 0.0:
         price = (
-            f"estimated for all that was not recorded: "
+            "estimated for all gaps: "
             f"{_format_cycle_count(shift['lost_cycles'], shift['lost_cycles_u'])} loads, "
             f"{format_tonnes(shift['lost_kg'], K * shift['lost_u_kg'])}"
         )

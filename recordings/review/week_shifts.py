@@ -16,7 +16,7 @@ from recordings.review.shift_facts import (
     torn_sentences,
     warn_of_two_machines,
 )
-from recordings.review.week_totals import name_machine
+from recordings.review.week_totals import machine_title
 
 #: Seconds of a day.
 _DAY_S: Final = 86_400.0
@@ -48,7 +48,7 @@ def read_shifts(folders: Sequence[Path]) -> list[WeekShift]:
         WeekShift(
             folder,
             state.begins,
-            name_machine(state),
+            machine_title(state),
             tuple(_list_missing_parts(state)),
             _friction_of_state(state),
         )

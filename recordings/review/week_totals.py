@@ -110,7 +110,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
             raise ReviewError(
                 f"{folder / PARQUET}: is not a ledger of this version; review its logs once more"
             ) from None
-        machine = name_machine(state)
+        machine = machine_title(state)
         for ends_ns in rows["end_unix_ns"] if state.clock.is_dated else ():
             other = owners.get((machine, ends_ns))
             if other is not None:
@@ -122,7 +122,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
     return found
 
 
-def name_machine(state: ReviewState) -> str:
+def machine_title(state: ReviewState) -> str:
     """Name and serial number of a machine."""
     return f"{state.machine} {state.serial}".strip()
 
@@ -151,7 +151,7 @@ def _sum_loads_of_parts(
         parts.append(
             WeekPart(
                 day,
-                name_machine(state),
+                machine_title(state),
                 product,
                 sums["cycles_counted"],
                 *masses,

@@ -103,17 +103,17 @@ def drawn_columns_of_view(
         method = entity_parts(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
         colour = colours.method_colour(method) if method else colours.line_colour(number)
-        frame = _name_display_column(name)
-        variance = _name_variance_column(series.std) if series.std else None
+        frame = _display_column_name(name)
+        variance = _variance_column_name(series.std) if series.std else None
         dotted = series.frame in _SHORT or draws_as_points(display_frames[frame][series.column])
         extremes = (
             view.kind is ViewKind.LINES
-            and _name_extreme_column(series.column, "min") in display_frames[frame].columns
+            and _extreme_column_name(series.column, "min") in display_frames[frame].columns
         )
         # lines of one name have one entry in a legend, in the colour of the first
         label += ", binned" if extremes else ""
         drawn.append(DisplayColumn(frame, series.column, label, colour, variance, dotted=dotted))
-        ends = [_name_extreme_column(series.column, end) for end in _ENDS if extremes]
+        ends = [_extreme_column_name(series.column, end) for end in _ENDS if extremes]
         drawn += [DisplayColumn(frame, end, label, colour, faint=True) for end in ends]
     if drawn and view.threshold is not None:
         unit = "" if view.unit == "1" else f" {view.unit}"
@@ -139,7 +139,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
             if view.kind is ViewKind.STATES:
                 frames[_lane_entity(series)] = state_changes(series, frame, _period_ns(run))
             elif series.frame in _HELD:
-                frames[_name_display_column(name)] = _hold_rows_to_their_end(
+                frames[_display_column_name(name)] = _hold_rows_to_their_end(
                     numbers_to_draw(name, frame), frame["end_t_ns"]
                 )
             else:
@@ -149,11 +149,11 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
                 frames[_threshold_frame(view)] = pl.DataFrame({"t_ns": span, "threshold": level})
     for name, wanted in asked.items():
         if decimate and is_long(run):
-            frames[_name_display_column(name)] = _decimate_frame(run, name, list(wanted.values()))
+            frames[_display_column_name(name)] = _decimate_frame(run, name, list(wanted.values()))
         else:
             numbers = numbers_to_draw(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
-            frames[_name_display_column(name)] = (
+            frames[_display_column_name(name)] = (
                 break_at_gaps(numbers, _period_ns(run)) if sparse else numbers
             )
     return frames
@@ -180,7 +180,7 @@ def axis_range(view: View, run: Run) -> tuple[float, float] | None:
     return low - margin, high + margin
 
 
-def _name_display_column(name: str) -> str:
+def _display_column_name(name: str) -> str:
     return f"{ROOT}/{name}"
 
 
@@ -192,11 +192,11 @@ def _threshold_frame(view: View) -> str:
     return f"{ROOT}/threshold/{view.threshold}"
 
 
-def _name_variance_column(std: str) -> str:
+def _variance_column_name(std: str) -> str:
     return f"{std}_squared"
 
 
-def _name_extreme_column(column: str, end: str) -> str:
+def _extreme_column_name(column: str, end: str) -> str:
     return f"{column}_{end}"
 
 
@@ -235,7 +235,7 @@ def numbers_to_draw(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     return frame.select(
         pl.col(time).alias("t_ns"),
         *numeric,
-        *((pl.col(std) ** 2).alias(_name_variance_column(std)) for std in stds),
+        *((pl.col(std) ** 2).alias(_variance_column_name(std)) for std in stds),
     )
 
 
@@ -321,11 +321,11 @@ def bin_expressions(kind: ViewKind, series: ViewSeries) -> dict[str, pl.Expr]:
         mean = {series.column: numbers.mean()}
         if series.std is None:
             return mean
-        name = _name_variance_column(series.std)
+        name = _variance_column_name(series.std)
         return mean | {name: (pl.col(series.std) ** 2).mean().alias(name)}
     ends = {"min": numbers.min(), "max": numbers.max()}
     named = {
-        (name := _name_extreme_column(series.column, end)): ends[end].alias(name) for end in _ENDS
+        (name := _extreme_column_name(series.column, end)): ends[end].alias(name) for end in _ENDS
     }
     return {series.column: numbers.mean()} | named
 

@@ -216,7 +216,7 @@ def format_answer(run: Run) -> str:
 
 
 def calibration_markdown(run: Run) -> str:
-    """Points and line of each method, and of evidence; empty without a calibration."""
+    """Calibration points and line of each method, and the evidence; empty without any."""
     parts = ["# Calibration", *_describe_evidence(run)]
     points = run.frames.get("calibration")
     if points is None or points.is_empty():

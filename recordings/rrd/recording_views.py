@@ -11,7 +11,7 @@ class ViewKind(Enum):
 
     LINES = "lines"
     BANDS = "a line with a ±1σ band"
-    STATES = "a lane a series, coloured by state"
+    STATES = "one lane per series, coloured by state"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Keyring of public keys whose owners the user knows, in one TOML file.
 
 PAYSCOPE_KEYRING names the file; the default is `payscope/keys.toml` in the user's configuration
-folder. The owner of a key is whom the user names; names in evidence are not trusted.
+folder. The owner of a key is the one that the user enters; names in evidence are not trusted.
 """
 
 import datetime as dt
@@ -60,15 +60,15 @@ class KnownKey(BaseModel):
         """Public key itself."""
         return PublicKey.from_text(self.key)
 
-    def distrust_reason(self, made: dt.date, proven: dt.date | None) -> str:
+    def distrust_reason(self, signed: dt.date, proven_by: dt.date | None) -> str:
         """Why a signature of that day does not count; "" if it does.
 
         Args:
-            made: date of signing according to the evidence.
-            proven: date by which a time stamp proves that the signature existed, if any.
+            signed: date of signing according to the evidence.
+            proven_by: date by which a time stamp proves that the signature existed, if any.
         """
-        day = proven or made
-        if self.revoked is not None and (proven is None or proven >= self.revoked):
+        day = proven_by or signed
+        if self.revoked is not None and (proven_by is None or proven_by >= self.revoked):
             why = f" ({self.because})" if self.because else ""
             return (
                 f"was revoked on {self.revoked}{why}: whoever has had it since then can backdate "

@@ -60,16 +60,16 @@ from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_runs import (
     CampaignReplay,
     draw_evidence_id,
+    format_evidence_time,
     replay_runs,
     software_versions,
-    time_for_evidence,
 )
 from replay.calibration.dcc_output import DccOutput, check_dcc_output, write_dcc_output
 from replay.calibration.refuse_campaign import (
     load_stretch,
     refuse_days,
     refuse_machine,
-    refuse_unaccounted,
+    refuse_unaccounted_logs,
 )
 
 #: How far a replay elsewhere may be off, in kg: other processors have other last bits.
@@ -179,7 +179,9 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     machine = Machine.model_validate_json(canonical_bytes(machine.model_dump(mode="json")))
     key = signing_key(key_file)
     xml_key = None if dcc is None else check_dcc_output(campaign_file, campaign, dcc, force=force)
-    before = None if previous is None else previous_evidence(previous, campaign.machine.id, key)
+    before = (
+        None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
+    )
     require_writable_folder(folder, force=force)
     stretch = load_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
@@ -196,7 +198,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             # under the machine's own priors: what they say of the nuisances together
             first = replay_runs(campaign, machine, path_of_log, None, on_log)
             refuse_days(campaign_file, campaign, first, machine)
-            refuse_unaccounted(campaign_file, campaign, first, stretch)
+            refuse_unaccounted_logs(campaign_file, campaign, first, stretch)
             learnt = first.learnt
         weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
         replayed = replay_runs(
@@ -204,7 +206,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         )
         refuse_days(campaign_file, campaign, replayed, machine)
         refuse_machine(campaign_file, campaign, replayed, machine)
-        refuse_unaccounted(campaign_file, campaign, replayed, stretch)
+        refuse_unaccounted_logs(campaign_file, campaign, replayed, stretch)
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
@@ -246,7 +248,7 @@ def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
         partial.write_bytes(query)
 
 
-def previous_evidence(
+def read_previous_evidence(
     previous: Path, machine_id: str | None, key: SigningKey | None
 ) -> CheckedBundle:
     """Read and verify the machine's previous evidence.
@@ -288,7 +290,7 @@ def previous_evidence(
 
 def finish_evidence(
     evidence: EvidenceParts,
-    made: Path,
+    staging: Path,
     folder: Path,
     key: SigningKey | None,
     before: CheckedBundle | None,
@@ -299,7 +301,7 @@ def finish_evidence(
 
     Args:
         evidence: parts of the evidence.
-        made: temporary folder, which already contains the recordings.
+        staging: temporary folder, which already contains the recordings.
         folder: final folder.
         key: signing key; None leaves it unsigned.
         before: the machine's previous evidence.
@@ -318,9 +320,9 @@ def finish_evidence(
         )
     tables, digests = encode_tables(readings, points)
     document = _make_document(evidence, digests, key, before)
-    write_calibration(made, document, readings, points)
-    remarks = write_bundle(made, document, readings, points, tables, key, stretch)
-    checked = check_bundle(made, None if key is None else key.public, previous)
+    write_calibration(staging, document, readings, points)
+    remarks = write_bundle(staging, document, readings, points, tables, key, stretch)
+    checked = check_bundle(staging, None if key is None else key.public, previous)
     wrong = [str(each) for each in checked.faults]
     if wrong:
         raise OutputError(
@@ -346,7 +348,7 @@ def _make_document(
         format=FORMAT,
         kind=evidence.kind,
         id=draw_evidence_id(),
-        made=time_for_evidence(),
+        made=format_evidence_time(),
         notice=NOTICE,
         campaign=campaign,
         # a check does not prolong what it checks

@@ -23,8 +23,8 @@ from analysis.calibration.line.shared_errors import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
     TermOfLog,
-    learn_terms_of_logs,
     learnable_terms,
+    pool_terms_of_logs,
 )
 from analysis.model.answer import answer
 from analysis.model.machine import Machine
@@ -71,7 +71,7 @@ class CampaignReplay:
     @property
     def learnt(self) -> LearntPriors | None:
         """Priors learnt from all logs; None if there are too few."""
-        terms = learn_terms_of_logs(self.terms)
+        terms = pool_terms_of_logs(self.terms)
         return LearntPriors(terms=terms, logs=self.terms) if terms else None
 
 
@@ -153,8 +153,8 @@ def _installed_requirements() -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
-def time_for_evidence() -> str:
-    """Current time in the format of evidence."""
+def format_evidence_time() -> str:
+    """Format the current time for evidence."""
     return f"{dt.datetime.now(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
@@ -186,7 +186,7 @@ def evidence_of_replay(
         ),
         begins=_format_begin(about.t0_unix_ns),
         duration_s=float(t_ns[-1] - t_ns[0]) / 1e9 if t_ns.len() else 0.0,
-        speed_range_m_s=None if speed.is_empty() else _least_and_greatest(speed),
+        speed_range_m_s=None if speed.is_empty() else _min_and_max(speed),
         losses=tuple(str(loss)[:_LONGEST] for loss in about.losses),
         notes=tuple(note[:_LONGEST] for note in about.notes),
         can_weigh=said.verdict.can_weigh,
@@ -198,7 +198,7 @@ def evidence_of_replay(
     )
 
 
-def _least_and_greatest(values: pl.Series) -> tuple[float, float]:
+def _min_and_max(values: pl.Series) -> tuple[float, float]:
     numbers = values.to_numpy()
     return float(numbers.min()), float(numbers.max())
 

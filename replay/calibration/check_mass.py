@@ -19,7 +19,7 @@ from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
     EvidenceParts,
     finish_evidence,
-    previous_evidence,
+    read_previous_evidence,
 )
 from replay.calibration.campaign_runs import replay_runs
 from replay.calibration.refuse_campaign import refuse_days, refuse_machine
@@ -73,7 +73,7 @@ def check_mass(
         PayscopeError: the input is wrong; nothing has been written then.
     """
     key = signing_key(key_file)
-    before = previous_evidence(previous, None, key)
+    before = read_previous_evidence(previous, None, key)
     last = before.document
     if last is None or last.calibration is None:
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")

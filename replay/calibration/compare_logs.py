@@ -81,21 +81,24 @@ def replay_and_compare_logs(
 
 
 def _compare_log(
-    checked: CheckedBundle, document: EvidenceDocument, evidence_log: EvidenceLog, anew: EvidenceLog
+    checked: CheckedBundle,
+    document: EvidenceDocument,
+    evidence_log: EvidenceLog,
+    replayed: EvidenceLog,
 ) -> None:
     """Compare everything that evidence records about a log."""
     item = f"{EVIDENCE}: logs: {evidence_log.log}"
     failed_checks = tuple(map(present_check_names, evidence_log.failed_checks))
-    if (evidence_log.can_weigh, failed_checks) != (anew.can_weigh, anew.failed_checks):
+    if (evidence_log.can_weigh, failed_checks) != (replayed.can_weigh, replayed.failed_checks):
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives a different verdict")
     if any(name.startswith("machine.") for name in document.settings_at_default):
         checked.notes.append(
             f"{evidence_log.log}: settings and frames are compared value by value alone, not by "
             "their digests: this version has settings that the evidence lacks"
         )
-    elif evidence_log.settings_fingerprint != anew.settings_fingerprint:
+    elif evidence_log.settings_fingerprint != replayed.settings_fingerprint:
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "was replayed with different settings")
-    elif evidence_log.results_fingerprint != anew.results_fingerprint:
+    elif evidence_log.results_fingerprint != replayed.results_fingerprint:
         checked.notes.append(
             f"{evidence_log.log}: the frames of its replay differ in their last bits, as happens "
             "with other processors and libraries"
@@ -103,7 +106,7 @@ def _compare_log(
     for name, what in _OF_THE_LOG.items():
         if name == "machine_id" and name not in evidence_log.model_fields_set:
             continue  # earlier formats do not have it
-        there, here = getattr(evidence_log, name), getattr(anew, name)
+        there, here = getattr(evidence_log, name), getattr(replayed, name)
         if are_equal_values(there, here):
             continue
         words = name in _IN_WORDS and document.other_version
@@ -112,13 +115,13 @@ def _compare_log(
         checked.add(outcome, f"{item}: {name}", said)
 
 
-def are_equal_values(there: object, here: object) -> bool:
+def are_equal_values(stored: object, replayed: object) -> bool:
     """Whether two values are equal; seconds and speeds may differ in their last bits."""
-    if isinstance(there, float) and isinstance(here, float):
-        return abs(there - here) <= _LAST_BITS * max(abs(there), abs(here))
-    if isinstance(there, tuple) and isinstance(here, tuple):
-        return len(there) == len(here) and all(map(are_equal_values, there, here))
-    return there == here
+    if isinstance(stored, float) and isinstance(replayed, float):
+        return abs(stored - replayed) <= _LAST_BITS * max(abs(stored), abs(replayed))
+    if isinstance(stored, tuple) and isinstance(replayed, tuple):
+        return len(stored) == len(replayed) and all(map(are_equal_values, stored, replayed))
+    return stored == replayed
 
 
 def _format_compared_value(value: object) -> str:
@@ -127,43 +130,44 @@ def _format_compared_value(value: object) -> str:
 
 
 def _compare_learnt_terms(
-    checked: CheckedBundle, stored: tuple[TermOfLog, ...], anew: tuple[TermOfLog, ...]
+    checked: CheckedBundle, stored: tuple[TermOfLog, ...], replayed: tuple[TermOfLog, ...]
 ) -> None:
     """Compare each log's nuisance estimates under the machine's own priors."""
-    by_name = {(each.log, each.term): each for each in anew}
+    by_name = {(each.log, each.term): each for each in replayed}
     wrong = [
         each for each in stored if not _do_terms_agree(each, by_name.get((each.log, each.term)))
     ]
     for each in wrong[:_MOST_NAMED]:
         item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives different estimates")
-    if not wrong and len(stored) != len(anew):
+    if not wrong and len(stored) != len(replayed):
         item = f"{EVIDENCE}: learnt"
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its logs yield more terms than it has")
 
 
-def _do_terms_agree(evidence_term: TermOfLog, now: TermOfLog | None) -> bool:
+def _do_terms_agree(evidence_term: TermOfLog, replayed_term: TermOfLog | None) -> bool:
     """Whether a replayed term equals that of the evidence within tolerance."""
-    if now is None:
+    if replayed_term is None:
         return False
     tolerance = _TERMS * evidence_term.prior_std
     names = ("prior_mean", "prior_std", "posterior", "posterior_std")
     return all(
-        abs(getattr(evidence_term, name) - getattr(now, name)) <= tolerance for name in names
+        abs(getattr(evidence_term, name) - getattr(replayed_term, name)) <= tolerance
+        for name in names
     )
 
 
 def compare_readings(
-    checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, anew: pl.DataFrame
+    checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, replayed: pl.DataFrame
 ) -> None:
     """Compare reading by reading, within the declared tolerance."""
-    if stored.height != anew.height:
-        what = f"has {stored.height} readings, but the replay gives {anew.height}"
+    if stored.height != replayed.height:
+        what = f"has {stored.height} readings, but the replay gives {replayed.height}"
         checked.add(BundleOutcome.IRREPRODUCIBLE, READINGS, what)
         return
     tolerance = document.replay_tolerance_kg
     wrong = 0
-    for kept, now in zip(stored.iter_rows(named=True), anew.iter_rows(named=True), strict=True):
+    for kept, now in zip(stored.iter_rows(named=True), replayed.iter_rows(named=True), strict=True):
         reason = kept["reason"] and present_check_names(kept["reason"])
         present = {**kept, "reason": reason}
         differing = [name for name in _TEXTS if present[name] != now[name]]
@@ -182,10 +186,10 @@ def compare_readings(
         )
 
 
-def _is_near_enough(kept: float | None, now: float | None, tolerance: float) -> bool:
-    if kept is None or now is None:
-        return kept is now
-    return abs(kept - now) <= tolerance
+def _is_near_enough(stored: float | None, replayed: float | None, tolerance: float) -> bool:
+    if stored is None or replayed is None:
+        return stored is replayed
+    return abs(stored - replayed) <= tolerance
 
 
 def _find_log_path(

@@ -70,7 +70,10 @@ def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
         each.what
         for each in kept.faults
         if each.forged
-        or (stretch.first <= each.counter <= stretch.last and each.counter not in stretch.reasons)
+        or (
+            stretch.first <= each.counter <= stretch.last
+            and each.counter not in stretch.omission_reasons
+        )
     ]
     if faults:
         raise CampaignError(
@@ -91,7 +94,7 @@ def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
     return stretch_bytes(data, stretch)
 
 
-def refuse_unaccounted(
+def refuse_unaccounted_logs(
     source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, stretch: bytes | None
 ) -> None:
     """Raise an error if a campaign omits a log of its part of the list without a reason.

@@ -67,7 +67,7 @@ class Verification:
 
     @property
     def outcome(self) -> BundleOutcome | None:
-        """Exit status; None if nothing is wrong."""
+        """Worst outcome of the findings, which sets the exit status; None if nothing is wrong."""
         return worst_outcome(self.findings)
 
     @property

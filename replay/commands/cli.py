@@ -99,9 +99,9 @@ def main() -> None:
             status = app(standalone_mode=False)
         sys.stdout.flush()
     except PayscopeError as error:
-        status = _exit_with_line(str(error))
+        status = _print_error(str(error))
     except typer.TyperException as error:
-        status = _exit_with_line(describe_usage_error(error))
+        status = _print_error(describe_usage_error(error))
     except (KeyboardInterrupt, typer.Abort):
         status = 130
     except BrokenPipeError:
@@ -114,14 +114,14 @@ def main() -> None:
         _close_stdout()
         status = 0
     except (UnpicklingError, EOFError) as error:
-        status = _exit_with_line(discard_broken_cache(error))
+        status = _print_error(discard_broken_cache(error))
     except OSError as error:
         _close_stdout()
         # a file that was being closed when the signal came may have been closed twice
         status = (
             128 + received[0]
             if received
-            else _exit_with_line(f"{error.filename or 'stdout'}: {error.strerror or error}")
+            else _print_error(f"{error.filename or 'stdout'}: {error.strerror or error}")
         )
     sys.exit(status or 0)
 
@@ -135,7 +135,7 @@ def describe_usage_error(error: typer.TyperException) -> str:
 
 
 def _open_closed_streams() -> None:
-    """Open stdout and stderr if they were closed (`>&-`), or the next file gets their number."""
+    """Reopen standard streams that were closed (`>&-`), or the next file gets their number."""
     for name, flag, mode in (
         ("stdin", os.O_RDONLY, "r"),
         ("stdout", os.O_WRONLY, "w"),
@@ -190,7 +190,7 @@ def _close_stdout() -> None:
 
 
 def discard_broken_cache(error: Exception) -> str:
-    """Remove compiled code that cannot be read; other errors are raised again.
+    """Remove compiled code that cannot be read; returns a message, and raises other errors again.
 
     Two processes may have written it at once, or the disk was full.
     """
@@ -202,6 +202,7 @@ def discard_broken_cache(error: Exception) -> str:
     return f"{folders}: compiled code kept there cannot be read and was removed; run it again"
 
 
-def _exit_with_line(line: str) -> int:
+def _print_error(line: str) -> int:
+    """Print an error in one line on stderr; returns the exit status."""
     typer.echo(f"payscope: {' '.join(line.split())}", err=True)
     return 2

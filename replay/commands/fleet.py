@@ -319,22 +319,22 @@ def _replay_with_other_settings(
     return other
 
 
-def _print_run(did: "FleetRun") -> None:
+def _print_run(run: "FleetRun") -> None:
     from estimators.errors import counted
     from replay.commands.print_tables import print_line, stdout_console
 
     screen = stdout_console()
-    total = did.made + did.there + len(did.refused) + len(did.failed)
+    total = run.made + run.there + len(run.refused) + len(run.failed)
     print_line(
         screen,
-        f"{counted(total, 'recording')}: {did.made:,} replayed, {did.there:,} up to date, "
-        f"{len(did.refused):,} refused, {len(did.failed):,} without a result",
+        f"{counted(total, 'recording')}: {run.made:,} replayed, {run.there:,} up to date, "
+        f"{len(run.refused):,} refused, {len(run.failed):,} without a result",
     )
-    for source, why in sorted(did.refused.items()):
+    for source, why in sorted(run.refused.items()):
         print_line(screen, f"refused: {why if source in why else f'{source}: {why}'}")
-    for source, why in sorted(did.failed.items()):
+    for source, why in sorted(run.failed.items()):
         print_line(screen, f"without a result: {why if source in why else f'{source}: {why}'}")
-    print_line(screen, f"results: {did.destination}")
+    print_line(screen, f"results: {run.destination}")
 
 
 def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:

@@ -153,6 +153,6 @@ def _describe_agreement(each: "Agreement") -> str:
     if each.is_rounding:
         return f"{each.name}: {each.rows:,} rows, as in the replay to nine digits"
     return (
-        f"{each.name}: {each.rows:,} rows, {each.replayed:,} in the replay; they differ from "
-        f"{each.differs_from_s:,.0f} s on"
+        f"{each.name}: {each.rows:,} rows, {each.replayed:,} in the replay; they differ "
+        f"from {each.differs_from_s:,.0f} s onwards"
     )

@@ -21,22 +21,22 @@ _BINARY: Final = ("parquet", "arrow")
 _NO_LIMIT = 10_000
 
 
-def choose_format(asked: str | None, output: Path | None) -> str:
+def choose_format(requested: str | None, output: Path | None) -> str:
     """Requested format, else that of the output's suffix, else a table.
 
     Raises:
         OutputError: unknown suffix, or a binary format for a terminal.
     """
-    if asked is None and output is not None:
-        asked = output.suffix.removeprefix(".")
-        if asked not in _WRITTEN:
+    if requested is None and output is not None:
+        requested = output.suffix.removeprefix(".")
+        if requested not in _WRITTEN:
             raise OutputError(
                 f"{output}: no format '{output.suffix}'; use "
                 f"{', '.join(f'.{x}' for x in _WRITTEN)}, or give --format"
             )
-    if asked in _BINARY and output is None:
-        raise OutputError(f"{asked.capitalize()} is a binary format; name a file with -o")
-    return asked or "table"
+    if requested in _BINARY and output is None:
+        raise OutputError(f"{requested.capitalize()} is a binary format; name a file with -o")
+    return requested or "table"
 
 
 def print_frame(

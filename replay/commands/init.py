@@ -33,7 +33,7 @@ def command(
         require_writable_output,
     )
     from replay.commands.common_options import time_axis_from_options
-    from replay.init.guess_by_replay import BRAKING, lines_from_replay
+    from replay.init.guess_by_replay import BRAKING, propose_lines_from_replay
     from replay.init.guess_machine import draft_machine_file
     from replay.logs import open_log
 
@@ -53,7 +53,7 @@ def command(
             refuse_input_as_output(output, opened.files)
             text, missing = draft_machine_file(opened, axis)
             lacking = [f"note: {note}" for note in opened.notes()]
-            found = BRAKING if missing else lines_from_replay(opened, text)
+            found = BRAKING if missing else propose_lines_from_replay(opened, text)
             text += "\n".join(["", *found])
         lacking += [f"still missing: {sentence}" for sentence in missing]
     with atomic_file(output, force=force) as partial:

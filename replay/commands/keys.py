@@ -1,4 +1,4 @@
-"""`payscope keys`: whose public keys the user knows."""
+"""`payscope keys`: public keys whose owners the user knows."""
 
 import datetime as dt
 from pathlib import Path
@@ -46,10 +46,10 @@ def add(
     key: Annotated[str, typer.Argument(help="Public Ed25519 key: a PEM file, or its base64.")],
     owner: Annotated[str, typer.Option(help="Owner of the key, verified by another way.")],
     valid_from: Annotated[
-        dt.datetime | None, typer.Option(formats=_DAY, help="First day of its signatures.")
+        dt.datetime | None, typer.Option(formats=_DAY, help="First day of valid signatures.")
     ] = None,
     valid_to: Annotated[
-        dt.datetime | None, typer.Option(formats=_DAY, help="Last day of its signatures.")
+        dt.datetime | None, typer.Option(formats=_DAY, help="Last day of valid signatures.")
     ] = None,
 ) -> None:
     """Add a public key to the keyring."""

@@ -54,7 +54,9 @@ def print_table(screen: Console, table: Table, least: int = _NARROWEST) -> None:
         screen.width = width
 
 
-def print_rows(titles: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int]) -> None:
+def print_rows(
+    titles: Sequence[str], rows: Sequence[Sequence[str]], left_aligned: Sequence[int]
+) -> None:
     """Print a table of any number of rows without rich, which takes a millisecond per row.
 
     Nothing is cut: a cell that is much longer than the others runs over its column.
@@ -62,14 +64,14 @@ def print_rows(titles: Sequence[str], rows: Sequence[Sequence[str]], left: Seque
     Args:
         titles: titles of the columns.
         rows: their cells, one line each.
-        left: columns that begin at the left; the others end at the right.
+        left_aligned: columns that begin at the left; the others end at the right.
     """
     lines = [tuple(titles), *map(tuple, rows)]
     widths = [min(max(map(cell_len, column)), _LONGEST) for column in zip(*lines, strict=True)]
     for line in lines:
         blanks = [" " * (width - cell_len(cell)) for cell, width in zip(line, widths, strict=True)]
         cells = [
-            cell + blank if k in left else blank + cell
+            cell + blank if k in left_aligned else blank + cell
             for k, (cell, blank) in enumerate(zip(line, blanks, strict=True))
         ]
         typer.echo("  ".join(cells).rstrip())

@@ -67,7 +67,7 @@ def command(
     if len(sources) == 1:
         raise typer.BadParameter(
             'name a log or recording, then one SELECT: payscope query shift.bag "SELECT …"; '
-            "--tables lists what there is"
+            "--tables lists the tables"
         )
     chosen = choose_format(output_format and output_format.value, output)
     asked = query_tables(sources[:-1], sources[-1], axis)

@@ -274,10 +274,10 @@ def _limit_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "
     yield from _describe_omitted(len(lines) - most, one, several)
 
 
-def _describe_omitted(left: int, one: str, several: str) -> "Iterator[str]":
-    """Say how many are not printed; nothing if none are left."""
-    if left > 0:
-        yield f"{left} more {one if left == 1 else several} (-v)"
+def _describe_omitted(omitted: int, one: str, several: str) -> "Iterator[str]":
+    """Yield a line on how many are not printed; none if all are."""
+    if omitted > 0:
+        yield f"{omitted} more {one if omitted == 1 else several} (-v)"
 
 
 def _describe_inertia(answer: "Answer") -> "Iterator[str]":

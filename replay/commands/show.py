@@ -100,7 +100,7 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
 
 
 def _show_frame(
-    asked: "tuple[Path, str, CalibrationRequest | None]",
+    request: "tuple[Path, str, CalibrationRequest | None]",
     seconds: tuple[float | None, float | None] | float,
     output_format: str | None,
     output: Path | None,
@@ -112,7 +112,7 @@ def _show_frame(
     from replay.commands.frame_output import choose_format, frame_text, print_frame
     from replay.recording.read_stage import RecordedStage
 
-    recording, name, calibration = asked
+    recording, name, calibration = request
     output_format = choose_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [recording])

@@ -108,7 +108,7 @@ def command(
 
 
 def _print_sweep(
-    asked: tuple[list[Path], Path, list[str], list[str]],
+    inputs: tuple[list[Path], Path, list[str], list[str]],
     *,
     reference_kg: float | None,
     calibration: CalibrationRequest | None,
@@ -129,7 +129,7 @@ def _print_sweep(
     from replay.commands.progress_bar import StageProgress
     from replay.runs.sweep_settings import sweep_settings, value_combinations
 
-    logs, machine_file, overrides, over = asked
+    logs, machine_file, overrides, over = inputs
     output, figure = outputs
     output_format = choose_format(output_format, output)
     if output is not None:
@@ -261,8 +261,8 @@ def render_sweep(rows: Sequence[SweepRow]) -> RenderableType:
 def method_table(
     rows: Sequence[SweepRow],
     cell: Callable[[SweepRow, str], str],
-    more: Sequence[str] = (),
-    rest: Callable[[SweepRow], Sequence[str]] = lambda _: (),
+    extra_titles: Sequence[str] = (),
+    extra_cells: Callable[[SweepRow], Sequence[str]] = lambda _: (),
 ) -> Table:
     """Table with a row per combination and a cell per method, plus further columns."""
     from replay.commands.print_tables import make_plain_table
@@ -270,12 +270,14 @@ def method_table(
     methods = list(
         dict.fromkeys(method for row in rows for method in _quantity_by_method(row, "mass_kg"))
     )
-    table = make_plain_table(*shorten_dotted_names(rows[0].over).values(), *methods, *more)
-    if more:
+    table = make_plain_table(*shorten_dotted_names(rows[0].over).values(), *methods, *extra_titles)
+    if extra_titles:
         # the last is words
         table.columns[-1].justify = "left"
     for row in rows:
-        table.add_row(*row.over.values(), *(cell(row, method) for method in methods), *rest(row))
+        table.add_row(
+            *row.over.values(), *(cell(row, method) for method in methods), *extra_cells(row)
+        )
     return table
 
 

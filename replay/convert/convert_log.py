@@ -138,12 +138,12 @@ def convert_log(
     return Conversion(target, described.topics, described.losses, len(done), taken_up)
 
 
-def _replace_folder(made: Path, target: Path) -> None:
+def _replace_folder(finished: Path, target: Path) -> None:
     """Move the finished folder to its name; the old one is deleted afterwards."""
-    before = made / ".replaced"
+    before = finished / ".replaced"
     if target.exists():
         target.replace(before)
-    made.replace(target)
+    finished.replace(target)
     shutil.rmtree(target / before.name, ignore_errors=True)
 
 
@@ -229,13 +229,13 @@ class RunningConversion:
             scanned = self._log.scan_many(names, self._faults, first_ns, last_ns)
             for topic, rows in scanned:
                 if topic not in writers:
-                    file = self._name_part(topic, span_number)
+                    file = self._part_path(topic, span_number)
                     writer = PartWriter(folder, file, self._schemas[topic])
                     writers[topic] = open_files.enter_context(writer)
                 writers[topic].write(rows)
             return {topic: writer.close() for topic, writer in sorted(writers.items())}
 
-    def _name_part(self, topic: str, span_number: int) -> str:
+    def _part_path(self, topic: str, span_number: int) -> str:
         return f"{self._folders[topic]}/part-{span_number:05}.parquet"
 
     def _is_complete(self, done: Sequence[_Parts]) -> bool:
@@ -255,7 +255,7 @@ class RunningConversion:
                 continue
             parts = [each[topic] for each in done if topic in each]
             if not parts:
-                writer = PartWriter(folder.path, self._name_part(topic, 0), self._schemas[topic])
+                writer = PartWriter(folder.path, self._part_path(topic, 0), self._schemas[topic])
                 parts = [writer.close()]
             topics.append(
                 ConvertedTopic(

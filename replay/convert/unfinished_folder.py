@@ -146,7 +146,7 @@ class UnfinishedFolder:
             write_file_whole(self.path / _PLAN, plan.model_dump_json(indent=1))
             return []
         done: list[DoneSpan] = []
-        while span := load_json(self.path / _name_record(len(done)), DoneSpan):
+        while span := load_json(self.path / _span_file_name(len(done)), DoneSpan):
             if not all((self.path / part.file).is_file() for part in span.parts.values()):
                 break
             done.append(span)
@@ -155,7 +155,7 @@ class UnfinishedFolder:
     def add_finished_part(self, span_number: int, parts: dict[str, ConvertedPart]) -> DoneSpan:
         """Record that a span is complete."""
         span = DoneSpan(parts=parts)
-        write_file_whole(self.path / _name_record(span_number), span.model_dump_json(indent=1))
+        write_file_whole(self.path / _span_file_name(span_number), span.model_dump_json(indent=1))
         return span
 
     def clear(self) -> None:
@@ -207,7 +207,7 @@ def write_file_whole(path: Path, text: str) -> None:
     partial.replace(path)
 
 
-def _name_record(span_number: int) -> str:
+def _span_file_name(span_number: int) -> str:
     return f"span-{span_number:05}.json"
 
 

@@ -61,7 +61,7 @@ class ProposalTrial:
         claimed = is_change_as_claimed(was, now, self.finding)
         if still is not None and not is_cause_reduced(still, self.finding, as_claimed=claimed):
             return "the log still shows the finding"
-        by_mass = self._object_by_empty_mass(was, now)
+        by_mass = self._empty_mass_objection(was, now)
         if by_mass:
             return by_mass
         if not open_before:
@@ -73,10 +73,10 @@ class ProposalTrial:
             return "the uncertainty would grow"
         return ""
 
-    def _object_by_empty_mass(self, was: Answer, now: Answer) -> str:
+    def _empty_mass_objection(self, before: Answer, after: Answer) -> str:
         """Objection by the empty mass or by gravity at rest; empty if there is none."""
         empty_kg = self.before.provenance.machine["machine"].get("empty_mass_kg")
-        one, other = _find_lightest_load(was), _find_lightest_load(now)
+        one, other = _find_lightest_load(before), _find_lightest_load(after)
         nearer = False
         if empty_kg and one is not None and other is not None:
             off, now_off = abs(one[0] - empty_kg), abs(other[0] - empty_kg)
@@ -182,20 +182,20 @@ def _reads_gravity(run: Run) -> bool:
     return bool(z.size) and abs(float(np.nanmedian(z)) / pull - 1.0) < _GRAVITY_1
 
 
-def is_cause_reduced(still: Finding, finding: Finding, *, as_claimed: bool) -> bool:
+def is_cause_reduced(remaining: Finding, finding: Finding, *, as_claimed: bool) -> bool:
     """Whether a cause is nearly gone, or is weaker and moved the mass as claimed."""
-    left = still.strength_1 / finding.strength_1
+    left = remaining.strength_1 / finding.strength_1
     return left < _REMAINDER or (left < 1.0 and as_claimed)
 
 
-def is_change_as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:
+def is_change_as_claimed(before: Answer, after: Answer, finding: Finding) -> bool:
     """Whether the masses changed significantly and as the finding claims."""
     claimed, u_kg = finding.mass_change_kg, finding.mass_change_u_kg
     if claimed is None or u_kg is None or abs(claimed) <= _COVERAGE * u_kg:
         return False
-    if len(was.loads) != len(now.loads):
+    if len(before.loads) != len(after.loads):
         return False
-    masses = [(a["mass_kg"], b["mass_kg"]) for a, b in zip(was.loads, now.loads, strict=True)]
+    masses = [(a["mass_kg"], b["mass_kg"]) for a, b in zip(before.loads, after.loads, strict=True)]
     moved = [b - a for a, b in masses if a is not None and b is not None]
     return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= _COVERAGE * u_kg
 

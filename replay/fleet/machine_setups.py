@@ -61,7 +61,7 @@ class MachineSetup:
 
     @property
     def calibration(self) -> FleetCalibration | None:
-        """Its calibration, for comparisons within the fleet."""
+        """Calibration of the setup, for comparisons within the fleet; None without evidence."""
         if self.by is None:
             return None
         document = self.by.document

@@ -150,9 +150,9 @@ class ObjectStore:
             raise OutputError(f"{self.full_name(name)}: {first}") from None
 
 
-def _stored_object(said: Mapping[str, Any]) -> StoredObject:
-    changed = str(int(said["last_modified"].timestamp() * 1e6))
-    return StoredObject(said["path"], said["size"], said["e_tag"] or changed)
+def _stored_object(metadata: Mapping[str, Any]) -> StoredObject:
+    changed = str(int(metadata["last_modified"].timestamp() * 1e6))
+    return StoredObject(metadata["path"], metadata["size"], metadata["e_tag"] or changed)
 
 
 @cache

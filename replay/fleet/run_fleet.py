@@ -149,28 +149,28 @@ def fleet_run(
                     did.count_outcome(task.log.source, outcome)
                     on_done(task.log, outcome)
     finally:
-        keep_failed_list(results, did, {log.source for log in logs})
+        update_failed_list(results, did, {log.source for log in logs})
     FleetResults(results.store).gather()
     return did
 
 
 def _plan_tasks(
-    logs: Sequence[FleetLog], plan: FleetPlan, place: str, did: FleetRun, *, recordings: bool
+    logs: Sequence[FleetLog], plan: FleetPlan, place: str, run: FleetRun, *, recordings: bool
 ) -> tuple[list[ReplayTask], dict[str, tuple[MachineSetup, ...]]]:
     """Tasks, one per log, and the setups of all machines."""
     tasks: list[ReplayTask] = []
     by_machine: dict[str, tuple[MachineSetup, ...]] = {}
-    here = package_versions()
+    versions = package_versions()
     for log in logs:
         try:
             setups = plan.setups_of_log(log.source)
         except PayscopeError as error:
-            did.failed[log.source] = str(error)
+            run.failed[log.source] = str(error)
             continue
         by_machine[setups[0].name] = setups
         memory = plan.task_limits.memory_bytes(log.size_bytes)
         seconds = plan.task_limits.seconds
-        tasks.append(ReplayTask(log, setups, place, recordings, seconds, memory, here))
+        tasks.append(ReplayTask(log, setups, place, recordings, seconds, memory, versions))
     return tasks, by_machine
 
 
@@ -222,9 +222,15 @@ def _remember_calibrations(
         results.store.write(CALIBRATIONS, json.dumps(plain, indent=1).encode())
 
 
-def keep_failed_list(results: FleetResults, did: FleetRun, asked: set[str]) -> None:
-    """Keep the list of failed tasks for the report; completed ones are removed from it."""
+def update_failed_list(results: FleetResults, run: FleetRun, sources: set[str]) -> None:
+    """Add the failed tasks of a run to the list for the report, and remove the completed ones.
+
+    Args:
+        results: results with the list.
+        run: the run.
+        sources: sources of all logs that the run was to replay.
+    """
     before = results.failed
-    now = {source: why for source, why in before.items() if source not in asked} | did.failed
+    now = {source: why for source, why in before.items() if source not in sources} | run.failed
     if now != before:
         results.store.write(FAILED, json.dumps(dict(sorted(now.items())), indent=1).encode())

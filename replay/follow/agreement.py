@@ -111,9 +111,9 @@ class FollowedDigests:
             ):
                 if gate is not None:
                     code = np.array([_REASONS[gate.reason]], np.float64)
-                    self._digests_by_name(_name_followed_column(GATE, axis)).add(row.t_ns, code)
+                    self._digests_by_name(_followed_column_name(GATE, axis)).add(row.t_ns, code)
                 for method, (t_ns, estimate) in estimates.items():
-                    self._digests_by_name(_name_followed_column(method, axis)).add(
+                    self._digests_by_name(_followed_column_name(method, axis)).add(
                         t_ns, estimate.theta
                     )
 
@@ -134,7 +134,7 @@ def _digest_replayed_frames(frames: Mapping[str, pl.DataFrame]) -> dict[str, _Mi
         gate = frames["gate"]
         codes = gate[f"reason_{axis.letter}"].cast(pl.String)
         codes = codes.replace_strict(_REASONS, return_dtype=pl.Float64)
-        found[_name_followed_column(GATE, axis)] = _digest_rows_by_minute(
+        found[_followed_column_name(GATE, axis)] = _digest_rows_by_minute(
             gate["t_ns"], codes.to_numpy()[:, None]
         )
         for name, frame in frames.items():
@@ -142,13 +142,13 @@ def _digest_replayed_frames(frames: Mapping[str, pl.DataFrame]) -> dict[str, _Mi
             if method != name and axis.parameters[0][0] in frame.columns:
                 rows = rows_of_axis(axis, frame).drop_nulls("t_ns")
                 theta, _ = estimated_parameters(axis, rows)
-                found[_name_followed_column(method, axis)] = _digest_rows_by_minute(
+                found[_followed_column_name(method, axis)] = _digest_rows_by_minute(
                     rows["t_ns"], theta
                 )
     return found
 
 
-def _name_followed_column(name: str, axis: Axis) -> str:
+def _followed_column_name(name: str, axis: Axis) -> str:
     return name if axis is X else f"{name} of spins"
 
 

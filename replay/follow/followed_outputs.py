@@ -192,7 +192,7 @@ def identity_of_inputs(paths: Sequence[Path], machine: Machine, noise: pl.DataFr
     """Identity of the inputs: names of logs, and a digest of machine file and noise."""
     digest = hashlib.sha256(causal_machine(machine).model_dump_json().encode())
     digest.update(b"" if noise is None else noise.write_json().encode())
-    return f"{', '.join(map(_name_log, paths))}; {digest.hexdigest()}"
+    return f"{', '.join(map(_closed_log_name, paths))}; {digest.hexdigest()}"
 
 
 def find_continuation(
@@ -231,7 +231,7 @@ def has_log_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool
     inner = [
         each for path in paths for each in (sorted(path.iterdir()) if path.is_dir() else [path])
     ]
-    sizes = {_name_log(path): path.stat().st_size for path in inner if path.exists()}
+    sizes = {_closed_log_name(path): path.stat().st_size for path in inner if path.exists()}
     then = {each.name.removesuffix(ACTIVE): each.size_bytes for each in about.inputs}
     return (
         about.settings.filter.causal
@@ -241,5 +241,5 @@ def has_log_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool
     )
 
 
-def _name_log(path: Path) -> str:
+def _closed_log_name(path: Path) -> str:
     return path.name.removesuffix(ACTIVE)

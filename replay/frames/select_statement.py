@@ -61,7 +61,7 @@ def query_fault(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
     said = str(error).strip().partition("\n")[0]
     unknown = re.search(r"relation '(.*)' was not found", said)
     if unknown:
-        return QueryError(f"query: no table '{unknown[1]}'; {_name_choices(unknown[1], tables)}")
+        return QueryError(f"query: no table '{unknown[1]}'; {_suggest_tables(unknown[1], tables)}")
     return QueryError(f"query: {said}")
 
 
@@ -105,11 +105,12 @@ def _select_used_tables(query: str, tables: Tables) -> list[str]:
         if "FROM" not in upper[:-1]:
             raise QueryError(f"query: names no table; tables: {_list_tables(tables)}")
         unknown = tokens[upper.index("FROM") + 1].strip('"`')
-        raise QueryError(f"query: no table '{unknown}'; {_name_choices(unknown, tables)}")
+        raise QueryError(f"query: no table '{unknown}'; {_suggest_tables(unknown, tables)}")
     return named
 
 
-def _name_choices(name: str, tables: Tables) -> str:
+def _suggest_tables(name: str, tables: Tables) -> str:
+    """Text with the nearest table name, if any, and the list of tables."""
     meant = nearest(name, tables)
     listed = f"tables: {_list_tables(tables)}"
     return f"{meant} {listed}" if meant.endswith("?") else listed

@@ -70,7 +70,7 @@ class TopicSource:
         self.losses: list[Loss] = [] if losses is None else losses
         self.failure: PayscopeError | None = None
         self.topic, self._paths, self._options = topic, tuple(paths), options
-        self._time, self._asked = time, fields
+        self._time, self._field_names = time, fields
         self._source = SOURCE if with_source else None
         self._shape = self._find_first_shape()
 
@@ -213,7 +213,7 @@ class TopicSource:
         raise LogError(f"{logs}: no topic '{self.topic}'; {nearest(self.topic, named)}")
 
     def _list_leaf_fields(self, log: Log) -> tuple[LeafField, ...]:
-        return log.leaf_fields(self.topic, self._asked)
+        return log.leaf_fields(self.topic, self._field_names)
 
 
 def _select_columns(frame: pl.DataFrame, columns: list[str]) -> pl.DataFrame:

@@ -33,7 +33,7 @@ BRAKING: Final = (
 _RICH: Final = 0.5
 
 
-def lines_from_replay(log: Log, text: str) -> list[str]:
+def propose_lines_from_replay(log: Log, text: str) -> list[str]:
     """Replay a log with its draft, to decide on braking and narrower priors.
 
     Args:

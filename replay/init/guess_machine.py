@@ -292,11 +292,13 @@ def _derivable_channels(found: set[str]) -> dict[str, str]:
     return derived
 
 
-def _describe_lacking_channels(found: set[str], asked: list[str], *, kinematic: bool) -> list[str]:
+def _describe_lacking_channels(
+    found: set[str], questions: list[str], *, kinematic: bool
+) -> list[str]:
     lacking: list[str] = []
     if "force_x_N" not in found and not {"torque_left_N_m", "torque_right_N_m"} <= found:
         lacking.append("a force: channels.force_x_N, or both wheel torques")
-    elif "force_x_N" not in found and not any("wheel_radius_m" in each for each in asked):
+    elif "force_x_N" not in found and not any("wheel_radius_m" in each for each in questions):
         lacking.append("machine.wheel_radius_m, which turns wheel torques into a force")
     if "speed_x_m_s" not in found:
         lacking.append("a speed: channels.speed_x_m_s, if need be derived from a position")

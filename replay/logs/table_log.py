@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import polars as pl
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, nearest
+from estimators.errors import LogError, counted, nearest
 from replay.logs.log import TABLE, Log, LogCheck, TimeAxis
 from replay.logs.machine_ids import ids_in_preamble, iter_serial_numbers
 from replay.logs.messages.broken_bytes import BrokenBytesError
@@ -147,7 +147,7 @@ class TableLog(Log):
             raise LogError(
                 f"{self.path}: no time column among {named}{more}; "
                 'name it in the machine file: [log] time = "COLUMN", time_unit = "s", or where '
-                "there is none, [log] rate_hz = the rows in a second"
+                "there is none, [log] rate_hz = rows per second"
             )
         return found
 
@@ -204,7 +204,7 @@ class TableLog(Log):
             self._refuse_restarts(axis, there, backwards)
             self._losses.note(
                 self.path,
-                f"the time goes back at {backwards} rows; they were sorted by time",
+                f"the time goes back at {counted(backwards, 'row')}; all rows were sorted by time",
                 TABLE,
             )
         return times.alias("log_time_ns")
@@ -235,7 +235,7 @@ class TableLog(Log):
             said = (
                 f"{shared:,} of {there.len():,} rows have the time of the row before; name another "
                 "column or the one of the fractions, [log] time or time_fraction, or set "
-                "[log] rate_hz = the rows in a second"
+                "[log] rate_hz = rows per second"
             )
         raise LogError(f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said}")
 

@@ -155,11 +155,11 @@ def _name_without_unit(name: str) -> str:
     return split_unit_from_name(cut)[0]
 
 
-def find_quantity_of_name(said: str | None, unit: str | None) -> str | None:
+def find_quantity_of_name(quantity_of_name: str | None, unit: str | None) -> str | None:
     """Quantity that a name states, if its unit permits it."""
-    if unit is None or unit in _TURNS or said is None:
-        return said
-    return _find_quantity_of_unit(unit) or said
+    if unit is None or unit in _TURNS or quantity_of_name is None:
+        return quantity_of_name
+    return _find_quantity_of_unit(unit) or quantity_of_name
 
 
 @cache

@@ -20,12 +20,12 @@ _ELEMENTS: Final = 12
 _LEFT_OUT: Final = ("header.", "covariance")
 
 
-def import_log(log: Path, asks: ViewerRequest) -> str | None:
+def import_log(log: Path, request: ViewerRequest) -> str | None:
     """Write a log to standard output in the viewer's format.
 
     Args:
         log: path accepted by `takes_file`.
-        asks: request of the viewer.
+        request: request of the viewer.
 
     Returns:
         Why the log is shown without a replay if its machine file does not fit, otherwise None.
@@ -43,11 +43,11 @@ def import_log(log: Path, asks: ViewerRequest) -> str | None:
         except PayscopeError as error:
             fault = one_line(str(error))
         else:
-            stream_run(replayed, asks)
+            stream_run(replayed, request)
             return None
     with open_log(log) as opened:
         topics = dict(topic_frames(opened))
-        stream_topics(topics, _describe_log(opened, machine_file, fault), log.name, asks)
+        stream_topics(topics, _describe_log(opened, machine_file, fault), log.name, request)
     return fault
 
 

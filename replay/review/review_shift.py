@@ -200,11 +200,11 @@ def _replay_opened_shift(
         made.provenance.t0_unix_ns,
         track_of_shift(frames["aligned"]),
         made,
-        warn_of_mixed_machines(made, opened, machine),
+        mixed_machines_warning(made, opened, machine),
     )
 
 
-def warn_of_mixed_machines(run: Run, opened: list[Log], machine: Machine) -> str:
+def mixed_machines_warning(run: Run, opened: list[Log], machine: Machine) -> str:
     """Warning that the logs may be of two machines; empty if nothing indicates it."""
     begins = begin_of_each_log_ns(opened, channel_fields(machine), run.provenance.t0_unix_ns)
     found = find_empty_mass_jump(run.frames["manoeuvres"], list(begins.values()))

@@ -48,7 +48,7 @@ def write_logs(
     targets: Sequence[Path],
     *,
     force: bool = False,
-    beside: Mapping[Path, Callable[[Path], None]] = MappingProxyType({}),
+    further_files: Mapping[Path, Callable[[Path], None]] = MappingProxyType({}),
 ) -> None:
     """Write each log to its target and its truth to `TARGET.truth.json`, all of them or none.
 
@@ -56,7 +56,8 @@ def write_logs(
         logs: one log per target.
         targets: paths in one folder; the suffix sets the format.
         force: whether to replace existing outputs.
-        beside: further files in that folder, each with the function that writes it after all logs.
+        further_files: further files in that folder, each with the function that writes it; they
+            follow the logs.
 
     Raises:
         OutputError: no format has that suffix, an output is there already, or the folder cannot
@@ -68,13 +69,13 @@ def write_logs(
                 f"{target}: no format '{target.suffix}'; use .bag, .mcap, .db3, .csv, "
                 "or no suffix for a rosbag2 directory"
             )
-    with atomic_files([*targets, *map(truth_path, targets), *beside], force=force) as stage:
+    with atomic_files([*targets, *map(truth_path, targets), *further_files], force=force) as stage:
         for log, target in zip(logs, targets, strict=True):
             WRITERS[target.suffix](log, stage / target.name)
             if log.torn_share:
                 tear_log(stage / target.name, log.torn_share)
             write_truth(log, stage / target.name)
-        for target, write in beside.items():
+        for target, write in further_files.items():
             write(stage / target.name)
 
 
@@ -124,7 +125,7 @@ def simulate_scenario(scenario: Scenario, output: Path, *, force: bool = False) 
         shift.simulate_logs(),
         targets,
         force=force,
-        beside={
+        further_files={
             beside: lambda path: write_shift_truth(shift.collect_truth(), scenario, targets, path)
         },
     )
@@ -145,16 +146,17 @@ def log_paths(scenario: Scenario, output: Path) -> list[Path]:
     if not output.name:
         raise OutputError(f"{output}: is a folder; name a log in it, such as '{output}/log.mcap'")
     if scenario.shift is not None:
-        return _number_outputs(output, scenario.shift.logs)
+        return _numbered_paths(output, scenario.shift.logs)
     loads = scenario.campaign.loads_kg
     if len(loads) == 1:
         return [output]
     return [
-        output.with_name(f"{output.stem}_{_name_load(load)}kg{output.suffix}") for load in loads
+        output.with_name(f"{output.stem}_{_load_in_file_name(load)}kg{output.suffix}")
+        for load in loads
     ]
 
 
-def _number_outputs(output: Path, count: int) -> list[Path]:
+def _numbered_paths(output: Path, count: int) -> list[Path]:
     if count == 1:
         return [output]
     digits = len(str(count))
@@ -164,6 +166,6 @@ def _number_outputs(output: Path, count: int) -> list[Path]:
     ]
 
 
-def _name_load(load_kg: float) -> str:
+def _load_in_file_name(load_kg: float) -> str:
     # a point would start a suffix
     return f"{load_kg:03.0f}" if load_kg.is_integer() else str(load_kg).replace(".", "_")

@@ -157,7 +157,7 @@ class TestWrongInput:
         assert masses[0] == masses[1]
         said = payscope("run", shuffled, "-m", machine_file)
         assert (
-            "lost: shuffled.csv table: the time goes back at 1 rows; they were sorted by time"
+            "lost: shuffled.csv table: the time goes back at 1 row; all rows were sorted by time"
             in said.out
         )
 

@@ -161,7 +161,9 @@ def test_a_time_stamp_is_checked_offline_against_the_authority(
 ) -> None:
     found = made.verify(bundle, tsa=authority / "ca.pem")
     assert not found.findings, items(found)
-    assert any(f"signed by {dt.datetime.now(dt.UTC):%Y-}" in note for note in found.notes)
+    assert any(
+        f"signed no later than {dt.datetime.now(dt.UTC):%Y-}" in note for note in found.notes
+    )
     without = made.verify(bundle)
     assert not without.findings
     assert any("--tsa CA.pem" in note for note in without.notes)

@@ -25,7 +25,7 @@ from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import PublicKey, key_weakness, public_key, signing_key
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
-from replay.calibration.calibrate_campaign import previous_evidence
+from replay.calibration.calibrate_campaign import read_previous_evidence
 from replay.calibration.verify_bundle import verify_bundle
 from replay.fleet.machine_setups import NamedFiles, machine_setups
 from tests.conftest import REPO
@@ -174,12 +174,12 @@ def test_nothing_is_chained_to_evidence_by_an_unknown_key(
 ) -> None:
     own, _ = key_files(tmp_path, "other")
     with pytest.raises(EvidenceError, match="so its signature cannot be verified"):
-        previous_evidence(invented, None, signing_key(own))
+        read_previous_evidence(invented, None, signing_key(own))
     with pytest.raises(EvidenceError, match="its signature cannot be verified"):
-        previous_evidence(made.bundle, None, signing_key(own))
-    previous_evidence(made.bundle, None, signing_key(made.private))
+        read_previous_evidence(made.bundle, None, signing_key(own))
+    read_previous_evidence(made.bundle, None, signing_key(made.private))
     add_key(load_keyring(), known(made))
-    previous_evidence(made.bundle, None, signing_key(own))
+    read_previous_evidence(made.bundle, None, signing_key(own))
 
 
 @pytest.mark.usefixtures("keyring")

@@ -154,8 +154,8 @@ class NotaryStretch(BaseModel):
     )
 
     @property
-    def reasons(self) -> dict[int, str]:
-        """Why logs are left out, by their number."""
+    def omission_reasons(self) -> dict[int, str]:
+        """Reason of each log that is left out, by its number."""
         return {each.number: each.reason for each in self.left_out}
 
     @model_validator(mode="after")
@@ -245,7 +245,7 @@ class CalibrationCampaign(BaseModel):
 
     @property
     def load_ids(self) -> tuple[str, ...]:
-        """The loads, each once, in the runs' order."""
+        """Ids of the loads, each once, in the order of the runs."""
         return tuple(dict.fromkeys(run.load_id for run in self.runs))
 
     @property
@@ -270,7 +270,7 @@ class CalibrationCampaign(BaseModel):
         return tuple(found)
 
     def conditions_of_run(self, run: CampaignRun) -> dict[str, Any]:
-        """The conditions of a run: its own where it has any, else those of all runs."""
+        """Conditions of a run: its own, or else those of all runs."""
         own, common = run.conditions.model_dump(), self.conditions.model_dump()
         return {n: common[n] if own[n] in ("", None) else own[n] for n in own}
 

@@ -134,7 +134,7 @@ def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tu
     return tuple(names)
 
 
-def mean_squares_transform(points: Points, names: tuple[str, ...]) -> Floats:
+def mean_squares_to_variances(points: Points, names: tuple[str, ...]) -> Floats:
     """(effects, effects) matrix from mean squares, which cannot be negative, to variances.
 
     If means of runs scatter by chance less than their readings imply, their own variance is
@@ -158,7 +158,7 @@ class Scatter:
     Attributes:
         names: (effects,) names of the estimated effects.
         each: (effects, points, points) covariance for a unit variance of each.
-        squares: (effects, effects) matrix of `mean_squares_transform`.
+        squares: (effects, effects) matrix of `mean_squares_to_variances`.
         day: (points, points) covariance for a unit variance of the day.
         day_known_kg: known deviation between days; None if unknown.
         known: (points, points) known covariance.
@@ -206,7 +206,7 @@ def make_scatter(points: Points, names: tuple[str, ...], day_known_kg: float | N
     if day_known_kg is not None:
         known = known + day_known_kg**2 * day
     each = np.array([points.effect_covariance(name) for name in names])
-    return Scatter(names, each, mean_squares_transform(points, names), day, day_known_kg, known)
+    return Scatter(names, each, mean_squares_to_variances(points, names), day, day_known_kg, known)
 
 
 def fit_line(

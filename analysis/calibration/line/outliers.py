@@ -16,7 +16,7 @@ _LEVEL: Final = 0.05
 _READINGS_MIN: Final = 3
 
 
-def test_by_grubbs(values: Floats) -> tuple[int, float, float]:
+def grubbs_test(values: Floats) -> tuple[int, float, float]:
     """Grubbs' test for one outlier on either side.
 
     Args:
@@ -63,7 +63,7 @@ def find_outliers(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
         if part.height < _READINGS_MIN:
             continue
         tested += 1
-        place, distance, p = test_by_grubbs(part["mass_kg"].to_numpy())
+        place, distance, p = grubbs_test(part["mass_kg"].to_numpy())
         number = part["reading"][place] if "reading" in part.columns else place
         found.append(Outlier("Grubbs", f"reading {number} of run '{run_id}'", distance, p))
     found = [Outlier(one.test, one.about, one.value_1, min(tested * one.p_1, 1.0)) for one in found]

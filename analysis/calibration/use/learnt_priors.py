@@ -85,7 +85,7 @@ def learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
     )
 
 
-def learn_terms_of_logs(
+def pool_terms_of_logs(
     log_terms: Iterable[TermOfLog], procedure: Procedure = PRESENT_PROCEDURE
 ) -> dict[LearnableTerm, LearntTerm]:
     """Pool the logs' estimates of each term: weighted mean, uncertainty, variation between logs.

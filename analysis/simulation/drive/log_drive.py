@@ -228,7 +228,7 @@ class TravelLeg(NamedTuple):
 
 
 def travel_legs(travel: Travel, dice: np.random.Generator, step_s: float) -> Iterator[TravelLeg]:
-    """Legs of a travel, which together take about its duration."""
+    """Yield the legs of a travel, of about its duration in total."""
     left_s = travel.duration_s
     speed = 0.0
     parts: list[Floats] = []

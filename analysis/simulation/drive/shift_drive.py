@@ -110,7 +110,7 @@ class ShiftDriver(MachineDriver):
         self._burnt_until_s = 0.0
         self._had_break = not shift.break_after_h
         self._cycle, self._number = 0, 0
-        self._note_boom(_DRIVE, at_s=0.0)
+        self._record_boom_angles(_DRIVE, at_s=0.0)
 
     @property
     def is_over(self) -> bool:
@@ -229,15 +229,15 @@ class ShiftDriver(MachineDriver):
         """Stand, and pour a part of the load halfway through the standstill."""
         half_s, loaded = self.shift.dump_s / 2.0, self._body_with_load()
         times = self.stand_still(half_s, loaded.mass_kg)
-        self._note_boom(_CARRY, at_s=times.start_s)
-        self._note_boom(_POUR, at_s=self.time_s)
+        self._record_boom_angles(_CARRY, at_s=times.start_s)
+        self._record_boom_angles(_POUR, at_s=self.time_s)
         self._note_manoeuvre(times, loaded)
         poured_kg = self._load_kg * self.shift.pour_share
         self._load_kg -= poured_kg
         self._note_spill("pour", poured_kg, self.time_s, self.position_m)
         left = self._body_with_load()
         self._note_manoeuvre(self.stand_still(half_s, left.mass_kg), left)
-        self._note_boom(_CARRY, at_s=self.time_s)
+        self._record_boom_angles(_CARRY, at_s=self.time_s)
 
     def _dig_into_pile(self, operator: np.random.Generator) -> None:
         """Drive into the pile, which fills the bucket until the machine stands."""
@@ -245,7 +245,7 @@ class ShiftDriver(MachineDriver):
         drawn = self._cycle_generator("shift_load").normal(shift.load_kg, shift.load_std_kg)
         wanted_kg = float(np.clip(drawn, shift.load_least_kg, shift.load_most_kg))
         body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
-        self._note_boom(_DIG, at_s=self.time_s)
+        self._record_boom_angles(_DIG, at_s=self.time_s)
         digging_s = shift.dig_s + _DIGGING_CRUISE_S
         order = StartOrder(
             1.0,
@@ -259,7 +259,7 @@ class ShiftDriver(MachineDriver):
         times, filled_kg, _ = self.drive_start(order, body)
         begin_kg, self._load_kg = self._load_kg, self._load_kg + filled_kg
         self._note_manoeuvre(times, body, 1.0, 1.0, begin_kg)
-        self._note_boom(_CARRY, at_s=self.time_s + _LIFT_S)
+        self._record_boom_angles(_CARRY, at_s=self.time_s + _LIFT_S)
         self._rest_between_cycles(operator)
 
     def _turn_machine(self, operator: np.random.Generator) -> None:
@@ -272,15 +272,15 @@ class ShiftDriver(MachineDriver):
         shift, loaded = self.shift, self._body_with_load()
         drawn = self._cycle_generator("shift_carry_back").exponential(shift.carry_back_kg)
         times = self.stand_still(shift.dump_s / 2.0, loaded.mass_kg)
-        self._note_boom(_CARRY, at_s=times.start_s)
-        self._note_boom(_DUMP, at_s=self.time_s)
+        self._record_boom_angles(_CARRY, at_s=times.start_s)
+        self._record_boom_angles(_DUMP, at_s=self.time_s)
         self._note_manoeuvre(times, loaded)
         dumped_s, load_kg = self.time_s, self._load_kg
         self._load_kg = self._carried_kg = float(min(drawn, shift.carry_back_most_kg, load_kg))
         self._note_spill("dump", load_kg - self._load_kg, dumped_s, self.position_m)
         empty = self._body_with_load()
         self._note_manoeuvre(self.stand_still(shift.dump_s / 2.0, empty.mass_kg), empty)
-        self._note_boom(_DRIVE, at_s=self.time_s)
+        self._record_boom_angles(_DRIVE, at_s=self.time_s)
         return dumped_s
 
     def _rest_between_cycles(self, operator: np.random.Generator) -> None:
@@ -320,7 +320,7 @@ class ShiftDriver(MachineDriver):
         if kind != "idle":
             self._burnt_until_s = self.time_s
 
-    def _note_boom(self, angles: tuple[float, float], at_s: float) -> None:
+    def _record_boom_angles(self, angles: tuple[float, float], at_s: float) -> None:
         """Record that boom and bucket reach angles at a time, after the previous ones."""
         after_s = self.angles[-1].time_s if self.angles else 0.0
         self.angles.append(BoomAngle(max(at_s, after_s), *angles))

@@ -82,7 +82,7 @@ class RigidBody:
 
     @property
     def com_y_m(self) -> float:
-        """Centre of mass to the left of the origin."""
+        """Centre of mass in m to the left of the origin."""
         return self.first_moment_y_kg_m / self.mass_kg
 
     def gravity_along_heading(self, heading: Values) -> tuple[Values, Values]:

@@ -129,7 +129,7 @@ class SolvedMotion:
             inside = (time_s >= phase.start_s) & (time_s < phase.end_s)
             if inside.any():  # a short phase may fall between two samples
                 state = phase.state(time_s[inside])
-                name[inside] = _name_phases(state) if phase.name is None else phase.name
+                name[inside] = _phase_names(state) if phase.name is None else phase.name
                 rows[:, inside] = np.stack(state)
         state = MotionState(*[rows[i] for i in range(len(rows))])
         gravity_x, gravity_y = self.body.gravity_along_heading(state.heading_rad)
@@ -156,7 +156,7 @@ class SolvedMotion:
         )
 
 
-def _name_phases(state: MotionState) -> NDArray[np.str_]:
+def _phase_names(state: MotionState) -> NDArray[np.str_]:
     """Phases of motion (n,) of an excitation."""
     stands, turns = state.speed_x_m_s == 0.0, state.yaw_rate_rad_s != 0.0
     return np.select(

@@ -20,7 +20,7 @@ def cold_friction_share(t: float, warming: float, warming_s: float) -> float:
 
 @inlined
 def friction_capacity(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> float:
-    """Force that Coulomb friction holds, or slides with, at a time and yaw rate, in N."""
+    """Coulomb friction at a time and yaw rate, in N: its limit at rest, its force in motion."""
     coulomb_N = stage.coulomb_N * cold_friction_share(t, plant.coulomb_warming, plant.warming_s)
     capacity = coulomb_N + plant.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
     if stage.release_s > 0.0:

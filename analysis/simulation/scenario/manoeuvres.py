@@ -123,7 +123,7 @@ class Travel(_Manoeuvre):
         description="response time of the pedal: it commands mass times speed error over this time",
     )
     stop_share: float = Field(
-        default=0.3, ge=0, le=1, description="share of the held speeds that a stop follows"
+        default=0.3, ge=0, le=1, description="fraction of the held speeds that end in a stop"
     )
     stand_least_s: float = Field(default=1.0, ge=0, le=3600, description="shortest stop")
     stand_most_s: float = Field(default=5.0, ge=0, le=3600, description="longest stop")

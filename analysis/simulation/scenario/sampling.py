@@ -53,7 +53,7 @@ class SimulatedSampling(BaseModel):
     )
 
     def rate_hz(self, topic: TopicName, common_hz: float) -> float:
-        """The rate of a topic, where `common_hz` is that of topics without their own."""
+        """Rate of a topic in Hz; `common_hz` for a topic without its own."""
         rates: dict[str, float] = {
             "imu": self.imu_rate_hz,
             "torque": self.torque_rate_hz,
@@ -62,7 +62,7 @@ class SimulatedSampling(BaseModel):
         return rates.get(topic) or common_hz
 
     def phase_s(self, topic: TopicName) -> float:
-        """The phase of a topic; negative: it is drawn."""
+        """Phase of a topic in s; negative if it is drawn at random."""
         phases: dict[str, float] = {
             "imu": self.imu_phase_s,
             "torque": self.torque_phase_s,
@@ -71,7 +71,7 @@ class SimulatedSampling(BaseModel):
         return phases.get(topic, -1.0)
 
     def clock_ppm(self, topic: TopicName) -> float:
-        """How much faster than time a topic's clock runs."""
+        """Rate error of a topic's clock in ppm; positive if it runs fast."""
         clocks: dict[str, float] = {
             "imu": self.imu_clock_ppm,
             "torque": self.torque_clock_ppm,

@@ -101,8 +101,8 @@ class SimulatedLoading(BaseModel):
         default=0.0,
         ge=0,
         le=1e5,
-        description="rate at which standing material fills the bucket from throttle to braking; "
-        "it is emptied when the machine stands",
+        description="rate at which loose material fills the bucket while driving, up to braking; "
+        "the bucket is emptied when the machine stands",
     )
 
     spill_1_s: float = Field(
@@ -204,7 +204,7 @@ class SimulatedMachine(BaseModel):
 
 
 class SimulatedCampaign(BaseModel):
-    """Loads, runs a load, and what one run is: stand, full throttle, cruise, brake."""
+    """Loads, runs per load, and the phases of a run: stand, full throttle, cruise, brake."""
 
     model_config = _FORBID
 

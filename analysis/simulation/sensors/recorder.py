@@ -80,7 +80,7 @@ def record_topics(
     ).filter(keeps)
     if not log.swapped_share:
         return frame
-    late = _swap_order(log_time_ns, streams.draw_uniform(f"{topic}_swap") < log.swapped_share)
+    late = _swap_with_next(log_time_ns, streams.draw_uniform(f"{topic}_swap") < log.swapped_share)
     return frame.with_columns(log_time_ns=late[keeps]).sort("log_time_ns")
 
 
@@ -100,7 +100,7 @@ def _stamp_samples_ns(
     return at_ns + np.rint(ahead_ns).astype(np.int64)
 
 
-def _swap_order(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _swap_with_next(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Times (n,) with the selected messages swapped with their successors."""
     swapped = time_ns.copy()
     for index in np.flatnonzero(chosen[:-1]):

@@ -228,7 +228,7 @@ class DrivenMotion:
     free: tuple[bool, bool]
 
     def follow_until(
-        self, name: str | None, start_s: float, end_s: float, state: Floats, asked: Commands
+        self, name: str | None, start_s: float, end_s: float, state: Floats, commands: Commands
     ) -> tuple[list[MotionPhase], Floats]:
         """Follow the commands until `end_s`.
 
@@ -237,7 +237,7 @@ class DrivenMotion:
             start_s: begin since the trial began.
             end_s: end since the trial began.
             state: (7,) v, drive and brake force, ω, drive and brake torque, heading.
-            asked: the commands.
+            commands: the commands.
 
         Returns:
             The phases and the last state.
@@ -247,9 +247,9 @@ class DrivenMotion:
         """
         phases: list[MotionPhase] = []
         machine = self._find_consistent_stiction(state, self.free)
-        for stage_s in [*(k for k in sorted(asked.kinks_s) if start_s < k < end_s), end_s]:
+        for stage_s in [*(k for k in sorted(commands.kinks_s) if start_s < k < end_s), end_s]:
             while start_s < stage_s:
-                phase, state, changed = machine.integrate(name, start_s, stage_s, state, asked)
+                phase, state, changed = machine.integrate(name, start_s, stage_s, state, commands)
                 phases.append(phase)
                 start_s = phase.end_s
                 if changed:
@@ -260,7 +260,7 @@ class DrivenMotion:
         return phases, state
 
     def follow_until_rest(
-        self, name: str | None, start_s: float, state: Floats, asked: Commands
+        self, name: str | None, start_s: float, state: Floats, commands: Commands
     ) -> list[MotionPhase]:
         """Follow the commands from `state` (7,) until both axes stand."""
         phases: list[MotionPhase] = []
@@ -268,7 +268,9 @@ class DrivenMotion:
         while moving:
             machine = self._find_consistent_stiction(state, free=(0 in moving, 1 in moving))
             last_s = start_s + _LONGEST_STOP_S
-            phase, state, stood = machine.integrate(name, start_s, last_s, state, asked, stop=True)
+            phase, state, stood = machine.integrate(
+                name, start_s, last_s, state, commands, stop=True
+            )
             phases.append(phase)
             start_s = phase.end_s
             state[[RATES[axis] for axis in stood]] = 0.0

@@ -99,7 +99,7 @@ class Stiction:
         start_s: float,
         end_s: float,
         state: Floats,
-        asked: Commands,
+        commands: Commands,
         *,
         stop: bool = False,
     ) -> tuple[MotionPhase, Floats, list[int]]:
@@ -125,7 +125,7 @@ class Stiction:
             if self.free[axis] and (stop or self.body.standstill_grip[axis] > LEAST_GRIP)
         ]
         solution = solve_ivp(
-            self._make_state_rates(state, asked),
+            self._make_state_rates(state, commands),
             (start_s, end_s),
             state[rows],
             method="DOP853",
@@ -147,16 +147,16 @@ class Stiction:
         return phase, expand_to_full_state(solution.sol(np.array([last_s])))[:, 0], changed
 
     def _make_state_rates(
-        self, state: Floats, asked: Commands
+        self, state: Floats, commands: Commands
     ) -> Callable[[float, Floats], list[float]]:
         still: list[float] = state.tolist()
-        lag_s, (brake_x, brake_z) = self.valve_lag_s, asked.brake
+        lag_s, (brake_x, brake_z) = self.valve_lag_s, commands.brake
         free_x, free_z = self.free
         moves = self._moves_freely
         net_of, accelerations, drive = (
             self.net_force_and_torque,
             self.body.accelerations,
-            asked.drive,
+            commands.drive,
         )
 
         def state_rates(time_s: float, part: Floats) -> list[float]:

@@ -166,7 +166,7 @@ class _TrialLimits:
         campaign = self.scenario.campaign
         full_N_m = self.scenario.full_drive[1] * campaign.drive_fraction_at_throttle(spin.throttle)
         reached_N_m = full_N_m * -math.expm1(-spin.start_s / campaign.valve_lag_s)
-        resistance_N_m = self.heaviest.coulomb_z_N_m + self._slope_torque()
+        resistance_N_m = self.heaviest.coulomb_z_N_m + self._largest_slope_torque()
         if reached_N_m <= resistance_N_m:
             raise ScenarioError(
                 f"{key}: reaches {reached_N_m:.0f} N·m in start_s, but slope and Coulomb friction "
@@ -230,12 +230,12 @@ class _TrialLimits:
                 f"give at least {_LEAST_BRAKING_M_S2 - downhill_m_s2:.2f}"
             )
         spin_N_m = (braking - _LEAST_BRAKING_M_S2) * 2.0 / self.scenario.machine.track_width_m
-        if self.lightest.inertia_z_kg_m2 * spin_N_m < self._slope_torque():
+        if self.lightest.inertia_z_kg_m2 * spin_N_m < self._largest_slope_torque():
             raise ScenarioError(
                 f"campaign.braking_m_s2: {braking:g} does not stop a spin on this slope"
             )
 
-    def _slope_torque(self) -> float:
+    def _largest_slope_torque(self) -> float:
         """Largest torque of the slope about the origin, in N·m."""
         if not self.turns:
             return 0.0

@@ -91,7 +91,7 @@ def withhold_masses(
     return build_frame("masses", totals.with_columns(columns).to_dict())
 
 
-def pooled_over_log(
+def fit_pooled_over_log(
     axis: Axis,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
@@ -128,7 +128,7 @@ def total_estimates(
         method = METHODS[name]
         match method.summary:
             case LogSummary.POOL:
-                theta[row], std[row] = pooled_over_log(
+                theta[row], std[row] = fit_pooled_over_log(
                     axis, excitation, gated, settings, noise, method
                 )
             case LogSummary.LAST:

@@ -79,8 +79,8 @@ def find_digging_starts(excitation: pl.DataFrame, machine: Machine) -> pl.DataFr
     Returns:
         `digging`: a row per digging start.
     """
-    met = _pile_contacts(excitation, machine) if machine.machine.digs else []
-    found = [each.row for each in find_pile_contacts(met)]
+    met = _find_resistance_changes(excitation, machine) if machine.machine.digs else []
+    found = [each.row for each in select_pile_contacts(met)]
     names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
     columns = zip(*found, strict=True) if found else ([],) * len(names)
     return build_frame(
@@ -104,7 +104,7 @@ class _PileContact:
     stops: bool
 
 
-def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileContact]:
+def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list[_PileContact]:
     """Starts whose resistance significantly changes by the size of a pile's, in order of time."""
     A, force = regressor(X, excitation, machine.settings)
     acceleration, speed = A[:, 0], A[:, 1]
@@ -147,7 +147,7 @@ def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileCont
             least_N = max(_GROWS * largest_N, SURELY * std_N)
             if least_N < abs(grown_N) < _GROWS_MOST * largest_N:
                 row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
-                stops = first_row_after_each(ends[way], int(rows[-1])) <= first_row_after_each(
+                stops = first_row_after(ends[way], int(rows[-1])) <= first_row_after(
                     goes_on, int(rows[-1])
                 )
                 stops &= float(np.abs(speed[rows]).max()) <= _FASTEST_M_S
@@ -155,8 +155,8 @@ def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileCont
     return found
 
 
-def find_pile_contacts(contacts: list[_PileContact]) -> list[_PileContact]:
-    """Starts driven into a pile; none if resistance also varies without piles in this log."""
+def select_pile_contacts(contacts: list[_PileContact]) -> list[_PileContact]:
+    """Select starts driven into a pile; none if resistance also varies without piles."""
     grows = [each for each in contacts if each.row[2] > 0.0]
     # the bucket is where most of them go: a log may have its signs turned round
     bucket = 1 if 2 * sum(each.way > 0 for each in grows) >= len(grows) else -1
@@ -167,9 +167,9 @@ def find_pile_contacts(contacts: list[_PileContact]) -> list[_PileContact]:
     return piles if against < _CONTRADICTS * len(piles) else []
 
 
-def first_row_after_each(rows: Ints, after: int) -> float:
-    """First of the rows after `after`; infinite if there is none."""
-    place = int(np.searchsorted(rows, after, "right"))
+def first_row_after(rows: Ints, row: int) -> float:
+    """First of the rows after `row`; infinite if there is none."""
+    place = int(np.searchsorted(rows, row, "right"))
     return float(rows[place]) if place < rows.size else np.inf
 
 

@@ -239,11 +239,11 @@ def reading_step(x: Floats, chosen_rows: Bools) -> float | None:
     return quantisation_step(x[chosen_rows], int(chosen_rows.sum())) if step is None else step
 
 
-def quantisation_step(taken: Floats, total_readings: int) -> float | None:
+def quantisation_step(readings: Floats, total_readings: int) -> float | None:
     """Step that frequently repeated readings are multiples of."""
-    every = max(taken.size // _LOOKED_AT, 1)
-    taken, total_readings = taken[::every], total_readings // every
-    reading, times = np.unique(taken, return_counts=True)
+    every = max(readings.size // _LOOKED_AT, 1)
+    readings, total_readings = readings[::every], total_readings // every
+    reading, times = np.unique(readings, return_counts=True)
     often = times >= _OFTEN
     if often.sum() < 2 or times[often].sum() < _MANY * total_readings:
         return None

@@ -68,8 +68,8 @@ def derive(
             t, x = series[channel.derivative_of]
             longest_ns = filters.longest_step_ns(t, settings.align)
             t, x = filters.differentiate(t, x, longest_ns, causal=settings.filter.causal)
-        elif channel.mean_of:
-            first, second = channel.mean_of
+        elif channel.averaged_channels:
+            first, second = channel.averaged_channels
             t, x = mean_of_channels(series[first], series[second], settings.align)
         elif channel.expression is not None:
             t, x = _evaluate_arithmetic(name, series, machine, notes)

@@ -34,7 +34,7 @@ class BagTail(GrowingBlockFile):
     def _take_next_record(self) -> list[RawBatch] | None:
         file = self._file
         if self._at == 0:
-            return self._begin()
+            return self._check_first_line()
         if 0 < self._index_position() <= self._at:
             self.is_finished = True
             return []
@@ -55,7 +55,7 @@ class BagTail(GrowingBlockFile):
         self._at = record.end
         return []
 
-    def _begin(self) -> list[RawBatch] | None:
+    def _check_first_line(self) -> list[RawBatch] | None:
         """Check the first line of the file, as soon as it is complete."""
         head = self._file.read(0, len(_HEAD))
         if not _HEAD.startswith(head):

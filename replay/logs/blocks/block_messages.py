@@ -245,9 +245,9 @@ class BlockStore:
             self._note_times_outside_index(block, held)
 
     def _note_wrong_counts(
-        self, block: Block, found: list[int], said: list[int], topics: list[str]
+        self, block: Block, decoded: list[int], indexed: list[int], topics: list[str]
     ) -> None:
-        for held, counted, topic in zip(found, said, topics, strict=True):
+        for held, counted, topic in zip(decoded, indexed, topics, strict=True):
             if held != counted:
                 self.damage.note(
                     f"the chunk at byte {block.record_offset} holds {held:,} whole messages "

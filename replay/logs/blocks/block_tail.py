@@ -78,7 +78,7 @@ class GrowingBlockFile(ABC):
         """See `Tail.end`."""
         if self._is_torn:
             rest = self._file.size - self._at
-            what = f"it was cut in a record or chunk: its last {rest:,} bytes are not followed"
+            what = f"it ends inside a record or chunk: its last {rest:,} bytes are not read"
             self._losses.note(self._file.path, what)
 
     def close(self) -> None:

@@ -77,6 +77,7 @@ class SlabIndex:
         return first, self._count, unread
 
     def _scan(self, begin: int, end: int) -> tuple[int, int]:
+        """Index the records in a range of bytes; returns their number and the bytes not read."""
         row, unread, at = self._count, end - begin, begin
         while 0 <= at < end:
             count, stop = self._grammar.scan(self._data, at, end, self._rows, row)

@@ -38,7 +38,7 @@ class TopicStream:
         self._last: dict[int, int] = {}
 
     def take(self, batch: RawBatch, submit: Submit) -> None:
-        """Take the next messages; their memory may be reused after `settle`."""
+        """Take the next messages; their memory may be reused after `finish_decoding`."""
         self._note_decreasing_times(batch)
         for part in batch.split_to_batches():
             if part.rows < _FEW_ROWS:
@@ -51,7 +51,7 @@ class TopicStream:
             if part.rows >= _FEW_ROWS:
                 self._begin_batch(part, submit)
 
-    def settle(self) -> None:
+    def finish_decoding(self) -> None:
         """Finish decoding the messages taken so far."""
         for finish in self._begun:
             decoded = finish()
@@ -63,14 +63,14 @@ class TopicStream:
         self._begun.clear()
 
     def drain(self, floor_ns: int) -> pl.DataFrame:
-        """Remove and return the decoded rows whose order is final; call `settle` before.
+        """Remove and return the decoded rows whose order is final; call `finish_decoding` before.
 
         Args:
             floor_ns: lower bound of the log times of later messages.
         """
         if not self.tally.rows:  # whoever wants the first rows does not wait for a batch of them
             self._begin_few(submit_at_once)
-            self.settle()
+            self.finish_decoding()
         waiting = [int(batch.log_times.min()) for batch in self._few]
         frame = joined_frames(self._frames)
         if not frame.height:
@@ -86,7 +86,7 @@ class TopicStream:
     def finish(self) -> pl.DataFrame:
         """Return all remaining rows."""
         self._begin_few(submit_at_once)
-        self.settle()
+        self.finish_decoding()
         frame = joined_frames(self._frames)
         self._frames.clear()
         return frame
@@ -122,7 +122,7 @@ def feed_streams(groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicSt
             for batch in group:
                 streams[batch.connection_id].take(batch, lambda work: pool.submit(work).result)
             for stream in dict.fromkeys(streams[batch.connection_id] for batch in group):
-                stream.settle()
+                stream.finish_decoding()
 
 
 def feed_and_drain_streams(
@@ -140,7 +140,7 @@ def feed_and_drain_streams(
             for batch in batches:
                 streams[batch.connection_id].take(batch, lambda work: pool.submit(work).result)
             for stream in distinct:
-                stream.settle()
+                stream.finish_decoding()
             for stream in distinct:
                 ready = stream.drain(floor_ns)
                 if ready.height:

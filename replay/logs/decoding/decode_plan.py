@@ -82,11 +82,11 @@ class BatchPass:
         rows = int(np.count_nonzero(sizes >= program.least_bytes))
         self._program, self._direct, self._swap = program, direct, swap
         self._messages = EncodedMessages(data, begins, sizes)
-        self._gathered = reserve_rows(direct.gathering, rows)
+        self._gathered = reserve_rows(direct.gather_plan, rows)
         self._outcome = WalkOutcome(np.empty(begins.size, np.int8), np.empty(begins.size, np.int64))
         self._room = room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
         room[0] = rows
-        self._noted = _room_for_marks(program, room)
+        self._notes = _room_for_marks(program, room)
 
     def execute(self) -> None:
         """Walk and gather; repeat if there was too little memory for the marks."""
@@ -94,23 +94,23 @@ class BatchPass:
         while True:
             walk_and_gather(
                 self._messages, Encoding(wire.cdr, self._swap, wire.length_alignment),
-                program.steps, self._noted, make_empty_template(program.nodes),
-                self._direct.gathering, self._gathered, self._outcome,
+                program.steps, self._notes, make_empty_template(program.nodes),
+                self._direct.gather_plan, self._gathered, self._outcome,
             )  # fmt: skip
-            filled = self._noted.filled
+            filled = self._notes.filled
             if (filled <= self._room).all():
                 return
             self._room = filled
-            self._noted = _room_for_marks(program, filled)
+            self._notes = _room_for_marks(program, filled)
             self._gathered.long_bytes[:] = 0
 
     def finish_batch(self) -> WalkedBatch:
         """Finish the batch and return what was found."""
-        table, marks, filled, *_ = self._noted
-        noted = tuple(marks[base : base + filled[node]] for node, base, _ in table)
+        table, marks, filled, *_ = self._notes
+        mark_values = tuple(marks[base : base + filled[node]] for node, base, _ in table)
         root, rows = self._program.root, int(filled[0])
         columns = Columns(
-            self._messages.data, self._swap, root, noted, rows, self._direct, self._gathered
+            self._messages.data, self._swap, root, mark_values, rows, self._direct, self._gathered
         )
         whole = self._outcome.faults == 0
         if whole.all():
@@ -159,7 +159,7 @@ class DecodePlan:
         for field in (*self._fields, *filter(None, [self._stamp])):
             _mark_wanted(wanted, field)
         self._ros1 = ros1
-        self._asked = self._fields if self._stamp is None else (self._stamp, *self._fields)
+        self._read_fields = self._fields if self._stamp is None else (self._stamp, *self._fields)
         self._names = [*OWN_COLUMNS, *(field.name for field in self._fields)]
         #: by the two bytes of the encapsulation, most significant first; ROS 1 has none
         self._wires: dict[int, Wire] = {0: ROS1} if ros1 else ENCAPSULATIONS
@@ -172,9 +172,9 @@ class DecodePlan:
         """Program for an encoding, compiled when a message first uses it."""
         if wire not in self._programs:
             program = compile_program(self._record, self._wanted, wire)
-            direct = direct_fields(program.root, self._asked)
+            direct = direct_fields(program.root, self._read_fields)
             place_of = {steps: place for place, steps in enumerate(direct.steps)}
-            places = tuple(place_of.get(field.steps) for field in self._asked)
+            places = tuple(place_of.get(field.steps) for field in self._read_fields)
             self._programs[wire] = program, direct, places
         return self._programs[wire]
 
@@ -255,10 +255,10 @@ class DecodePlan:
         columns, whole = walked.columns, walked.whole
         faulty = np.flatnonzero(~whole)
         log_times = log_times[whole] if faulty.size else log_times
-        gathered = list(columns.gathered_on_the_way())
+        gathered = list(columns.fields_gathered_in_pass())
         arrays: list[Any] = [
             columns.make_column(field) if place is None else gathered[place]
-            for field, place in zip(self._asked, places, strict=True)
+            for field, place in zip(self._read_fields, places, strict=True)
         ]
         if self._stamp is None:
             arrays.insert(0, pa.nulls(log_times.size, pa.int64()))

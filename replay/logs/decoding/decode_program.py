@@ -133,11 +133,11 @@ class _Compiler:
             self._append_step(Op.TEXT)
             return None if wanted is None else TextField(self._reserve_marks(2))
         if fixed_size(kind, self.wire) is not None:
-            return self._place_in_span(kind, wanted)
+            return self._allocate_in_span(kind, wanted)
         assert isinstance(kind, ListOf), "a value that is neither list nor string has a fixed size"
         return self._compile_list(kind, wanted)
 
-    def _place_in_span(self, kind: FieldType, wanted: Wanted | None) -> InSpan | None:
+    def _allocate_in_span(self, kind: FieldType, wanted: Wanted | None) -> InSpan | None:
         """Place a number or fixed-size array in the open span, or else in a new one."""
         value = None if self.span is None else place_in_span(self.span, kind, self.wire)
         if value is None:
@@ -157,7 +157,7 @@ class _Compiler:
             # rosbags pads before it; and lists of what takes no bytes would be walked without bound
             raise NoPlanError("no plan for an array of length 0 whose elements vary in size")
         if is_preceded_by_byte_size(kind, self.wire):
-            self._place_in_span(Scalar("uint32"), None)
+            self._allocate_in_span(Scalar("uint32"), None)
         least = smallest_size(kind.element, self.wire)
         length = -1 if kind.length is None else kind.length
         fixed = fixed_size(kind.element, self.wire)
@@ -166,7 +166,7 @@ class _Compiler:
         # arrays of a fixed size lie in spans
         assert kind.length is None
         if not least:
-            return self._place_in_span(Scalar("uint32"), None)
+            return self._allocate_in_span(Scalar("uint32"), None)
         one, value = fixed
         stride = mean_stride(one)
         self._append_step(Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride)

@@ -22,7 +22,7 @@ from replay.logs.messages.message_fields import ALL, Field, PathStep
 Steps: TypeAlias = tuple[PathStep, ...]
 
 
-class Gathering(NamedTuple):
+class GatherPlan(NamedTuple):
     """Plan of the values that a compiled pass gathers in addition to the marks.
 
     `value_*`: single values, by the mark of their span, their distance from it, and their type
@@ -42,9 +42,9 @@ class Gathering(NamedTuple):
 class DirectFields:
     """Fields of a type that the pass gathers."""
 
-    gathering: Gathering
+    gather_plan: GatherPlan
     #: single values and their kinds, arrays with kind and length, strings: each in the order of
-    #: the gathering
+    #: the gather plan
     values: tuple[tuple[Steps, str], ...]
     arrays: tuple[tuple[Steps, str, int], ...]
     texts: tuple[Steps, ...]
@@ -88,8 +88,8 @@ def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
         np.array(rows, np.int64).reshape(-1, width).T.copy()
         for rows, width in zip(numbers, (3, 3, 1), strict=True)
     ]
-    gathering = Gathering(*columns[0], *columns[1], *columns[2])
-    return DirectFields(gathering, tuple(values), tuple(arrays), tuple(texts))
+    gather_plan = GatherPlan(*columns[0], *columns[1], *columns[2])
+    return DirectFields(gather_plan, tuple(values), tuple(arrays), tuple(texts))
 
 
 def _find_fixed_place(root: NestedMessage, steps: Steps) -> _FixedField | None:

@@ -36,9 +36,9 @@ from replay.logs.decoding.field_places import (
 from replay.logs.decoding.gather_values import (
     DTYPES,
     concatenate,
-    find_name,
     gather_string_views,
     gather_values,
+    index_of_name,
     numbers_from_bytes,
 )
 from replay.logs.decoding.one_pass import GatheredRows
@@ -75,34 +75,36 @@ class Columns:
     data: NDArray[np.uint8]
     swap: bool
     root: NestedMessage
-    #: by mark: what was noted for each element of its node
-    noted: tuple[Ints, ...]
+    #: by mark: position or length noted for each element of its node
+    mark_values: tuple[Ints, ...]
     #: whole messages
     rows: int
     direct: DirectFields
-    gathered: GatheredRows
+    gathered_rows: GatheredRows
     _found: dict[tuple[int, str], Ints] = field(default_factory=dict[tuple[int, str], Ints])
 
-    def gathered_on_the_way(self) -> Iterator[Array]:
+    def fields_gathered_in_pass(self) -> Iterator[Array]:
         """Fields gathered during the pass, in the order of `DirectFields.steps`."""
-        direct, gathered = self.direct, self.gathered
-        rows, room = self.rows, gathered.values.shape[1]
-        for (_, kind), bits in zip(direct.values, gathered.values, strict=True):
+        direct, gathered_rows = self.direct, self.gathered_rows
+        rows, room = self.rows, gathered_rows.values.shape[1]
+        for (_, kind), bits in zip(direct.values, gathered_rows.values, strict=True):
             yield array_of_values(bits[:rows], kind)
         above = 0
-        sizes = direct.gathering.array_bytes.tolist()
+        sizes = direct.gather_plan.array_bytes.tolist()
         for (_, kind, length), size in zip(direct.arrays, sizes, strict=True):
-            stored = gathered.arrays[above : above + rows * size]
+            stored = gathered_rows.arrays[above : above + rows * size]
             elements = array_of_elements(numbers_from_bytes(stored, kind, swap=self.swap), kind)
             yield array_of_lists(np.full(rows, length), elements)
             above += room * size
-        for k, mark in enumerate(direct.gathering.text_marks.tolist()):
-            if gathered.long_bytes[k]:
+        for k, mark in enumerate(direct.gather_plan.text_marks.tolist()):
+            if gathered_rows.long_bytes[k]:
                 yield array_of_strings(
-                    *gather_string_views(self.data, self.noted[mark], self.noted[mark + 1])
+                    *gather_string_views(
+                        self.data, self.mark_values[mark], self.mark_values[mark + 1]
+                    )
                 )
             else:
-                yield array_of_strings(gathered.views[k, :rows], _NO_TEXT)
+                yield array_of_strings(gathered_rows.views[k, :rows], _NO_TEXT)
 
     def make_column(self, wanted: Field) -> Array:
         """Values of a field, one for every complete message."""
@@ -143,9 +145,9 @@ class Columns:
     def _select_marks(self, mark: int, chosen: Ints | None, absent: int = -1) -> Ints:
         """Marks of selected elements; `absent` for those that do not exist."""
         if chosen is None:
-            return self.noted[mark]
+            return self.mark_values[mark]
         # one more, which is what -1 picks
-        return np.append(self.noted[mark], absent)[chosen]
+        return np.append(self.mark_values[mark], absent)[chosen]
 
     def _count_elements(self, place: _Place) -> Ints:
         """Number of elements of each list; -1 for a missing list."""
@@ -179,7 +181,7 @@ class Columns:
             at = np.where(element_index < 0, -1, starts + element_index * place.located.stride)
             return _Positions(place.located.element, at)
         assert isinstance(place.located, WalkedList)
-        counts = self.noted[place.located.mark]
+        counts = self.mark_values[place.located.mark]
         begins = np.cumsum(counts) - counts
         if place.chosen is not None:
             begins = np.append(begins, -1)[place.chosen]
@@ -213,11 +215,11 @@ class Columns:
         assert isinstance(names.element, TextField)
         if (names.mark, name) not in self._found:
             text = names.element.mark
-            self._found[names.mark, name] = find_name(
+            self._found[names.mark, name] = index_of_name(
                 self.data,
-                self.noted[text],
-                self.noted[text + 1],
-                self.noted[names.mark],
+                self.mark_values[text],
+                self.mark_values[text + 1],
+                self.mark_values[names.mark],
                 name,
             )
         found = self._found[names.mark, name]

@@ -51,7 +51,7 @@ class TextField:
 
 @dataclass(frozen=True, slots=True)
 class StridedList:
-    """A sequence of fixed-size elements: `mark` is its position, `mark + 1` its length."""
+    """Fixed-size elements in sequence; position noted as `mark`, length as `mark + 1`."""
 
     mark: int
     stride: int

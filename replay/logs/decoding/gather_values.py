@@ -187,7 +187,7 @@ def _find_name_in_messages(
         first += counts[row]
 
 
-def find_name(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Ints:
+def index_of_name(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Ints:
     """Index of the first occurrence of a name in each list of strings; -1 if absent.
 
     Args:

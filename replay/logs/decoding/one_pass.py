@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from estimators.arrays import Bytes, Ints
 from estimators.interpreted import uncounted
-from replay.logs.decoding.direct_fields import Gathering
+from replay.logs.decoding.direct_fields import GatherPlan
 from replay.logs.decoding.gather_values import copy_equal, load_column_values, make_string_view
 from replay.logs.decoding.walk_program import (
     EncodedMessages,
@@ -42,13 +42,13 @@ class GatheredRows(NamedTuple):
     nowhere: Bytes
 
 
-def reserve_rows(gathering: Gathering, rows: int) -> GatheredRows:
+def reserve_rows(gather_plan: GatherPlan, rows: int) -> GatheredRows:
     """Allocate memory for the rows."""
-    texts = gathering.text_marks.size
+    texts = gather_plan.text_marks.size
     views = np.empty((texts, rows, 4), np.uint32)
     return GatheredRows(
-        np.empty((gathering.value_marks.size, rows), np.int64),
-        np.empty(int(gathering.array_bytes.sum()) * rows, np.uint8),
+        np.empty((gather_plan.value_marks.size, rows), np.int64),
+        np.empty(int(gather_plan.array_bytes.sum()) * rows, np.uint8),
         views,
         np.zeros(texts, np.int64),
         views.view(np.uint8),
@@ -61,10 +61,10 @@ def walk_and_gather(
     messages: EncodedMessages,
     encoding: Encoding,
     steps: Ints,
-    noted: WalkNotes,
+    walk_notes: WalkNotes,
     template: LayoutTemplate,
-    gathering: Gathering,
-    gathered: GatheredRows,
+    gather_plan: GatherPlan,
+    gathered_rows: GatheredRows,
     outcome: WalkOutcome,
 ) -> None:
     """Walk and gather messages.
@@ -73,36 +73,38 @@ def walk_and_gather(
         messages: all messages.
         encoding: their encoding.
         steps: the program.
-        noted: receives the marks.
+        walk_notes: receives the marks.
         template: memory for a template, initially empty.
-        gathering: plan of the gathered values.
-        gathered: receives the values.
+        gather_plan: plan of the gathered values.
+        gathered_rows: receives the values.
         outcome: output: outcome of each message.
     """
-    filled = noted.filled
+    filled = walk_notes.filled
     count = messages.begins.size
     for first in range(0, count, _ROWS_AT_ONCE):
         row = filled[0]
         end = min(first + _ROWS_AT_ONCE, count)
-        walk_messages(messages, first, end, encoding, steps, noted, template, outcome)
-        _gather(messages.data, noted, gathering, gathered, encoding.swap, row, filled[0])
+        walk_messages(messages, first, end, encoding, steps, walk_notes, template, outcome)
+        _gather_columns(
+            messages.data, walk_notes, gather_plan, gathered_rows, encoding.swap, row, filled[0]
+        )
 
 
 @uncounted
-def _gather(
+def _gather_columns(
     data: Bytes,
-    noted: WalkNotes,
-    gathering: Gathering,
-    gathered: GatheredRows,
+    walk_notes: WalkNotes,
+    gather_plan: GatherPlan,
+    gathered_rows: GatheredRows,
     swap: bool,
     first: int,
     end: int,
 ) -> None:
     """Gather values, arrays and strings of walked messages."""
-    table, marks, _, _, _ = noted
-    value_marks, value_offsets, value_loads = gathering[:3]
-    array_marks, array_offsets, array_bytes, text_marks = gathering[3:]
-    values, arrays, views, long_bytes, characters, nowhere = gathered
+    table, marks, _, _, _ = walk_notes
+    value_marks, value_offsets, value_loads = gather_plan[:3]
+    array_marks, array_offsets, array_bytes, text_marks = gather_plan[3:]
+    values, arrays, views, long_bytes, characters, nowhere = gathered_rows
     for k in range(value_marks.size):
         base = table[value_marks[k], 1]
         positions = marks[base + first : base + end]

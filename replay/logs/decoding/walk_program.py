@@ -131,7 +131,7 @@ def walk_messages(
     end: int,
     encoding: Encoding,
     steps: Ints,
-    noted: WalkNotes,
+    walk_notes: WalkNotes,
     template: LayoutTemplate,
     outcome: WalkOutcome,
 ) -> None:
@@ -143,13 +143,13 @@ def walk_messages(
         end: end of the messages to walk.
         encoding: their encoding.
         steps: the program.
-        noted: receives the marks.
+        walk_notes: receives the marks.
         template: in: layout of the previous message, if any; out: of the last one.
         outcome: output: outcome of each message.
     """
     data, begins, sizes = messages
     faults, places = outcome
-    table, marks, filled, kept, left = noted
+    table, marks, filled, kept, left = walk_notes
     checks, notes, elements, state = template
     check_count, note_count, other, other_size, other_end, walked = state
     for message in range(first, end):

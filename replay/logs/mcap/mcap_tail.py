@@ -44,7 +44,7 @@ class McapTail(GrowingBlockFile):
     def _take_next_record(self) -> list[RawBatch] | None:
         file = self._file
         if self._at == 0:
-            return self._begin()
+            return self._check_magic()
         head = file.read(self._at, RECORD_HEAD.size)
         if len(head) < RECORD_HEAD.size:
             return None
@@ -60,8 +60,8 @@ class McapTail(GrowingBlockFile):
         self._at += RECORD_HEAD.size + length
         return [] if block is None else self._take_block(block)
 
-    def _begin(self) -> list[RawBatch] | None:
-        """Check the magic of the file, as soon as it is complete."""
+    def _check_magic(self) -> list[RawBatch] | None:
+        """Check the magic of the file; None while it is incomplete."""
         head = self._file.read(0, len(MAGIC))
         if not MAGIC.startswith(head):
             raise LogError(

@@ -90,7 +90,7 @@ def page_layout(file: FileBytes, database: sqlite3.Connection) -> PageLayout | N
 
 
 def _is_unfinished(path: Path) -> bool:
-    """Whether the file misses writes, or contains uncommitted ones."""
+    """Whether writes to the file are missing or uncommitted."""
     beside = (path.with_name(path.name + suffix) for suffix in ("-wal", "-journal"))
     return any(each.exists() and each.stat().st_size > 0 for each in beside)
 

@@ -246,7 +246,7 @@ def scan_leaves(
                 rows[ID, found] = row_id
                 found += 1
             elif what == NO_MESSAGE:
-                _count_odd_cells(state, row_id)
+                _count_row_without_message(state, row_id)
             if what == DAMAGED:
                 _open_gap(gaps, state)
             else:
@@ -273,7 +273,7 @@ def _contains_key(keys: NDArray[np.int64], key: int) -> bool:
 
 
 @uncounted
-def _count_odd_cells(state: NDArray[np.int64], row_id: int) -> None:
+def _count_row_without_message(state: NDArray[np.int64], row_id: int) -> None:
     """Count a row that holds no message."""
     if state[ODD] == 0:
         state[FIRST_ODD] = row_id

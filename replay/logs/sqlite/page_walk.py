@@ -169,7 +169,7 @@ class PageWalk:
 
 
 def _describe_lost_rows(before: int, until: int) -> str:
-    """Clause on the rows between two ids, as far as these show."""
+    """Clause on the rows lost between two ids, as far as the ids show it."""
     if until == MOST_ID:
         return "all rows are" if before == LEAST_ID else f"rows from {before + 1} on are"
     if before == LEAST_ID:

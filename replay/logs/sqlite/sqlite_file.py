@@ -59,7 +59,7 @@ class Db3File:
                 self._damage.note(tear)
             journal = path.with_name(f"{path.name}-wal")
             unfinished = journal.exists() and journal.stat().st_size > 0
-            if unfinished and (unclosed := unclosed_bytes(journal)):
+            if unfinished and (unclosed := uncommitted_bytes(journal)):
                 self._damage.note(
                     f"the recorder did not finish it: the last {unclosed:,} bytes of "
                     f"{journal.name} are messages that it never committed, and are not read"
@@ -246,7 +246,7 @@ def _decode(text: bytes) -> str:
     return text.decode(errors="replace")
 
 
-def unclosed_bytes(path: Path) -> int:
+def uncommitted_bytes(path: Path) -> int:
     """Bytes of a `-wal` file in a transaction that was never committed.
 
     SQLite silently ignores them, although they are messages of a crashed recorder. Frames with

@@ -9,14 +9,14 @@ import numpy as np
 import polars as pl
 
 from estimators.arrays import Floats
-from replay.logs.tables.dates import clock_times, is_clock, is_date
+from replay.logs.tables.dates import is_clock, is_date, stamps_of_clock_times
 from replay.logs.tables.header import (
     ColumnName,
     name_before_dash,
     name_by_last_part,
     split_unit,
     states_multiple,
-    zone_s,
+    zone_offset_s,
 )
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.only_time import find_only_time_column
@@ -157,13 +157,19 @@ class TableTimes:
         assert self.time is not None
         text = cells[self.time]
         if self.date is not None:
-            zone = zone_s(self.date) if zone_s(self.time) is None else zone_s(self.time)
-            return RowTimes(*clock_times(cells[self.date], text, self.day_first, zone))
+            zone = (
+                zone_offset_s(self.date)
+                if zone_offset_s(self.time) is None
+                else zone_offset_s(self.time)
+            )
+            return RowTimes(*stamps_of_clock_times(cells[self.date], text, self.day_first, zone))
         if text.dtype == pl.String:
             sample = text.head(1000).drop_nulls().str.strip_chars()
             words = sample.filter(sample != "").head(50).to_list()
             if words and sum(map(is_clock, words)) * 2 > len(words):
-                return RowTimes(*clock_times(None, text, self.day_first, zone_s(self.time)))
+                return RowTimes(
+                    *stamps_of_clock_times(None, text, self.day_first, zone_offset_s(self.time))
+                )
             if words and sum(is_date(word) for word in words) * 2 > len(words):
                 raise TimeError("it holds dates without a time of day; name a column with times")
         if self.unit in ("min", "h"):
@@ -343,7 +349,7 @@ def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     if epoch := find_epoch(float(x[0]), float(x[-1]), step, _STEPS_S):
         integers = stripped.cast(pl.Int64, strict=False)
         exact = not stripped.dtype.is_float() and integers.count() == numbers.count()
-        return epoch.since_1970_ns(integers if exact else numbers), (f"its times are {epoch.name}",)
+        return epoch.to_unix_ns(integers if exact else numbers), (f"its times are {epoch.name}",)
     if _is_clock(finite, step):
         hours, rest = numbers // 10_000, numbers % 10_000
         seconds = hours * 3600 + (rest // 100) * 60 + rest % 100
@@ -375,7 +381,7 @@ def _guess_unit(x: Floats, step: float, span: float) -> str:
     said = " or ".join(possible) if possible else "s, ms, us or ns"
     raise TimeError(
         f"its steps of {step:g} may be {said}: set [log] time_unit, or, where it counts rows, "
-        "[log] rate_hz = the rows in a second,"
+        "[log] rate_hz = rows per second,"
     )
 
 

@@ -87,8 +87,8 @@ def is_numeric(kinds: Sequence[str], *, empty: bool = False) -> bool:
     return sum(each in NUMERIC for each in present) >= _MOSTLY * len(present)
 
 
-def is_signed(cell: str, decimal: str) -> tuple[bool, bool]:
-    """Whether a number has the decimal sign, and whether that may be a thousands separator."""
+def classify_decimal_sign(cell: str, decimal: str) -> tuple[bool, bool]:
+    """Whether a cell is a number with the decimal sign, and whether that may group thousands."""
     signed = decimal in cell and _NUMBERS[decimal].fullmatch(cell) is not None
     return signed, signed and _THOUSANDS[decimal].fullmatch(cell) is not None
 
@@ -124,7 +124,7 @@ def write_decimal_points(
     cell = cell.str.replace(r"^([+-])\s+", "${1}")
     if unit is not None:
         cell = pl.when(cell.str.ends_with(unit)).then(cell.str.strip_suffix(unit)).otherwise(cell)
-    form = grouped_number(decimal) if is_grouped else _certain_group_pattern(decimal)
+    form = grouped_number_pattern(decimal) if is_grouped else _certain_group_pattern(decimal)
     has_groups = cell.str.contains(f"^(?:{form})$")
     cell = (
         pl.when(has_groups).then(cell.str.replace_all(f"[{_GROUPS[decimal]}]", "")).otherwise(cell)
@@ -135,7 +135,7 @@ def write_decimal_points(
     return column.to_frame().select(cell.alias(column.name)).to_series()
 
 
-def grouped_number(decimal: str) -> str:
+def grouped_number_pattern(decimal: str) -> str:
     """Pattern of a number with thousands separators."""
     groups = rf"\d{{1,3}}(?:[{_GROUPS[decimal]}]\d{{3}})+|{_LAKHS[decimal]}"
     return rf"[+-]?(?:{groups})(?:[{decimal}]\d*)?"
@@ -152,5 +152,5 @@ def _certain_group_pattern(decimal: str) -> str:
     )
 
 
-_GROUPED: Final = {sign: re.compile(grouped_number(sign)) for sign in ".,"}
+_GROUPED: Final = {sign: re.compile(grouped_number_pattern(sign)) for sign in ".,"}
 _SURELY: Final = {sign: re.compile(_certain_group_pattern(sign)) for sign in ".,"}

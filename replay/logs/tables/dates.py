@@ -93,11 +93,11 @@ def date_pattern(text: str) -> str | None:
     return None
 
 
-def clock_times(
+def stamps_of_clock_times(
     dates: pl.Series | None,
     times: pl.Series,
     day_first: bool | None,
-    zone_s: int | None = None,
+    zone_offset_s: int | None = None,
 ) -> tuple[pl.Series, tuple[str, ...]]:
     """Log times from dates and times of day.
 
@@ -105,7 +105,7 @@ def clock_times(
         dates: (rows,) dates; None if the times include them, or there are none.
         times: (rows,) times of day, with or without dates.
         day_first: whether the day is before the month, if given.
-        zone_s: offset in s of a time zone in the column's name, for cells without a zone.
+        zone_offset_s: offset in s of a time zone in the column's name, for cells without a zone.
 
     Returns:
         Stamps in ns, null if invalid; and notes.
@@ -127,8 +127,8 @@ def clock_times(
     notes: list[str] = []
     day = _count_days_since_1970(part, day_first, notes)
     stamps = day * DAY_NS + _clock_ns(part)
-    if part.get_column("zone").drop_nulls().is_empty() and zone_s is not None:
-        stamps = stamps - zone_s * 10**9
+    if part.get_column("zone").drop_nulls().is_empty() and zone_offset_s is not None:
+        stamps = stamps - zone_offset_s * 10**9
     elif part.get_column("zone").drop_nulls().is_empty():
         notes.append("the times name no zone: they are taken as UTC")
     return stamps.alias("log_time_ns"), tuple(notes)
@@ -194,7 +194,7 @@ def _count_days_since_1970(
     if odd.len():
         raise TimeError(
             f"'{odd[0]}' is not a plausible year of the Gregorian calendar; set [log] rate_hz = "
-            "the rows in a second,"
+            "rows per second,"
         )
     written = pl.concat_str("y", pl.lit("-"), "m", pl.lit("-"), "d")
     day = written.str.to_date("%Y-%m-%d", strict=False)
@@ -273,7 +273,7 @@ def _parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[s
     back = frame.select(step).to_series()
     twelve = ((back < -_TWELVE_NS[0]) & (back > -_TWELVE_NS[1])).any()
     if twelve and not has_halves:
-        raise TimeError("it jumps back by twelve hours, as of a clock without AM and PM")
+        raise TimeError("it jumps back by twelve hours, as a 12-hour clock without AM and PM does")
     days = frame.select((step < -_HALF_DAY_NS).fill_null(value=False).cum_sum()).to_series()
     note = "its times have no date: they are counted from midnight"
     return (stamps + days.cast(pl.Int64) * DAY_NS).alias("log_time_ns"), (note,)

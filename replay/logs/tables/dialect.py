@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
 
-from replay.logs.tables.cells import classify_cell, common_unit, is_numeric, is_signed
+from replay.logs.tables.cells import classify_cell, classify_decimal_sign, common_unit, is_numeric
 from replay.logs.tables.dates import is_clock, is_date
 from replay.logs.tables.header import ColumnName, column_names, refuse_two_units
 from replay.logs.tables.header_rows import (
@@ -217,7 +217,7 @@ def _try_separators(
     fitting = [row for row in later if len(row.cells) == width] or later
     columns = [[row.cells[k] for row in fitting if k < len(row.cells)] for k in range(width)]
     kinds = [[classify_cell(cell, decimal) for cell in column] for column in columns]
-    signed = [is_signed(cell, decimal) for column in columns for cell in column]
+    signed = [classify_decimal_sign(cell, decimal) for column in columns for cell in column]
     # a sign before three digits separates thousands where others show that it is not the decimal
     grouped = any("grouped" in each for each in kinds) or any(x and not y for x, y in signed)
     known = "grouped" if grouped else "odd"
@@ -257,7 +257,7 @@ def _try_separators(
         return None
     some = rows[first : first + _ROWS]
     cells = [row.cells[k] for row in some for k in numeric if k < len(row.cells)]
-    with_sign = [is_signed(cell, decimal) for cell in cells]
+    with_sign = [classify_decimal_sign(cell, decimal) for cell in cells]
     return _DialectTrial(
         separator,
         decimal,

@@ -5,7 +5,7 @@ from typing import Final
 
 import polars as pl
 
-from replay.logs.tables.dates import clock_times, is_clock
+from replay.logs.tables.dates import is_clock, stamps_of_clock_times
 from replay.logs.tables.header import ColumnName
 from replay.logs.tables.times import NS_PER_UNIT, TimeError, times_in_ns
 
@@ -93,7 +93,7 @@ def _rising_span_of_column_s(column: ColumnName, cells: list[str]) -> float | No
     text = pl.Series(column.name, cells, dtype=pl.String)
     try:
         if _is_clock_column(cells):
-            return _rising_span_s(clock_times(None, text, None)[0])
+            return _rising_span_s(stamps_of_clock_times(None, text, None)[0])
         return _rising_span_s(times_in_ns(text, column.unit or "s")) if _is_rising(cells) else None
     except TimeError:
         return None

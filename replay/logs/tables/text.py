@@ -75,7 +75,7 @@ def convert_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
             f"no encoding '{found}'; [log] encoding is utf-8, utf-16 or latin-1"
         ) from None
     notes = () if encoding or name.startswith("utf-8") else (f"its text is read as {found}",)
-    if _ends_in_returns(path):
+    if _has_cr_line_ends(path):
         notes = (*notes, "its lines end in a carriage return alone")
         return _copy_lines_to_file(path, _iter_lines(path, found, any_end=True), notes)
     if name in ("utf-8", "ascii", "utf-8-sig"):
@@ -111,7 +111,8 @@ def _unpack_gzip(path: Path, encoding: str | None) -> Utf8Text:
     return text
 
 
-def _ends_in_returns(path: Path) -> bool:
+def _has_cr_line_ends(path: Path) -> bool:
+    """Whether lines end in a carriage return alone, as in files of old Macintoshes."""
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     return b"\n" not in head and head.count(b"\r") > 1

@@ -119,8 +119,8 @@ class Epoch:
         begin, end = (s * 1e9 / self.unit_ns + self.at_1970 for s in _LOG_S)
         return begin <= low and high < end
 
-    def since_1970_ns(self, numbers: pl.Series) -> pl.Series:
-        """Its numbers as Int64 ns since 1970."""
+    def to_unix_ns(self, numbers: pl.Series) -> pl.Series:
+        """Convert numbers counted from this epoch to Int64 ns since 1970."""
         if numbers.dtype.is_integer() and float(self.at_1970).is_integer():
             return (numbers.cast(pl.Int64) - int(self.at_1970)) * self.unit_ns
         since = numbers.cast(pl.Float64) - self.at_1970

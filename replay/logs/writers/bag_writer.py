@@ -71,7 +71,7 @@ def record_header(opcode: int | None, **fields: bytes) -> bytes:
     return struct.pack("<L", len(data)) + data
 
 
-def _prefix_size(data: bytes) -> bytes:
+def _with_size_prefix(data: bytes) -> bytes:
     return struct.pack("<L", len(data)) + data
 
 
@@ -82,7 +82,7 @@ def _bag_header(index_at: int, connections: int, written: int) -> bytes:
         conn_count=struct.pack("<L", connections),
         chunk_count=struct.pack("<L", written),
     )
-    return header + _prefix_size(b" " * (_HEADER_BYTES - 4 - len(header)))
+    return header + _with_size_prefix(b" " * (_HEADER_BYTES - 4 - len(header)))
 
 
 def _make_connection_record(connection_id: int, name: str, definition: str, digest: str) -> bytes:
@@ -118,7 +118,7 @@ def _write_chunk(file: BinaryIO, chunk: FullChunk) -> _WrittenChunk:
         rows = np.empty(counts[number], _INDEX_ROW)
         rows["sec"], rows["nsec"] = mine.log_times // 10**9, mine.log_times % 10**9
         rows["offset"] = mine.offsets
-        file.write(head + _prefix_size(rows.tobytes()))
+        file.write(head + _with_size_prefix(rows.tobytes()))
     return _WrittenChunk(at, int(chunk.log_times.min()), int(chunk.log_times.max()), counts)
 
 
@@ -132,7 +132,7 @@ def _chunk_info(chunk: _WrittenChunk) -> bytes:
         count=struct.pack("<L", len(chunk.counts)),
     )
     rows: NDArray[np.uint32] = np.array(list(chunk.counts.items()), "<u4")
-    return head + _prefix_size(rows.tobytes())
+    return head + _with_size_prefix(rows.tobytes())
 
 
 def _pack_time(time_ns: int) -> bytes:

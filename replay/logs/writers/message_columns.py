@@ -1,4 +1,4 @@
-"""Values of many messages by columns, as they come to be serialised.
+"""Columns with the values of many messages, to be serialised.
 
 A column is one value for all messages (a number, a text, a list or tuple of values, a mapping by
 field), a NumPy array with a row a message, or, where lengths differ, `Ragged`. A field that is not

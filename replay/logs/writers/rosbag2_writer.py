@@ -117,7 +117,8 @@ class _Database(Sqlite3Writer):
 
     def write_topics(self, topics: Sequence[RecordedTopic]) -> _MessageCounts:
         self.conn.executemany(
-            "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", _iter_rows(topics)
+            "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)",
+            _iter_messages(topics),
         )
         times = [topic.log_time_ns for topic in topics if topic.log_time_ns.size]
         return _MessageCounts(
@@ -127,7 +128,7 @@ class _Database(Sqlite3Writer):
         )
 
 
-def _iter_rows(topics: Sequence[RecordedTopic]) -> Iterator[tuple[int, int, memoryview]]:
+def _iter_messages(topics: Sequence[RecordedTopic]) -> Iterator[tuple[int, int, memoryview]]:
     for block in blocks_in_order(topics):
         data = memoryview(block.data.data)
         begins = np.concatenate([[0], block.ends[:-1]]).tolist()

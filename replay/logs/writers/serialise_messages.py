@@ -1,7 +1,7 @@
 """Serialise columns of messages: those of one layout at once, as rows of bytes.
 
-Where things lie in a message follows from its lengths alone. Messages with the same lengths are
-one structured array: what all of them share is written once, each column in one assignment.
+The layout of a message follows from the lengths of its lists and texts alone. Messages with the
+same lengths are one structured array: shared bytes are written once, each column in one assignment.
 """
 
 from collections.abc import Callable, Mapping, Sequence

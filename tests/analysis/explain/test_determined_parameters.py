@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis import Settings
-from analysis.explain.determined_parameters import DeterminedParameters, determine_parameters
+from analysis.explain.determined_parameters import DeterminedParameters, find_determined_parameters
 from analysis.explain.worst_manoeuvres import gate_stretches, worst_manoeuvres
 from analysis.model.schema import REASON
 
@@ -21,7 +21,7 @@ def of(acceleration: np.ndarray, speed: np.ndarray) -> DeterminedParameters:
             "direction_x_1": np.sign(speed),
         }
     )
-    found = determine_parameters(excitation, np.ones(speed.size, bool), None, SETTINGS)
+    found = find_determined_parameters(excitation, np.ones(speed.size, bool), None, SETTINGS)
     assert found is not None
     return found
 
@@ -59,8 +59,8 @@ def test_an_acceleration_in_proportion_to_the_speed_trades_mass_for_friction() -
 def test_without_noise_or_with_few_samples_nothing_is_said() -> None:
     excitation = pl.DataFrame({"regressor_acc_x_m_s2": t, "speed_x_m_s": t})
     rows = np.ones(t.size, bool)
-    assert determine_parameters(excitation, rows, None, Settings.model_validate({})) is None
-    assert determine_parameters(excitation, rows & (t < 0.1), None, SETTINGS) is None
+    assert find_determined_parameters(excitation, rows, None, Settings.model_validate({})) is None
+    assert find_determined_parameters(excitation, rows & (t < 0.1), None, SETTINGS) is None
 
 
 def test_the_gate_is_told_in_order_with_the_median_of_what_decided() -> None:

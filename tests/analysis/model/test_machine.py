@@ -152,10 +152,13 @@ def test_a_channel_that_cannot_be_is_refused(channel, fault):
 
 def test_derivations_are_read_with_any_spacing():
     rate = Channel(derive="  d/dt   speed_x_m_s ")
-    assert (rate.derivative_of, rate.mean_of) == ("speed_x_m_s", None)
+    assert (rate.derivative_of, rate.averaged_channels) == ("speed_x_m_s", None)
     assert rate.direct_source_channels == ("speed_x_m_s",)
     mean = Channel(derive="mean( speed_left_m_s ,speed_right_m_s)")
-    assert (mean.derivative_of, mean.mean_of) == (None, ("speed_left_m_s", "speed_right_m_s"))
+    assert (mean.derivative_of, mean.averaged_channels) == (
+        None,
+        ("speed_left_m_s", "speed_right_m_s"),
+    )
     assert Channel(field="x").direct_source_channels == ()
 
 

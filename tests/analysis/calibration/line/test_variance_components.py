@@ -9,7 +9,7 @@ from analysis.calibration.line.line_model import (
     RUN,
     Points,
     fit_line,
-    mean_squares_transform,
+    mean_squares_to_variances,
 )
 from analysis.calibration.line.variance_components import WithinRunVariance, restricted_likelihood
 
@@ -44,7 +44,7 @@ def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
     y = balanced(np.random.default_rng(seed))
     points, names = points_of(y), (REPEATABILITY, RUN, DAY)
     effects = np.array([points.effect_covariance(name) for name in names])
-    squares = mean_squares_transform(points, names)
+    squares = mean_squares_to_variances(points, names)
     found = restricted_likelihood(
         points.y_kg,
         np.ones((24, 1)),

@@ -8,9 +8,9 @@ from analysis.calibration.line.procedure import PROCEDURES, Procedure
 from analysis.calibration.use.learnt_priors import (
     TermOfLog,
     contradicted_priors,
-    learn_terms_of_logs,
     machine_with_learnt_priors,
     machine_without_prior,
+    pool_terms_of_logs,
 )
 from replay.machines.machine_file import load_machine
 
@@ -42,7 +42,7 @@ def test_a_prior_is_taken_off_what_a_log_says():
 
 def test_the_prior_counts_once_and_not_once_a_log():
     values = np.array([0.004, 0.006, 0.005, 0.007, 0.003, 0.005])
-    found = learn_terms_of_logs(said(values, 0.02))["load_transfer"]
+    found = pool_terms_of_logs(said(values, 0.02))["load_transfer"]
     total = 6 / 0.02**2 + PRIOR**-2
     assert found.mean == pytest.approx(values.sum() / 0.02**2 / total)
     assert found.mean_u == pytest.approx(total**-0.5)
@@ -51,7 +51,7 @@ def test_the_prior_counts_once_and_not_once_a_log():
 
 def test_what_differs_between_logs_beyond_chance_is_the_width():
     dice = np.random.default_rng(5)
-    found = learn_terms_of_logs(said(dice.normal(0.0, 100.0, 60), 20.0, "const", 466.0))["const"]
+    found = pool_terms_of_logs(said(dice.normal(0.0, 100.0, 60), 20.0, "const", 466.0))["const"]
     assert found.std == pytest.approx(100.0, rel=0.2)
     assert found.mean_u == pytest.approx(np.hypot(100.0, 20.0) / np.sqrt(60), rel=0.2)
 
@@ -82,11 +82,11 @@ def test_chance_makes_one_campaign_in_twenty_vary_not_one_in_three():
 
 
 def test_two_logs_teach_nothing():
-    assert learn_terms_of_logs(said([0.0, 0.01], 0.02)) == {}
+    assert pool_terms_of_logs(said([0.0, 0.01], 0.02)) == {}
 
 
 def test_logs_that_know_nothing_leave_the_prior():
-    found = learn_terms_of_logs(said([0.0] * 4, 1e4))["load_transfer"]
+    found = pool_terms_of_logs(said([0.0] * 4, 1e4))["load_transfer"]
     assert (found.mean, found.mean_u) == pytest.approx((0.0, PRIOR))
 
 
@@ -96,7 +96,7 @@ def test_what_a_machine_file_states_stays():
         ["settings.priors.learnt.load_transfer={mean = 0.1, std = 0.2, mean_u = 0.3}"],
     )
     machine = machine_with_learnt_priors(
-        stated, learn_terms_of_logs(said([0.0] * 3, 0.02) + said([5.0] * 3, 9.0, "const", 50.0))
+        stated, pool_terms_of_logs(said([0.0] * 3, 0.02) + said([5.0] * 3, 9.0, "const", 50.0))
     )
     terms = machine.settings.priors.learnt
     assert list(terms) == ["const", "load_transfer"]
