@@ -62,7 +62,7 @@ def test_chance_makes_one_campaign_in_twenty_vary_not_one_in_three():
     own |= {"quadratic": 8.0, "slip": 2e-3, "speed_delay": 2e-3, "gain": 2e-3}
 
     def varies(procedure: Procedure, logs: list[TermOfLog]) -> bool:
-        found = learn_terms_of_logs(logs, procedure)
+        found = pool_terms_of_logs(logs, procedure)
         return any(found[name].std > 0.5 * std for name, std in own.items())
 
     campaigns = [
