@@ -16,8 +16,10 @@ import numpy as np
 from scipy.linalg import toeplitz
 
 from estimators.arrays import Floats, Ints
+from estimators.joint.gain_matrix import Gain
 from estimators.joint.prior_solution import (
     SolutionParts,
+    has_many_levels,
     solve_with_priors,
     uncertain_noise_fraction,
 )
@@ -27,11 +29,14 @@ from estimators.numerics.autocorrelation import (
     pooled_autocorrelation,
     student_factor,
 )
+from estimators.numerics.bordered_matrix import BorderedMatrix
 from estimators.numerics.group_sums import GroupSums, NoiseMoments, scaled_columns
 from estimators.numerics.sandwich import meat
 
 #: Residuals that alternate average out, but never to less than this share of white ones' variance.
 _LEAST_OF_WHITE: Final = 0.1
+#: Of the largest direction of the columns, less is rounding.
+_ROUNDING: Final = 1e-12
 #: Groups disagree when the ratio of variances exceeds 1 by so many of its deviations.
 _DISAGREE: Final = 2.5
 #: What all groups miss alike counts from this ratio to its noise on.
@@ -99,7 +104,8 @@ class MapFit:
     @cached_property
     def covariance(self) -> Floats:
         """(p, p) total covariance."""
-        priors = self.responses.T @ self.responses
+        informed = self.responses[self.responses.any(axis=1)]
+        priors = informed.T @ informed
         doubt = np.outer(self.doubt, self.doubt)
         return self.noise + priors + self.scatter + self.misfit + doubt
 
@@ -142,7 +148,7 @@ class PriorSolution:
             self._shape,
             self._grouping,
         )
-        theta, bread, gain, residual, correlation, white, share, kept, turned = self._solved
+        theta, gain, residual, correlation, white, share, kept, turned = self._solved
         levels, n = grouping.levels, int((group >= 0).sum())
         meats = np.stack(
             [
@@ -154,14 +160,16 @@ class PriorSolution:
         alike = max(2.0 * float(correlation @ correlation) - 1.0, 1.0)
         turns = turned.turns[shape.levels.unit]
         meats = turns @ (meats + sums.noise_gram * alike) @ turns.transpose(0, 2, 1)
-        covariance = gain @ (_floor_meats(shape.expand_square(meats), turned.gram) * white) @ gain.T
+        covariance = gain.propagate_covariance(
+            _floor_meats(shape.expand_square(meats), turned.gram, white)
+        )
         covariance *= student_factor(max(n / alike - theta.size, 1.0)) ** 2
         told = [i for i, part in enumerate(sums.rows) if part.size >= grouping.shortest]
         own = shape.by_group(theta)
         cleaned = sums.grams - kept * sums.noise_gram
         scores = (sums.crosses - kept * sums.noise_cross) - np.einsum("gij,gj->gi", cleaned, own)
         spread = shape.expand_rows(np.einsum("gij,gj->gi", turns, scores))[told]
-        scatter = gain @ turned.scatter @ gain.T
+        scatter = gain.propagate_covariance(turned.scatter)
         if levels is not None:
             scatter *= student_factor(levels.freedom) ** 2
         # what a unit's scatter does not explain: stretches within it disagree as well
@@ -177,13 +185,13 @@ class PriorSolution:
             signs,
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
-        doubt = uncertain_noise_fraction(kept) * gain @ turned.taken
+        doubt = gain.apply_to_vector(turned.taken, uncertain_noise_fraction(kept))
         scale = shape.widen(self._scale)
         units = np.outer(scale, scale)
         return MapFit(
             self.theta,
             covariance / units,
-            (bread * np.sqrt(shape.widen(self._precision))).T / scale,
+            (gain.bread * np.sqrt(shape.widen(self._precision))).T / scale,
             scatter / units,
             misfit / units,
             doubt / scale,
@@ -308,30 +316,37 @@ class _InformativeGroups:
         return total
 
 
-def _floor_meats(meats: Floats, gram: Floats) -> Floats:
+def _floor_meats(
+    meats: BorderedMatrix, gram: BorderedMatrix, white: float
+) -> BorderedMatrix | Floats:
     """Raise each direction of the meats to a minimum fraction of its white-noise value.
 
     Estimated correlations may imply a negative variance.
+
+    Returns:
+        The meats times the variance `white` of the residuals.
     """
-    squares, vectors = np.linalg.eigh(gram)
-    root = vectors * np.sqrt(np.maximum(squares, squares[-1] * 1e-12))
-    half = np.linalg.solve(root, meats)
+    if has_many_levels(gram) and meats.exceeds(gram, _LEAST_OF_WHITE, _ROUNDING):
+        return meats.scale(white)
+    squares, vectors = np.linalg.eigh(gram.to_dense())
+    root = vectors * np.sqrt(np.maximum(squares, squares[-1] * _ROUNDING))
+    half = np.linalg.solve(root, meats.to_dense())
     of_white, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
     if of_white[0] >= _LEAST_OF_WHITE:
-        return meats
+        return meats.scale(white)
     kept = root @ directions
-    return (kept * np.maximum(of_white, _LEAST_OF_WHITE)) @ kept.T
+    return (kept * np.maximum(of_white, _LEAST_OF_WHITE)) @ kept.T * white
 
 
 def _between_group_covariance(
-    gain: Floats, scores: Floats, covariance: Floats, levels: int
+    gain: Gain, scores: Floats, covariance: Floats, levels: int
 ) -> tuple[Floats, float]:
     """Covariance due to disagreeing groups, (p, p), and Birge ratio of the first parameter."""
     count = len(scores)
     freedom = count - levels
     if freedom < 1:
         return np.zeros_like(covariance), float("nan")
-    moved = scores @ gain.T
+    moved = gain.apply_to_rows(scores)
     between = (moved[:, :levels] ** 2).sum(axis=0) * count / freedom
     own = np.diag(covariance)[:levels]
     if not (own > 0.0).all():
@@ -345,7 +360,7 @@ def _between_group_covariance(
 
 
 def _common_misfit(
-    gain: Floats, A: Floats, residual: Floats, informative: _InformativeGroups, direction: Floats
+    gain: Gain, A: Floats, residual: Floats, informative: _InformativeGroups, direction: Floats
 ) -> tuple[Floats, float]:
     """Covariance due to a residual common to all groups, (wide, wide), and its ratio to noise.
 
@@ -353,7 +368,8 @@ def _common_misfit(
     excess counts as one draw of an error with that average's correlation: repetition in every group
     does not average it out.
     """
-    nothing, rows = np.zeros((len(gain), len(gain))), informative.rows
+    wide, rows = informative.shape.levels.count + A.shape[1] - 1, informative.rows
+    nothing = np.zeros((wide, wide))
     if len(rows) < 3:
         return nothing, float("nan")
     length = int(np.median([part.size for part in rows]))
@@ -370,6 +386,6 @@ def _common_misfit(
     if not ratio > _MISFIT:
         return nothing, ratio
     correlation, _ = pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)
-    moved = informative.common_residual_scores(A, direction, length) @ gain.T
+    moved = gain.apply_to_rows(informative.common_residual_scores(A, direction, length))
     lasts = toeplitz(np.concatenate([correlation, np.zeros(length)])[:length])
     return moved.T @ lasts @ moved * (square - left), ratio

@@ -12,8 +12,10 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.joint.gain_matrix import DenseGain, Gain, eliminate_levels
 from estimators.joint.random_intercepts import InterceptShape
 from estimators.numerics.autocorrelation import pooled_autocorrelation
+from estimators.numerics.bordered_matrix import BorderedMatrix
 from estimators.numerics.group_sums import GroupSums
 
 #: The share of the correction for the columns' noise that is uncertain.
@@ -21,6 +23,12 @@ DOUBT: Final = 0.25
 #: Of a direction's sum of squares, noise is never taken to be more than this.
 _LARGEST_NOISE_SHARE: Final = 0.5
 _ROUNDS: Final = 4
+#: Added to the diagonal of the scores' covariance, over its trace: rounding.
+_RIDGE: Final = 1e-12
+#: From so many levels on they are eliminated one by one; dense matrices are as fast below.
+_MANY_LEVELS: Final = 64
+#: Parts of a `BorderedMatrix`.
+BorderedParts = tuple[Floats, Floats, Floats, Floats]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,18 +41,18 @@ class WeightedNormalEquations:
     Attributes:
         turns: (units, p, p) T.
         clean: (wide, wide) T G without column noise.
-        bare: (wide,) T Aᵀf without column noise.
         gram: (wide, wide) T G with column noise.
-        taken: (wide,) contribution of all column noise to the scores.
         scatter: (wide, wide) covariance of the scores due to τ.
+        bare: (wide,) T Aᵀf without column noise.
+        taken: (wide,) contribution of all column noise to the scores.
     """
 
     turns: Floats
-    clean: Floats
+    clean: BorderedMatrix
+    gram: BorderedMatrix
+    scatter: BorderedMatrix
     bare: Floats
-    gram: Floats
     taken: Floats
-    scatter: Floats
 
 
 def _weight_units(
@@ -58,11 +66,11 @@ def _weight_units(
     """Weight the sums of units, (units,) each with one level, by their scatter."""
     sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
     tau = shape.levels.scatter * shape.scale
-    return WeightedNormalEquations(
-        *compute_weighted_equations(
-            sums, level_of_unit, shape.levels.count, kept, theta, tau**2, variance
-        )
+    turns, clean, gram, scatter, bare, taken = compute_weighted_equations(
+        sums, level_of_unit, shape.levels.count, kept, theta, tau**2, variance
     )
+    matrices = (BorderedMatrix(*parts) for parts in (clean, gram, scatter))
+    return WeightedNormalEquations(turns, *matrices, bare, taken)
 
 
 @compiled_ahead
@@ -74,8 +82,8 @@ def compute_weighted_equations(
     theta: Floats,
     scatter_square: float,
     variance: float,
-) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-    """Compute the attributes of `WeightedNormalEquations`.
+) -> tuple[Floats, BorderedParts, BorderedParts, BorderedParts, Floats, Floats]:
+    """Compute the attributes of `WeightedNormalEquations`, matrices by their parts.
 
     Args:
         sums: sums by unit: AᵀA, Aᵀf, and the noise contribution to each.
@@ -90,8 +98,12 @@ def compute_weighted_equations(
     ratio = scatter_square / variance
     units, p, _ = grams.shape
     wide = count + p - 1
+    k = p - 1
     turns = np.zeros((units, p, p))
-    clean, gram, scatter = np.zeros((wide, wide)), np.zeros((wide, wide)), np.zeros((wide, wide))
+    clean_d, gram_d, scatter_d = np.zeros(count), np.zeros(count), np.zeros(count)
+    clean_r, gram_r, scatter_r = np.zeros((count, k)), np.zeros((count, k)), np.zeros((count, k))
+    clean_b, gram_b, scatter_b = np.zeros((k, count)), np.zeros((k, count)), np.zeros((k, count))
+    clean_c, gram_c, scatter_c = np.zeros((k, k)), np.zeros((k, k)), np.zeros((k, k))
     bare, taken = np.zeros(wide), np.zeros(wide)
     place, own = np.arange(count - 1, wide), np.empty(p)
     g, c, moved = np.empty((p, p)), np.empty(p), np.empty(p)
@@ -112,17 +124,41 @@ def compute_weighted_equations(
         for i in range(p):
             turns[u, i, 0] -= weight * g[i, 0]
             moved[i] = g[i, 0] - weight * g[i, 0] * g[0, 0]
+        level = level_of_unit[u]
         for i in range(p):
             lost = weight * g[i, 0]
             noisy = -noise_cross[u, i]
             for j in range(p):
                 noisy += noise_gram[u, i, j] * own[j]
-                clean[place[i], place[j]] += g[i, j] - lost * g[0, j]
-                gram[place[i], place[j]] += grams[u, i, j] - full * grams[u, i, 0] * grams[u, j, 0]
-                scatter[place[i], place[j]] += variance * ratio * moved[i] * moved[j]
+                clean = g[i, j] - lost * g[0, j]
+                gram = grams[u, i, j] - full * grams[u, i, 0] * grams[u, j, 0]
+                scatter = variance * ratio * moved[i] * moved[j]
+                if i > 0 and j > 0:
+                    clean_c[i - 1, j - 1] += clean
+                    gram_c[i - 1, j - 1] += gram
+                    scatter_c[i - 1, j - 1] += scatter
+                elif j > 0:
+                    clean_r[level, j - 1] += clean
+                    gram_r[level, j - 1] += gram
+                    scatter_r[level, j - 1] += scatter
+                elif i > 0:
+                    clean_b[i - 1, level] += clean
+                    gram_b[i - 1, level] += gram
+                    scatter_b[i - 1, level] += scatter
+                else:
+                    clean_d[level] += clean
+                    gram_d[level] += gram
+                    scatter_d[level] += scatter
             bare[place[i]] += c[i] - lost * c[0]
             taken[place[i]] += noisy - lost * first
-    return turns, clean, bare, gram, taken, scatter
+    return (
+        turns,
+        (clean_d, clean_r, clean_b, clean_c),
+        (gram_d, gram_r, gram_b, gram_c),
+        (scatter_d, scatter_r, scatter_b, scatter_c),
+        bare,
+        taken,
+    )
 
 
 def _subtract_fit_by_arrays(
@@ -161,11 +197,10 @@ def residual_of_grouped_samples(
 
 
 class SolutionParts(NamedTuple):
-    """Estimates, H⁻¹, H⁻¹ G S⁻¹, residuals, their correlation and variance, noise fraction."""
+    """Estimates and their gain, residuals, their correlation and variance, noise fraction."""
 
     theta: Floats
-    bread: Floats
-    gain: Floats
+    gain: Gain
     residual: Floats
     correlation: Floats
     white: float
@@ -226,29 +261,63 @@ def solve_with_priors(
         kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
         turned = _weight_units(units, shape, of_units, kept, theta, variance)
         if solved is None:
-            found = np.linalg.inv(turned.clean / variance + np.diag(wide_precision))
-            theta = found @ (turned.bare / variance + wide_believed)
+            theta = _solve_without_doubt(turned, (wide_precision, wide_believed), variance)
             turned = _weight_units(units, shape, of_units, kept, theta, variance)
-        weighed = weighted_gram(
-            turned.clean, turned.gram, variance, uncertain_noise_fraction(kept) * turned.taken
-        )
-        bread = np.asarray(
-            np.linalg.inv(weighed @ turned.clean + np.diag(wide_precision)), np.float64
-        )
-        theta = bread @ (weighed @ turned.bare + wide_believed)
+        doubted = uncertain_noise_fraction(kept) * turned.taken
+        theta, gain = _solve_weighted(turned, (wide_precision, wide_believed), variance, doubted)
         residual = residual_of_grouped_samples(
             A, f, index, theta, level_of_unit, shape.levels.count
         )
         correlation, _ = pooled_autocorrelation(residual, group, taken, loss)
         with np.errstate(over="ignore"):  # of what rounding alone determines
             white = float(residual @ residual) / (n - theta.size)
-        gain = bread @ weighed
-        solved = SolutionParts(
-            theta, bread, gain, residual, correlation, white, share, kept, turned
-        )
+        solved = SolutionParts(theta, gain, residual, correlation, white, share, kept, turned)
         variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
     assert solved is not None
     return solved
+
+
+def _solve_without_doubt(
+    turned: WeightedNormalEquations, priors: tuple[Floats, Floats], variance: float
+) -> Floats:
+    """Estimates (wide,) by S = σ² G, to begin with."""
+    precision, believed = priors
+    wanted = turned.bare / variance + believed
+    if has_many_levels(turned.clean):
+        clean = turned.clean.scale(1.0 / variance)
+        m = clean.diagonal.size
+        regular = BorderedMatrix(
+            clean.diagonal + precision[:m],
+            clean.right,
+            clean.below,
+            clean.corner + np.diag(precision[m:]),
+        )
+        return regular.solve(wanted)
+    found = np.linalg.inv(turned.clean.to_dense() / variance + np.diag(precision))
+    return found @ wanted
+
+
+def _solve_weighted(
+    turned: WeightedNormalEquations,
+    priors: tuple[Floats, Floats],
+    variance: float,
+    doubted: Floats,
+) -> tuple[Floats, Gain]:
+    """Estimates (wide,) and gain for S = σ² AᵀA plus an error common to all samples."""
+    if has_many_levels(turned.clean):
+        trace = variance * turned.gram.trace + float(doubted @ doubted)
+        scores = (turned.gram, doubted / np.sqrt(variance), _RIDGE * trace / variance)
+        return eliminate_levels(turned.clean, scores, priors, turned.bare, variance)
+    precision, believed = priors
+    clean = turned.clean.to_dense()
+    weighed = weighted_gram(clean, turned.gram.to_dense(), variance, doubted)
+    bread = np.asarray(np.linalg.inv(weighed @ clean + np.diag(precision)), np.float64)
+    return bread @ (weighed @ turned.bare + believed), DenseGain(bread, bread @ weighed)
+
+
+def has_many_levels(equations: BorderedMatrix) -> bool:
+    """Whether the levels are worth eliminating one by one."""
+    return equations.diagonal.size >= _MANY_LEVELS
 
 
 def uncertain_noise_fraction(kept: float) -> float:
@@ -259,7 +328,7 @@ def uncertain_noise_fraction(kept: float) -> float:
 def weighted_gram(clean: Floats, gram: Floats, variance: float, doubted: Floats) -> Floats:
     """G S⁻¹ for S = σ² AᵀA plus an error common to all samples."""
     S = variance * gram + np.outer(doubted, doubted)
-    return np.linalg.solve(S + 1e-12 * np.trace(S) * np.eye(len(S)), clean).T
+    return np.linalg.solve(S + _RIDGE * np.trace(S) * np.eye(len(S)), clean).T
 
 
 def largest_noise_share(noise: Floats, gram: Floats) -> float:

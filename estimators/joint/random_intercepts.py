@@ -6,6 +6,7 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
+from estimators.numerics.bordered_matrix import BorderedMatrix
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +58,11 @@ class InterceptShape:
         out[:, count:] = values[:, 1:]
         return out
 
-    def expand_square(self, values: Floats) -> Floats:
+    def expand_square(self, values: Floats) -> BorderedMatrix:
         """Sum of (groups, p, p) expanded to (wide, wide)."""
-        return _sum_outer_products(values, self.levels.membership, self.levels.count)
+        return BorderedMatrix(
+            *_sum_outer_products(values, self.levels.membership, self.levels.count)
+        )
 
     @property
     def level_of_units(self) -> Ints:
@@ -70,13 +73,20 @@ class InterceptShape:
 
 
 @compiled_ahead
-def _sum_outer_products(values: Floats, membership: Ints, count: int) -> Floats:
-    """Sum of (groups, p, p) as (wide, wide), with first row and column at the group's level."""
+def _sum_outer_products(
+    values: Floats, membership: Ints, count: int
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Parts of the sum of (groups, p, p), with first row and column at the group's level."""
     groups, p, _ = values.shape
-    out = np.zeros((count + p - 1, count + p - 1))
+    k = p - 1
+    diagonal, right, below = np.zeros(count), np.zeros((count, k)), np.zeros((k, count))
+    corner = np.zeros((k, k))
     for g in range(groups):
-        for i in range(p):
-            row = membership[g] if i == 0 else count + i - 1
-            for j in range(p):
-                out[row, membership[g] if j == 0 else count + j - 1] += values[g, i, j]
-    return out
+        level = membership[g]
+        diagonal[level] += values[g, 0, 0]
+        for i in range(k):
+            right[level, i] += values[g, 0, i + 1]
+            below[i, level] += values[g, i + 1, 0]
+            for j in range(k):
+                corner[i, j] += values[g, i + 1, j + 1]
+    return diagonal, right, below, corner

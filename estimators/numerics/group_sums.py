@@ -202,7 +202,8 @@ class GroupSums:
 
         def sum_by_unit(values: Floats) -> Floats:
             out = np.zeros((int(unit.max()) + 1, *values.shape[1:]))
-            np.add.at(out, unit, values)
+            for number, each in zip(unit.tolist(), values, strict=True):
+                out[number] += each
             return out
 
         sums = (self.grams, self.crosses, self.noise_gram, self.noise_cross)

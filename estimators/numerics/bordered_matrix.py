@@ -1,0 +1,83 @@
+"""Symmetric matrices that are diagonal but for their last rows and columns.
+
+Normal equations have this shape where each group has a level of its own and all groups share the
+other parameters. As a dense matrix a thousand levels cost their cube, by their shape their number.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from estimators.arrays import Floats
+
+
+class BorderedMatrix(NamedTuple):
+    """A symmetric matrix of m levels and k shared parameters.
+
+    Attributes:
+        diagonal: (m,) of the levels.
+        right: (m, k) levels by shared parameters.
+        below: (k, m) its transpose, with rounding of its own.
+        corner: (k, k) of the shared parameters.
+    """
+
+    diagonal: Floats
+    right: Floats
+    below: Floats
+    corner: Floats
+
+    def to_dense(self) -> Floats:
+        """The matrix, (m + k, m + k)."""
+        m = self.diagonal.size
+        out = np.zeros((m + len(self.corner), m + len(self.corner)))
+        out[range(m), range(m)] = self.diagonal
+        out[:m, m:], out[m:, :m], out[m:, m:] = self.right, self.below, self.corner
+        return out
+
+    @property
+    def trace(self) -> float:
+        """Sum of the diagonal."""
+        return float(self.diagonal.sum() + np.trace(self.corner))
+
+    def scale(self, factor: float) -> "BorderedMatrix":
+        """The matrix times a number."""
+        return BorderedMatrix(*(factor * part for part in self))
+
+    def multiply(self, columns: Floats) -> Floats:
+        """Product with columns (m + k, n)."""
+        m = self.diagonal.size
+        return np.concatenate(
+            [
+                self.diagonal[:, None] * columns[:m] + self.right @ columns[m:],
+                self.below @ columns[:m] + self.corner @ columns[m:],
+            ]
+        )
+
+    def solve(self, columns: Floats) -> Floats:
+        """Solve for right-hand sides (m + k,).
+
+        Raises:
+            LinAlgError: it is singular.
+        """
+        m = self.diagonal.size
+        if not self.diagonal.all():
+            raise np.linalg.LinAlgError("a level without samples")
+        scaled = self.right / self.diagonal[:, None]
+        shared = np.linalg.solve(
+            self.corner - self.right.T @ scaled, columns[m:] - scaled.T @ columns[:m]
+        )
+        return np.concatenate([columns[:m] / self.diagonal - scaled @ shared, shared])
+
+    def exceeds(self, other: "BorderedMatrix", fraction: float, rounding: float) -> bool:
+        """Whether it is at least a fraction of another such matrix in every direction.
+
+        Directions of less than `rounding` of the largest corner element are not looked at.
+        """
+        diagonal = self.diagonal - fraction * other.diagonal
+        if not (diagonal > 0.0).all():
+            return False
+        right = self.right - fraction * other.right
+        corner = self.corner - fraction * other.corner
+        schur = corner - right.T @ (right / diagonal[:, None])
+        size = np.sqrt(np.maximum(np.diag(other.corner), rounding * np.diag(other.corner).max()))
+        return float(np.linalg.eigvalsh(schur / np.outer(size, size))[0]) >= -rounding
