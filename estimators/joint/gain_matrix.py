@@ -7,7 +7,6 @@ for a product of (wide, r) matrices, r twice the number of shared parameters and
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -63,7 +62,7 @@ class DenseGain:
         return self.gain @ dense @ self.gain.T
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class FactoredGain:
     """Gain of many levels: diag(own) + left · rightᵀ.
 
@@ -81,7 +80,7 @@ class FactoredGain:
     bread_own: Floats
     bread_right: Floats
 
-    @cached_property
+    @property
     def bread(self) -> Floats:
         """See `Gain`."""
         return np.diag(self.bread_own) + self.left @ self.bread_right.T

@@ -69,8 +69,14 @@ def _weight_units(
     turns, clean, gram, scatter, bare, taken = compute_weighted_equations(
         sums, level_of_unit, shape.levels.count, kept, theta, tau**2, variance
     )
-    matrices = (BorderedMatrix(*parts) for parts in (clean, gram, scatter))
-    return WeightedNormalEquations(turns, *matrices, bare, taken)
+    return WeightedNormalEquations(
+        turns,
+        BorderedMatrix(*clean),
+        BorderedMatrix(*gram),
+        BorderedMatrix(*scatter),
+        bare,
+        taken,
+    )
 
 
 @compiled_ahead

@@ -63,8 +63,9 @@ class BorderedMatrix(NamedTuple):
         if not self.diagonal.all():
             raise np.linalg.LinAlgError("a level without samples")
         scaled = self.right / self.diagonal[:, None]
-        shared = np.linalg.solve(
-            self.corner - self.right.T @ scaled, columns[m:] - scaled.T @ columns[:m]
+        reduced = self.corner - self.right.T @ scaled
+        shared = np.asarray(
+            np.linalg.solve(reduced, columns[m:] - scaled.T @ columns[:m]), np.float64
         )
         return np.concatenate([columns[:m] / self.diagonal - scaled @ shared, shared])
 

@@ -104,7 +104,9 @@ def pool_terms_of_logs(
     by_term: dict[LearnableTerm, list[TermOfLog]] = {}
     for each in log_terms:
         by_term.setdefault(each.term, []).append(each)
-    pooled = [term for term in sorted(by_term) if len(by_term[term]) >= LOGS_MIN]
+    pooled: list[LearnableTerm] = [
+        term for term in sorted(by_term) if len(by_term[term]) >= LOGS_MIN
+    ]
     level = _LEVEL if procedure.terms_tested_singly else _LEVEL / max(len(pooled), 1)
     return {term: _pool_term(by_term[term], level) for term in pooled}
 
