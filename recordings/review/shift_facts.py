@@ -1,6 +1,6 @@
 """Facts of a shift as names and sentences, the same on page and terminal."""
 
-from collections import Counter
+import re
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -24,6 +24,7 @@ _MOST_STANDS: Final = 3
 _LONG_HOLE_S: Final = 120.0
 _HOUR_S: Final = 3600.0
 _KM_H: Final = 3.6
+_NUMBER: Final = re.compile(r"\d[\d.,]*")
 
 
 def summarise_shift(shift: Mapping[str, Any], why_not: str, state: ReviewState) -> str:
@@ -56,13 +57,16 @@ def reason_for_no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
         return f"these logs cannot weigh; failed: {names}{why}"
     if ledger.is_empty():
         return state.no_cycle
-    reasons = Counter(
-        "rejected by a reviewer" if rejected else reason or str(quality)
-        for rejected, reason, quality in ledger.select(
-            "rejected", "withheld_for", "quality"
-        ).iter_rows()
+    alike: dict[str, list[str]] = {}
+    rows = ledger.select("rejected", "withheld_for", "quality").iter_rows()
+    for rejected, withheld_for, quality in rows:
+        reason = "rejected by a reviewer" if rejected else withheld_for or str(quality)
+        # the same reason, with other numbers
+        alike.setdefault(_NUMBER.sub("", reason), []).append(reason)
+    return "; ".join(
+        f"{counted(len(each), 'cycle')}{', such as' if len({*each}) > 1 else ''}: {each[0]}"
+        for each in alike.values()
     )
-    return "; ".join(f"{counted(n, 'cycle')}: {reason}" for reason, n in reasons.items())
 
 
 def missing_load_sentences(shift: Mapping[str, Any]) -> list[str]:

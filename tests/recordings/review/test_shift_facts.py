@@ -10,6 +10,7 @@ from recordings.review.shift_facts import (
     cycle_time_facts,
     list_shift_facts,
     long_hole_sentence,
+    reason_for_no_tonnes,
     summarise_shift,
     torn_sentences,
 )
@@ -47,6 +48,17 @@ def rows(of: ReviewState) -> pl.DataFrame:
 def torn(next_s: float | None) -> TornLog:
     return TornLog(
         name="b.mcap", number=2, logs=3, ends_s=3600.0, next_s=next_s, losses=("in bytes",)
+    )
+
+
+def test_cycles_that_differ_in_a_number_alone_have_one_reason() -> None:
+    shift = state()
+    reasons = ["± 286 kg is more than 250 kg", "± 314.5 kg is more than 250 kg", "not dumped yet"]
+    ledger = rows(shift)[:3].with_columns(
+        counted=pl.lit(value=False), withheld_for=pl.Series(reasons)
+    )
+    assert reason_for_no_tonnes(shift, ledger) == (
+        "2 cycles, such as: ± 286 kg is more than 250 kg; 1 cycle: not dumped yet"
     )
 
 
