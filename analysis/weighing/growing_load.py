@@ -125,7 +125,7 @@ def find_growing_loads(
         noise: noise of acceleration, speed and force.
         motion: the manoeuvres to test, if not those of the fit.
     """
-    if fit.states is None or not np.isfinite(fit.fit.residual_rms):
+    if fit.states is None or not np.isfinite(fit.solution.residual_rms):
         return ()
     motion = fit.motion if motion is None else motion
     rows = average_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)

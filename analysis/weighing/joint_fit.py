@@ -154,7 +154,7 @@ def _fit_whole(task: FitTask, samples: int) -> JointFit:
     if abs(moved.lag_s) < LIMITS.short_lag_s:
         return moved
     filtered = task.fit_means(samples, 2, shift=False)
-    filters = filtered.fit.residual_rms < moved.fit.residual_rms
+    filters = filtered.solution.residual_rms < moved.solution.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.fit.misfit.any():
         return chosen

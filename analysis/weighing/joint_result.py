@@ -22,6 +22,16 @@ class LazyEstimates(Protocol):
     """Estimates whose uncertainty is computed on first use."""
 
     @property
+    def residual(self) -> Floats:
+        """Residuals of the samples."""
+        ...
+
+    @property
+    def residual_rms(self) -> float:
+        """R.m.s. of the residuals."""
+        ...
+
+    @property
     def fit(self) -> MapFit:
         """Estimates with the parts of their uncertainty."""
         ...
@@ -153,7 +163,7 @@ class JointFit:
         """Posterior means of the terms, (terms,), and their standard deviations, (terms,)."""
         own = self.fit.std[self.count + 1 :]
         by_means = self._mean_sensitivities[:, self.count + 1 :]
-        return self.theta[self.count + 1 :], np.sqrt(own**2 + (by_means**2).sum(axis=0))
+        return self._term_values, np.sqrt(own**2 + (by_means**2).sum(axis=0))
 
     @cached_property
     def _mean_sensitivities(self) -> Floats:
@@ -190,7 +200,11 @@ class JointFit:
     def term_value(self, name: str) -> float:
         """Estimate of a nuisance term, in its unit; 0 if the fit lacks the term."""
         names = [term.name for term in self.terms]
-        return float(self.posterior[0][names.index(name)]) if name in names else 0.0
+        return float(self._term_values[names.index(name)]) if name in names else 0.0
+
+    @property
+    def _term_values(self) -> Floats:
+        return self.theta[self.count + 1 :]
 
     @property
     def term_t_values(self) -> dict[str, float]:
@@ -205,7 +219,7 @@ class JointFit:
 
         The lag is excluded, and so are terms of single places of the ground.
         """
-        apart = np.abs(self.posterior[0] - self.prior_means.mean) / self.prior_std
+        apart = np.abs(self._term_values - self.prior_means.mean) / self.prior_std
         by_term = zip(self.terms, apart.tolist(), strict=True)
         return {
             term.name: widths for term, widths in by_term if term.name != "lag" and not term.source
@@ -230,9 +244,11 @@ class JointFit:
         """
         wide = np.concatenate([weights, np.zeros(self.theta.size - self.count)])
         fit = self.fit
+        summed = np.flatnonzero(wide)
 
         def weighted_std(covariance: Floats) -> float:
-            return float(np.sqrt(max(float(wide @ covariance @ wide), 0.0)))
+            own = covariance[np.ix_(summed, summed)]
+            return float(np.sqrt(max(float(wide[summed] @ own @ wide[summed]), 0.0)))
 
         mass_kg = float(weights @ self.masses_kg)
         parts = {

@@ -121,7 +121,7 @@ class _PartitionComparison:
         if not np.isfinite(fitted.theta).all():
             return np.inf
         independent = _INDEPENDENT * self.number.size
-        return independent * float(np.log(fitted.fit.residual_rms**2)) + 2.0 * fitted.count
+        return independent * float(np.log(fitted.solution.residual_rms**2)) + 2.0 * fitted.count
 
 
 def _refit_fixed_states(states: LoadStates, inputs: JointFitInputs) -> JointFit:
@@ -224,7 +224,7 @@ def _add_uneven_ground(found: JointFit, inputs: JointFitInputs, group: Ints) -> 
     """Fit inputs with the variance of ground forces between stretches, from a fit's residual."""
     if inputs.uneven_1_s or found.motion.manoeuvre_count < FEWEST:
         return inputs
-    residual = found.fit.residual
+    residual = found.solution.residual
     correlation, white = pooled_autocorrelation(residual, group, None)
     a_second = found.motion.rate_hz / mean_stride(found.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)

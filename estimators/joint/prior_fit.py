@@ -135,6 +135,17 @@ class PriorSolution:
     _solved: SolutionParts
 
     @property
+    def residual(self) -> Floats:
+        """(n,) f - A θ; 0 for samples without a group."""
+        return self._solved.residual
+
+    @property
+    def residual_rms(self) -> float:
+        """R.m.s. of the residuals."""
+        residual = self._solved.residual
+        return float(np.sqrt(residual @ residual / int((self._group >= 0).sum())))
+
+    @property
     def fit(self) -> MapFit:
         """The estimates with all parts of their uncertainty."""
         return self._fit
@@ -200,7 +211,7 @@ class PriorSolution:
             common,
             len(told),
             residual,
-            float(np.sqrt(residual @ residual / n)),
+            self.residual_rms,
         )
 
 
@@ -216,13 +227,23 @@ class UndeterminedFit:
     _samples: int
 
     @property
+    def residual(self) -> Floats:
+        """(n,) zeros."""
+        return np.zeros(self._samples)
+
+    @property
+    def residual_rms(self) -> float:
+        """NaN."""
+        return float("nan")
+
+    @property
     def fit(self) -> MapFit:
         """A fit with NaN throughout."""
         p, no = self.theta.size, float("nan")
         square = np.full((p, p), np.nan)
-        zeros = np.zeros(self._samples)
+        residual = self.residual
         return MapFit(
-            self.theta, square, square, square, square, self.theta, no, no, no, 0, zeros, no
+            self.theta, square, square, square, square, self.theta, no, no, no, 0, residual, no
         )
 
 

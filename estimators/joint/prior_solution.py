@@ -130,33 +130,29 @@ def compute_weighted_equations(
         for i in range(p):
             turns[u, i, 0] -= weight * g[i, 0]
             moved[i] = g[i, 0] - weight * g[i, 0] * g[0, 0]
-        level = level_of_unit[u]
         for i in range(p):
             lost = weight * g[i, 0]
             noisy = -noise_cross[u, i]
             for j in range(p):
                 noisy += noise_gram[u, i, j] * own[j]
-                clean = g[i, j] - lost * g[0, j]
-                gram = grams[u, i, j] - full * grams[u, i, 0] * grams[u, j, 0]
-                scatter = variance * ratio * moved[i] * moved[j]
-                if i > 0 and j > 0:
-                    clean_c[i - 1, j - 1] += clean
-                    gram_c[i - 1, j - 1] += gram
-                    scatter_c[i - 1, j - 1] += scatter
-                elif j > 0:
-                    clean_r[level, j - 1] += clean
-                    gram_r[level, j - 1] += gram
-                    scatter_r[level, j - 1] += scatter
-                elif i > 0:
-                    clean_b[i - 1, level] += clean
-                    gram_b[i - 1, level] += gram
-                    scatter_b[i - 1, level] += scatter
-                else:
-                    clean_d[level] += clean
-                    gram_d[level] += gram
-                    scatter_d[level] += scatter
             bare[place[i]] += c[i] - lost * c[0]
             taken[place[i]] += noisy - lost * first
+        level, heavy = level_of_unit[u], variance * ratio
+        clean_d[level] += g[0, 0] - weight * g[0, 0] * g[0, 0]
+        gram_d[level] += grams[u, 0, 0] - full * grams[u, 0, 0] * grams[u, 0, 0]
+        scatter_d[level] += heavy * moved[0] * moved[0]
+        for i in range(k):
+            lost, gone = weight * g[i + 1, 0], full * grams[u, i + 1, 0]
+            clean_r[level, i] += g[0, i + 1] - weight * g[0, 0] * g[0, i + 1]
+            gram_r[level, i] += grams[u, 0, i + 1] - full * grams[u, 0, 0] * grams[u, i + 1, 0]
+            scatter_r[level, i] += heavy * moved[0] * moved[i + 1]
+            clean_b[i, level] += g[i + 1, 0] - lost * g[0, 0]
+            gram_b[i, level] += grams[u, i + 1, 0] - gone * grams[u, 0, 0]
+            scatter_b[i, level] += heavy * moved[i + 1] * moved[0]
+            for j in range(k):
+                clean_c[i, j] += g[i + 1, j + 1] - lost * g[0, j + 1]
+                gram_c[i, j] += grams[u, i + 1, j + 1] - gone * grams[u, j + 1, 0]
+                scatter_c[i, j] += heavy * moved[i + 1] * moved[j + 1]
     return (
         turns,
         (clean_d, clean_r, clean_b, clean_c),

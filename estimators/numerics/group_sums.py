@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_beside
+from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.fit_loss import group_rows
 from estimators.numerics.group_mean import find_runs
 from estimators.numerics.in_order import sum_axis_in_order
@@ -200,14 +200,26 @@ class GroupSums:
         if np.array_equal(unit, np.arange(len(self.rows))):
             return self
 
-        def sum_by_unit(values: Floats) -> Floats:
-            out = np.zeros((int(unit.max()) + 1, *values.shape[1:]))
-            for number, each in zip(unit.tolist(), values, strict=True):
-                out[number] += each
-            return out
+        units = int(unit.max()) + 1
+        return type(self)(
+            self.rows,
+            _sum_matrices_by_unit(self.grams, unit, units),
+            _sum_matrices_by_unit(self.crosses[:, None], unit, units)[:, 0],
+            _sum_matrices_by_unit(self.noise_gram, unit, units),
+            _sum_matrices_by_unit(self.noise_cross[:, None], unit, units)[:, 0],
+        )
 
-        sums = (self.grams, self.crosses, self.noise_gram, self.noise_cross)
-        return type(self)(self.rows, *(sum_by_unit(each) for each in sums))
+
+@compiled_ahead
+def _sum_matrices_by_unit(values: Floats, unit: Ints, units: int) -> Floats:
+    """Sum (groups, q, p) over the groups of each unit, in their order: (units, q, p)."""
+    groups, q, p = values.shape
+    out = np.zeros((units, q, p))
+    for g in range(groups):
+        for i in range(q):
+            for j in range(p):
+                out[unit[g], i, j] += values[g, i, j]
+    return out
 
 
 def as_slice(rows: Ints) -> slice | Ints:
