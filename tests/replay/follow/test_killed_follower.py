@@ -287,7 +287,7 @@ def test_a_recorder_that_is_killed_loses_its_torn_chunk_and_the_next_file_goes_o
     (folder / "shift_1.mcap").write_bytes(later(tmp_path).read_bytes())
     said = payscope("follow", "shift", *MACHINE, "--json", "--idle-s", "0.3")
     assert said.status == 0
-    torn = [line for line in said.err.splitlines() if "cut in a record" in line]
+    torn = [line for line in said.err.splitlines() if "ends inside a record" in line]
     assert len(torn) == 1
     assert "shift_0.mcap" in torn[0]
     last = json.loads(said.out.splitlines()[-1])
