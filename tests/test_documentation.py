@@ -5,6 +5,7 @@ import re
 import runpy
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -155,6 +156,33 @@ def test_the_library_example_of_the_readme_runs(
 def test_links_within_the_repository_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text(encoding="utf-8")):
         assert (page.parent / target).exists(), f"{page}: {target}"
+
+
+def _prose(text: str) -> Iterator[str]:
+    """Lines of a page but for headings, tables, code, and what programs write between markers."""
+    code, end = False, ""
+    for line in text.splitlines():
+        marker = re.match("<!-- (.+) -->", line)
+        if line.lstrip().startswith("```"):
+            code = not code
+        elif end:
+            end = "" if line == end else end
+        elif marker and f"<!-- end of {marker[1]} -->" in text:
+            end = f"<!-- end of {marker[1]} -->"
+        elif not code and not line.startswith(("#", "|")):
+            yield line
+
+
+@pytest.mark.parametrize(
+    "page",
+    # programs write the others
+    [page for page in PAGES if page.parent.name not in {"api", "reproduction"}],
+    ids=lambda p: str(p.relative_to(REPO)),
+)
+def test_paragraphs_are_wrapped_at_100_characters(page: Path) -> None:
+    long = [line for line in _prose(page.read_text(encoding="utf-8")) if len(line) > 100]
+    # an address or a link is not cut
+    assert not [line for line in long if " " in line.strip()[:100]], "wrap these at 100 characters"
 
 
 def test_every_example_machine_file_is_valid() -> None:
