@@ -28,10 +28,13 @@ def make_check_table(checks: Sequence["Check"]) -> "Table":
 
 
 def print_remedies(screen: "Console", failed: Sequence["Check"]) -> None:
-    """Print the remedy of each failed check that has a number."""
+    """Print each remedy once, with the failed checks that it is for and that have a number."""
+    names: dict[str, list[str]] = {}
     for check in failed:
         if check.remedy and check.value is not None:
-            print_line(screen, f"{check.check}: {check.remedy}")
+            names.setdefault(check.remedy, []).append(check.check)
+    for remedy, checks in names.items():
+        print_line(screen, f"{', '.join(checks)}: {remedy}")
 
 
 def print_failed_checks(screen: "Console", failed: Sequence["Check"]) -> None:
