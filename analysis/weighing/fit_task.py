@@ -10,7 +10,6 @@ from analysis.weighing.fit_columns import FitRows, PreviousEstimates, RelativeLo
 from analysis.weighing.haul_route import Route
 from analysis.weighing.joint_result import (
     JointFit,
-    LazyEstimates,
     PriorMeans,
     resistance_slope,
     term_index,
@@ -31,7 +30,7 @@ from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.joint import prior_fit
 from estimators.joint.group_effects import GroupEffects, group_effects
-from estimators.joint.prior_fit import Grouping
+from estimators.joint.prior_fit import Grouping, Solution
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,9 +253,7 @@ class FitTask:
             mean[place], std[place] = term.mean, term.std
         return mean, std
 
-    def _slip_cost(
-        self, theta: Floats, found: LazyEstimates, terms: tuple[Nuisance, ...]
-    ) -> _SlipCost:
+    def _slip_cost(self, theta: Floats, found: Solution, terms: tuple[Nuisance, ...]) -> _SlipCost:
         """Cost of slip, computed from the estimates of a round."""
         count = theta.size - 1 - len(terms)
         mass_kg = float(np.mean(theta[:count]))

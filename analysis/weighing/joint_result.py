@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -15,26 +14,7 @@ from analysis.weighing.log_effects import LikelyEffects
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
-from estimators.joint.prior_fit import MapFit
-
-
-class LazyEstimates(Protocol):
-    """Estimates whose uncertainty is computed on first use."""
-
-    @property
-    def residual(self) -> Floats:
-        """Residuals of the samples."""
-        ...
-
-    @property
-    def residual_rms(self) -> float:
-        """R.m.s. of the residuals."""
-        ...
-
-    @property
-    def fit(self) -> MapFit:
-        """Estimates with the parts of their uncertainty."""
-        ...
+from estimators.joint.prior_fit import MapFit, Solution
 
 
 @dataclass(frozen=True)
@@ -97,7 +77,7 @@ class JointFit:
     terms: tuple[Nuisance, ...]
     prior_std: Floats
     theta: Floats
-    solution: LazyEstimates
+    solution: Solution
     states: LoadStates | None
     kinematics: WheelKinematics | None
     mean_samples: int

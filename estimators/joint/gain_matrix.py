@@ -7,12 +7,19 @@ for a product of (wide, r) matrices, r twice the number of shared parameters and
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
 from estimators.arrays import Floats
 from estimators.numerics.bordered_matrix import BorderedMatrix
+
+#: From so many levels on they are eliminated one by one; dense matrices are as fast below.
+_MANY_LEVELS: Final = 64
+#: Residuals that alternate average out, but never to less than this share of white ones' variance.
+_LEAST_OF_WHITE: Final = 0.1
+#: Of the largest direction of the columns, less is rounding.
+_ROUNDING: Final = 1e-12
 
 
 class Gain(Protocol):
@@ -168,3 +175,30 @@ def eliminate_levels(
         np.concatenate([-variance * k_tt, nothing]),
         -variance * outer_t,
     )
+
+
+def has_many_levels(equations: BorderedMatrix) -> bool:
+    """Whether the levels are worth eliminating one by one."""
+    return equations.diagonal.size >= _MANY_LEVELS
+
+
+def floor_meats(
+    meats: BorderedMatrix, gram: BorderedMatrix, white: float
+) -> BorderedMatrix | Floats:
+    """Raise each direction of the meats to a minimum fraction of its white-noise value.
+
+    Estimated correlations may imply a negative variance.
+
+    Returns:
+        The meats times the variance `white` of the residuals.
+    """
+    if has_many_levels(gram) and meats.exceeds(gram, _LEAST_OF_WHITE, _ROUNDING):
+        return meats.scale(white)
+    squares, vectors = np.linalg.eigh(gram.to_dense())
+    root = vectors * np.sqrt(np.maximum(squares, squares[-1] * _ROUNDING))
+    half = np.linalg.solve(root, meats.to_dense())
+    of_white, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
+    if of_white[0] >= _LEAST_OF_WHITE:
+        return meats.scale(white)
+    kept = root @ directions
+    return (kept * np.maximum(of_white, _LEAST_OF_WHITE)) @ kept.T * white

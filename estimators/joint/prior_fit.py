@@ -16,10 +16,9 @@ import numpy as np
 from scipy.linalg import toeplitz
 
 from estimators.arrays import Floats, Ints
-from estimators.joint.gain_matrix import Gain
+from estimators.joint.gain_matrix import Gain, floor_meats
 from estimators.joint.prior_solution import (
     SolutionParts,
-    has_many_levels,
     solve_with_priors,
     uncertain_noise_fraction,
 )
@@ -29,14 +28,9 @@ from estimators.numerics.autocorrelation import (
     pooled_autocorrelation,
     student_factor,
 )
-from estimators.numerics.bordered_matrix import BorderedMatrix
 from estimators.numerics.group_sums import GroupSums, NoiseMoments, scaled_columns
 from estimators.numerics.sandwich import meat
 
-#: Residuals that alternate average out, but never to less than this share of white ones' variance.
-_LEAST_OF_WHITE: Final = 0.1
-#: Of the largest direction of the columns, less is rounding.
-_ROUNDING: Final = 1e-12
 #: Groups disagree when the ratio of variances exceeds 1 by so many of its deviations.
 _DISAGREE: Final = 2.5
 #: What all groups miss alike counts from this ratio to its noise on.
@@ -172,7 +166,7 @@ class PriorSolution:
         turns = turned.turns[shape.levels.unit]
         meats = turns @ (meats + sums.noise_gram * alike) @ turns.transpose(0, 2, 1)
         covariance = gain.propagate_covariance(
-            _floor_meats(shape.expand_square(meats), turned.gram, white)
+            floor_meats(shape.expand_square(meats), turned.gram, white)
         )
         covariance *= student_factor(max(n / alike - theta.size, 1.0)) ** 2
         told = [i for i, part in enumerate(sums.rows) if part.size >= grouping.shortest]
@@ -247,6 +241,10 @@ class UndeterminedFit:
         )
 
 
+#: Estimates whose uncertainty, `fit`, is computed on first use.
+Solution = PriorSolution | UndeterminedFit
+
+
 def solve(
     A: Floats,
     f: Floats,
@@ -255,7 +253,7 @@ def solve(
     prior_mean: Floats,
     prior_std: Floats,
     grouping: Grouping | None = None,
-) -> PriorSolution | UndeterminedFit:
+) -> Solution:
     """Solve A θ = f for θ; the arguments are those of `fit`."""
     grouping = Grouping() if grouping is None else grouping
     levels = grouping.levels
@@ -335,28 +333,6 @@ class _InformativeGroups:
             total[: inside.size, self.shape.levels.membership[number]] += own[:, 0]
             total[: inside.size, count:] += own[:, 1:]
         return total
-
-
-def _floor_meats(
-    meats: BorderedMatrix, gram: BorderedMatrix, white: float
-) -> BorderedMatrix | Floats:
-    """Raise each direction of the meats to a minimum fraction of its white-noise value.
-
-    Estimated correlations may imply a negative variance.
-
-    Returns:
-        The meats times the variance `white` of the residuals.
-    """
-    if has_many_levels(gram) and meats.exceeds(gram, _LEAST_OF_WHITE, _ROUNDING):
-        return meats.scale(white)
-    squares, vectors = np.linalg.eigh(gram.to_dense())
-    root = vectors * np.sqrt(np.maximum(squares, squares[-1] * _ROUNDING))
-    half = np.linalg.solve(root, meats.to_dense())
-    of_white, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
-    if of_white[0] >= _LEAST_OF_WHITE:
-        return meats.scale(white)
-    kept = root @ directions
-    return (kept * np.maximum(of_white, _LEAST_OF_WHITE)) @ kept.T * white
 
 
 def _between_group_covariance(

@@ -12,7 +12,7 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
-from estimators.joint.gain_matrix import DenseGain, Gain, eliminate_levels
+from estimators.joint.gain_matrix import DenseGain, Gain, eliminate_levels, has_many_levels
 from estimators.joint.random_intercepts import InterceptShape
 from estimators.numerics.autocorrelation import pooled_autocorrelation
 from estimators.numerics.bordered_matrix import BorderedMatrix
@@ -25,8 +25,6 @@ _LARGEST_NOISE_SHARE: Final = 0.5
 _ROUNDS: Final = 4
 #: Added to the diagonal of the scores' covariance, over its trace: rounding.
 _RIDGE: Final = 1e-12
-#: From so many levels on they are eliminated one by one; dense matrices are as fast below.
-_MANY_LEVELS: Final = 64
 #: Parts of a `BorderedMatrix`.
 BorderedParts = tuple[Floats, Floats, Floats, Floats]
 
@@ -315,11 +313,6 @@ def _solve_weighted(
     weighed = weighted_gram(clean, turned.gram.to_dense(), variance, doubted)
     bread = np.asarray(np.linalg.inv(weighed @ clean + np.diag(precision)), np.float64)
     return bread @ (weighed @ turned.bare + believed), DenseGain(bread, bread @ weighed)
-
-
-def has_many_levels(equations: BorderedMatrix) -> bool:
-    """Whether the levels are worth eliminating one by one."""
-    return equations.diagonal.size >= _MANY_LEVELS
 
 
 def uncertain_noise_fraction(kept: float) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators.joint import prior_solution
+from estimators.joint import gain_matrix
 from estimators.joint.prior_fit import Grouping, MapFit, fit
 from estimators.joint.random_intercepts import RandomIntercepts
 from estimators.numerics.bordered_matrix import BorderedMatrix
@@ -52,7 +52,7 @@ def test_a_fit_of_many_levels_is_that_by_dense_matrices(
     seed: int, shape: tuple[float, ...], monkeypatch: pytest.MonkeyPatch, *, noisy: bool
 ) -> None:
     found = fitted(seed, noisy=noisy, shape=shape)
-    monkeypatch.setattr(prior_solution, "_MANY_LEVELS", 10_000)
+    monkeypatch.setattr(gain_matrix, "_MANY_LEVELS", 10_000)
     dense = fitted(seed, noisy=noisy, shape=shape)
     for name in ("theta", "noise", "responses", "scatter", "misfit", "doubt"):
         assert near(getattr(found, name), getattr(dense, name)), name
