@@ -98,6 +98,7 @@ class MapFit:
     @cached_property
     def covariance(self) -> Floats:
         """(p, p) total covariance."""
+        # of a thousand levels none has a prior
         informed = self.responses[self.responses.any(axis=1)]
         priors = informed.T @ informed
         doubt = np.outer(self.doubt, self.doubt)

@@ -16,7 +16,7 @@ from pydantic import BaseModel, Field, PrivateAttr, StringConstraints, Validatio
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.campaign.campaign_subjects import Id, Line
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
-from analysis.calibration.line.procedure import ProcedureNumber
+from analysis.calibration.line.procedure import PROCEDURES, Procedure, ProcedureNumber
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import ErrorLimits
 from analysis.calibration.use.learnt_priors import LearntPriors, machine_with_learnt_priors
@@ -261,6 +261,11 @@ class EvidenceDocument(BaseModel):
         if made == version("payscope") and self.format == FORMAT:
             return ""
         return f"payscope {made} (format {self.format.rpartition('/')[2]})"
+
+    @property
+    def rules(self) -> Procedure:
+        """Rules of its procedure."""
+        return PROCEDURES[self.procedure]
 
     @property
     def weighing(self) -> Machine:

@@ -15,7 +15,6 @@ from analysis.calibration.campaign.campaign_fit import (
     make_calibration_options,
 )
 from analysis.calibration.campaign.campaign_plan import CampaignRun
-from analysis.calibration.line.procedure import PROCEDURES
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
 from analysis.calibration.use.learnt_priors import pool_terms_of_logs
@@ -205,7 +204,7 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
         {name: term.model_dump() for name, term in terms.items()}
         for terms in (
             learnt.terms,
-            pool_terms_of_logs(learnt.logs, PROCEDURES[document.procedure]),
+            pool_terms_of_logs(learnt.logs, document.rules),
         )
     )
     if not all(near for _, near in find_differences(stored, computed)):

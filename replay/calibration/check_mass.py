@@ -9,7 +9,6 @@ from typing import Final
 from analysis.calibration.campaign.campaign_fit import check_known_mass
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, CampaignRun
 from analysis.calibration.campaign.campaign_subjects import Conditions, ReferenceMass
-from analysis.calibration.line.procedure import PROCEDURES
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument
@@ -82,8 +81,7 @@ def check_mass(
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
-        procedure = PROCEDURES[last.procedure]
-        replayed = replay_runs(campaign, last.weighing, lambda _: log, None, on_log, procedure)
+        replayed = replay_runs(campaign, last.weighing, lambda _: log, None, on_log, last.rules)
         refuse_machine(previous, campaign, replayed, last.machine)
         refuse_days(Path(f"--day {mass_on_board.day}"), campaign, replayed, last.machine)
         on_log("evidence")

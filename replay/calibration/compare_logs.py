@@ -8,7 +8,6 @@ from typing import Final
 
 import polars as pl
 
-from analysis.calibration.line.procedure import PROCEDURES
 from analysis.calibration.use.learnt_priors import TermOfLog
 from analysis.model.check_names import present_check_names
 from estimators.errors import EvidenceError, PayscopeError
@@ -70,7 +69,7 @@ def replay_and_compare_logs(
             campaign,
             document.weighing,
             lambda log: paths[log],
-            procedure=PROCEDURES[document.procedure],
+            procedure=document.rules,
         )
     except PayscopeError as fault:
         checked.add(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
