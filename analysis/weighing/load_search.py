@@ -1,6 +1,6 @@
 """Search for load states: find states and fit a mass each in turn until nothing changes."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, Self
 
 import numpy as np
@@ -56,15 +56,15 @@ def add_load_states(
     alike = _PartitionComparison.from_fit(found, inputs)
     fits = list[JointFit]()
     hints = np.append(0, np.cumsum(kind > 1))
-    if hints[-1]:
+    if hints[-1] and not np.array_equal(hints, _load_states_of_fit(settled).membership):
         held = _refit_fixed_states(alike.states(hints), inputs)
-        fits.append(_settle_states(held, inputs, repeatability_kg, kind))
+        fits.append(_settle_states(held, inputs, repeatability_kg, kind, settled))
     hauls = hauling_patterns(found.motion)
     if hauls:
         haul = min(hauls, key=alike.information_criterion)
         kind = np.where(np.diff(haul) > 0, np.maximum(kind, HINTED), kind)
         held = _refit_fixed_states(alike.states(haul), inputs)
-        hidden = _settle_states(held, inputs, repeatability_kg, kind)
+        hidden = _settle_states(held, inputs, repeatability_kg, kind, settled)
         fits += [hidden, _refit_with_own_scatter(held, inputs, repeatability_kg, kind)]
     likely = [settled, *(each for each in fits if _has_certain_loads(each))]
     if len(likely) == 1:
@@ -89,12 +89,14 @@ class _PartitionComparison:
         units: mass estimate of each manoeuvre by itself.
         number: (units,) numbers of the manoeuvres.
         samples: length of the means.
+        known: criterion of each membership that was compared, by its bytes.
     """
 
     task: FitTask
     units: GroupEffects
     number: Ints
     samples: int
+    known: dict[bytes, float] = field(default_factory=dict[bytes, float])
 
     @classmethod
     def from_fit(cls, found: JointFit, inputs: JointFitInputs) -> Self:
@@ -117,6 +119,12 @@ class _PartitionComparison:
 
     def information_criterion(self, membership: Ints) -> float:
         """Akaike information criterion (1974) of a partition; infinite if its fit fails."""
+        key = np.ascontiguousarray(membership, np.int64).tobytes()
+        if key not in self.known:
+            self.known[key] = self._fit_criterion(membership)
+        return self.known[key]
+
+    def _fit_criterion(self, membership: Ints) -> float:
         fitted = replace(self.task, states=self.states(membership)).fit_means(self.samples, 2)
         if not np.isfinite(fitted.theta).all():
             return np.inf
@@ -162,16 +170,27 @@ def _task_of_fit(found: JointFit, inputs: JointFitInputs) -> FitTask:
 
 
 def _settle_states(
-    found: JointFit, inputs: JointFitInputs, repeatability_kg: float | None, kind: Ints
+    found: JointFit,
+    inputs: JointFitInputs,
+    repeatability_kg: float | None,
+    kind: Ints,
+    settled: JointFit | None = None,
 ) -> JointFit:
     """Alternate between state search and fit, from a first fit on.
 
     If the search does not converge, the states with the least scatter for their number are kept.
+
+    Args:
+        found: the fit to start from.
+        inputs: samples of the log.
+        repeatability_kg: how masses of one load scatter; None finds it.
+        kind: kind of change between manoeuvres.
+        settled: result of another search, returned as soon as this one comes to its states.
     """
     number = np.unique(unit_of_each_stretch(found.motion))
     if not np.isfinite(found.theta).all():
         return _withhold_masses(found)
-    first, tried = found, list[JointFit]()
+    first, best, tried = found, None, list[Ints]()
     for _ in range(LIMITS.state_rounds):
         task, rows = _task_of_fit(found, inputs), fit_rows(found, inputs.noise)
         states = max(
@@ -185,12 +204,13 @@ def _settle_states(
             ),
             key=lambda each: each.log_odds,
         )
-        before = found.states
+        if settled is not None and _has_states(settled, states):
+            return settled
         if states.count == 1 and found.count == 1:
             return refit_with_changes(
                 replace(found, states=states), inputs.noise, inputs.priors, rows=rows
             )
-        if before is not None and np.array_equal(states.membership, before.membership):
+        if _has_states(found, states):
             # the same loads, whose scatter is known better now
             found = replace(found, states=states)
             return refit_with_changes(found, inputs.noise, inputs.priors, rounds=2, rows=rows)
@@ -198,13 +218,14 @@ def _settle_states(
         found = joint_fit(inputs, states)
         if not np.isfinite(found.theta).all():
             return _withhold_masses(first)
-        if any(
-            np.array_equal(states.membership, each.membership)
-            for each in map(_load_states_of_fit, tried)
-        ):
+        if any(np.array_equal(states.membership, each) for each in tried):
             break
-        tried.append(found)
-    return min(tried, key=lambda each: _load_states_of_fit(each).bic)
+        tried.append(states.membership)
+        # each fit of a shift holds hundreds of megabytes
+        if best is None or states.bic < _load_states_of_fit(best).bic:
+            best = found
+    assert best is not None
+    return best
 
 
 def _withhold_masses(found: JointFit) -> JointFit:
@@ -213,6 +234,11 @@ def _withhold_masses(found: JointFit) -> JointFit:
     if found.count == 1 or states is None:
         states = single_unknown_state(np.unique(unit_of_each_stretch(found.motion)))
     return replace(found, theta=np.full(found.theta.size, np.nan), states=states)
+
+
+def _has_states(found: JointFit, states: LoadStates) -> bool:
+    """Whether a fit has these load states."""
+    return found.states is not None and np.array_equal(found.states.membership, states.membership)
 
 
 def _load_states_of_fit(found: JointFit) -> LoadStates:
