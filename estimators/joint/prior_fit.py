@@ -13,10 +13,14 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from scipy.linalg import toeplitz
 
 from estimators.arrays import Floats, Ints
-from estimators.joint.gain_matrix import Gain, floor_meats
+from estimators.joint.gain_matrix import floor_meats
+from estimators.joint.group_misfit import (
+    InformativeGroups,
+    between_group_covariance,
+    common_misfit,
+)
 from estimators.joint.prior_solution import (
     SolutionParts,
     solve_with_priors,
@@ -25,16 +29,11 @@ from estimators.joint.prior_solution import (
 from estimators.joint.random_intercepts import InterceptShape, RandomIntercepts
 from estimators.numerics.autocorrelation import (
     autocovariance_loss,
-    pooled_autocorrelation,
     student_factor,
 )
 from estimators.numerics.group_sums import GroupSums, NoiseMoments, scaled_columns
 from estimators.numerics.sandwich import meat
 
-#: Groups disagree when the ratio of variances exceeds 1 by so many of its deviations.
-_DISAGREE: Final = 2.5
-#: What all groups miss alike counts from this ratio to its noise on.
-_MISFIT: Final = 2.0
 #: What the fit takes out of the residuals of fewer groups is put back.
 _FEW_GROUPS: Final = 3
 
@@ -112,49 +111,46 @@ class MapFit:
 
 
 @dataclass(frozen=True)
-class PriorSolution:
-    """Estimates whose uncertainty is computed on request.
+class _SolvedSamples:
+    """Samples and their solution, from which its uncertainty is computed.
 
     Attributes:
-        theta: (p,) estimates; NaN if the samples do not determine them.
+        theta: (wide,) estimates, unscaled.
+        A: (n, p) scaled columns.
+        group: (n,) group of each sample.
+        sums: sums by group.
+        shape: relation of a group's parameters to all parameters.
+        precision: (p,) prior precisions of the scaled columns.
+        scale: (p,) divisors of the columns.
+        grouping: how groups are compared.
+        solved: the solution of the scaled columns.
     """
 
     theta: Floats
-    _A: Floats
-    _group: Ints
-    _sums: GroupSums
-    _shape: InterceptShape
-    _precision: Floats
-    _scale: Floats
-    _grouping: Grouping
-    _solved: SolutionParts
+    A: Floats
+    group: Ints
+    sums: GroupSums
+    shape: InterceptShape
+    precision: Floats
+    scale: Floats
+    grouping: Grouping
+    solved: SolutionParts
 
-    @property
-    def residual(self) -> Floats:
-        """(n,) f - A θ; 0 for samples without a group."""
-        return self._solved.residual
-
-    @property
     def residual_rms(self) -> float:
         """R.m.s. of the residuals."""
-        residual = self._solved.residual
-        return float(np.sqrt(residual @ residual / int((self._group >= 0).sum())))
+        residual = self.solved.residual
+        return float(np.sqrt(residual @ residual / int((self.group >= 0).sum())))
 
-    @property
     def fit(self) -> MapFit:
         """The estimates with all parts of their uncertainty."""
-        return self._fit
-
-    @cached_property
-    def _fit(self) -> MapFit:
         A, group, sums, shape, grouping = (
-            self._A,
-            self._group,
-            self._sums,
-            self._shape,
-            self._grouping,
+            self.A,
+            self.group,
+            self.sums,
+            self.shape,
+            self.grouping,
         )
-        theta, gain, residual, correlation, white, share, kept, turned = self._solved
+        theta, gain, residual, correlation, white, share, kept, turned = self.solved
         levels, n = grouping.levels, int((group >= 0).sum())
         meats = np.stack(
             [
@@ -180,24 +176,24 @@ class PriorSolution:
             scatter *= student_factor(levels.freedom) ** 2
         # what a unit's scatter does not explain: stretches within it disagree as well
         count = shape.levels.count
-        grown, ratio = _between_group_covariance(gain, spread, covariance + scatter, count)
+        grown, ratio = between_group_covariance(gain, spread, covariance + scatter, count)
         scatter = scatter + grown
         signs = np.ones(residual.size) if grouping.direction is None else grouping.direction
-        misfit, common = _common_misfit(
+        misfit, common = common_misfit(
             gain,
             A,
             residual,
-            _InformativeGroups([sums.rows[i] for i in told], turns[told], shape, told),
+            InformativeGroups([sums.rows[i] for i in told], turns[told], shape, told),
             signs,
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
         doubt = gain.apply_to_vector(turned.taken, uncertain_noise_fraction(kept))
-        scale = shape.widen(self._scale)
+        scale = shape.widen(self.scale)
         units = np.outer(scale, scale)
         return MapFit(
             self.theta,
             covariance / units,
-            (gain.bread * np.sqrt(shape.widen(self._precision))).T / scale,
+            (gain.bread * np.sqrt(shape.widen(self.precision))).T / scale,
             scatter / units,
             misfit / units,
             doubt / scale,
@@ -206,8 +202,34 @@ class PriorSolution:
             common,
             len(told),
             residual,
-            self.residual_rms,
+            self.residual_rms(),
         )
+
+
+class PriorSolution:
+    """Estimates whose uncertainty is computed on first use.
+
+    Attributes:
+        theta: (p,) estimates.
+        residual: (n,) f - A θ; 0 for samples without a group.
+        residual_rms: r.m.s. of the residuals.
+    """
+
+    def __init__(self, samples: _SolvedSamples) -> None:
+        self.theta = samples.theta
+        self.residual = samples.solved.residual
+        self.residual_rms = samples.residual_rms()
+        self._samples: _SolvedSamples | None = samples
+        self._fit: MapFit | None = None
+
+    @property
+    def fit(self) -> MapFit:
+        """The estimates with all parts of their uncertainty."""
+        if self._fit is None:
+            assert self._samples is not None
+            # samples of a shift are hundreds of megabytes, and are not needed again
+            self._fit, self._samples = self._samples.fit(), None
+        return self._fit
 
 
 @dataclass(frozen=True)
@@ -279,7 +301,9 @@ def solve(
     except np.linalg.LinAlgError:
         return nothing
     theta = solved.theta / shape.widen(scale)
-    return PriorSolution(theta, A, group, sums, shape, precision, scale, grouping, solved)
+    return PriorSolution(
+        _SolvedSamples(theta, A, group, sums, shape, precision, scale, grouping, solved)
+    )
 
 
 def fit(
@@ -306,84 +330,3 @@ def fit(
         The fit; NaN throughout if the samples do not determine it.
     """
     return solve(A, f, group, noise, prior_mean, prior_std, grouping).fit
-
-
-@dataclass(frozen=True)
-class _InformativeGroups:
-    """Groups with enough samples to be compared.
-
-    Attributes:
-        rows: samples of each group.
-        turns: (groups, p, p) transformation of its scores by the scatter of its level.
-        shape: relation of a group's parameters to all parameters.
-        number: index of each among all groups.
-    """
-
-    rows: list[Ints]
-    turns: Floats
-    shape: InterceptShape
-    number: list[int]
-
-    def common_residual_scores(self, A: Floats, direction: Floats, length: int) -> Floats:
-        """(length, wide) scores caused by a common residual of 1 at each place in the groups."""
-        count = self.shape.levels.count
-        total = np.zeros((length, count + A.shape[1] - 1))
-        for part, turn, number in zip(self.rows, self.turns, self.number, strict=True):
-            inside = part[:length]
-            own = A[inside] @ turn.T * direction[part[part.size // 2]]
-            total[: inside.size, self.shape.levels.membership[number]] += own[:, 0]
-            total[: inside.size, count:] += own[:, 1:]
-        return total
-
-
-def _between_group_covariance(
-    gain: Gain, scores: Floats, covariance: Floats, levels: int
-) -> tuple[Floats, float]:
-    """Covariance due to disagreeing groups, (p, p), and Birge ratio of the first parameter."""
-    count = len(scores)
-    freedom = count - levels
-    if freedom < 1:
-        return np.zeros_like(covariance), float("nan")
-    moved = gain.apply_to_rows(scores)
-    between = (moved[:, :levels] ** 2).sum(axis=0) * count / freedom
-    own = np.diag(covariance)[:levels]
-    if not (own > 0.0).all():
-        return np.zeros_like(covariance), float("nan")
-    ratio = float((between / own).mean())
-    if ratio <= 1.0 + _DISAGREE * np.sqrt(2.0 / freedom):
-        return np.zeros_like(covariance), float(np.sqrt(ratio))
-    # every parameter grows as the first does: a full matrix of few groups is no covariance
-    grown = covariance * (ratio * student_factor(float(freedom)) ** 2 - 1.0)
-    return grown, float(np.sqrt(ratio))
-
-
-def _common_misfit(
-    gain: Gain, A: Floats, residual: Floats, informative: _InformativeGroups, direction: Floats
-) -> tuple[Floats, float]:
-    """Covariance due to a residual common to all groups, (wide, wide), and its ratio to noise.
-
-    Noise averaged over the groups, aligned at their begins, keeps 1/groups of its variance. The
-    excess counts as one draw of an error with that average's correlation: repetition in every group
-    does not average it out.
-    """
-    wide, rows = informative.shape.levels.count + A.shape[1] - 1, informative.rows
-    nothing = np.zeros((wide, wide))
-    if len(rows) < 3:
-        return nothing, float("nan")
-    length = int(np.median([part.size for part in rows]))
-    each = np.full((len(rows), length), np.nan)
-    for i, part in enumerate(rows):
-        part = part[:length]
-        each[i, : part.size] = residual[part] * direction[part[part.size // 2]]
-    count = np.isfinite(each).sum(axis=0)
-    known = count >= 2
-    mean = np.nanmean(each[:, known], axis=0)
-    left = float((np.nanvar(each[:, known], axis=0, ddof=1) / count[known]).mean())
-    square = float((mean**2).mean())
-    ratio = square / left if left > 0 else float("nan")
-    if not ratio > _MISFIT:
-        return nothing, ratio
-    correlation, _ = pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)
-    moved = gain.apply_to_rows(informative.common_residual_scores(A, direction, length))
-    lasts = toeplitz(np.concatenate([correlation, np.zeros(length)])[:length])
-    return moved.T @ lasts @ moved * (square - left), ratio
