@@ -28,6 +28,8 @@ from replay import load_machine, open_log, run
 
 #: Error of the second ticket, in standard uncertainties of the comparison.
 OFF_U: Final = 5.0
+#: Checks that compare the log with the ticket.
+_CHECKS: Final = ("empty_mass", "empty_mass_ratio", "negative_payload")
 
 
 @dataclass(frozen=True)
@@ -106,9 +108,9 @@ def wrong_ticket(seed: int, hours: float) -> WrongTicket:
 
 def _said_of_empty_mass(frames: dict[str, pl.DataFrame]) -> list[str]:
     """Failed checks of the empty mass, and the contradiction that withholds cycles."""
-    of_empty = pl.col("check").str.starts_with("empty_mass") & ~pl.col("passed")
+    of_empty = pl.col("check").is_in(_CHECKS) & ~pl.col("passed")
     checks = frames["verdict"].filter(of_empty)["check"].to_list()
-    withheld = frames["cycles"]["withheld_for"].str.contains("empty_mass").any()
+    withheld = frames["cycles"]["withheld_for"].str.contains("|".join(_CHECKS)).any()
     return sorted({*checks, *(["withheld"] if withheld else [])})
 
 
