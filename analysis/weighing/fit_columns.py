@@ -234,20 +234,28 @@ def weigh_piece_rows(
         uneven_1_s: see `PreviousEstimates`.
         rate_hz: rate of the grid.
     """
-    A = np.concatenate([piece.A for piece in pieces])
+    motion = np.concatenate([piece.A[:, :2] for piece in pieces])
     f = np.concatenate([piece.f for piece in pieces])
     counts = np.concatenate([piece.count for piece in pieces])
     # lengths are few and short: counting them is quicker than sorting all rows
     occurs = np.bincount(counts) > 0
     lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
     covariances = np.stack([noise.covariance(int(length)) for length in lengths])
-    weight = _row_weights(A[:, :2], f, covariances, which)
+    weight = _row_weights(motion, f, covariances, which)
     ends_at = np.cumsum([piece.f.size for piece in pieces])[:-1]
+    A = np.empty((f.size, 2 + len(terms)))
+
+    def weigh_rows(
+        piece: _PieceMeans, rows: Floats, which: Ints, weight: Floats
+    ) -> tuple[Floats, Floats]:
+        # while the piece is in the cache: the rows of a shift are hundreds of megabytes
+        np.multiply(piece.A, weight[:, None], out=rows)
+        return _noise_moments(terms, piece, covariances, which, weight)
+
     added = map_in_threads(
-        lambda each: _noise_moments(terms, each[0], covariances, each[1], each[2]),
-        list(zip(pieces, np.split(which, ends_at), np.split(weight, ends_at), strict=True)),
+        lambda each: weigh_rows(*each),
+        list(zip(pieces, *(np.split(each, ends_at) for each in (A, which, weight)), strict=True)),
     )
-    A *= weight[:, None]
     f *= weight
     group = np.concatenate([piece.group for piece in pieces])
     if uneven_1_s:
