@@ -10,7 +10,7 @@ machine file states them, and the ticket's. It has to be said, and no tonnes may
 """
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,7 +106,7 @@ def wrong_ticket(seed: int, hours: float) -> WrongTicket:
     return WrongTicket(seed, float(sum(log.truth.payload_kg)), u_1, replays)
 
 
-def _said_of_empty_mass(frames: dict[str, pl.DataFrame]) -> list[str]:
+def _said_of_empty_mass(frames: Mapping[str, pl.DataFrame]) -> list[str]:
     """Failed checks of the empty mass, and the contradiction that withholds cycles."""
     of_empty = pl.col("check").is_in(_CHECKS) & ~pl.col("passed")
     checks = frames["verdict"].filter(of_empty)["check"].to_list()
@@ -122,7 +122,7 @@ def table(found: Sequence[WrongTicket]) -> str:
         group = [(each, each.read()[place]) for each in compared]
         told = [(each, one) for each, one in group if one.total_kg]
         held = sum(abs(one.total_kg - each.true_kg) <= K * one.u_kg for each, one in told)
-        silent = [one for each, one in told if not one.said]
+        silent = [one for _, one in told if not one.said]
         rows.append(
             [
                 name,

@@ -114,6 +114,8 @@ class FitTask:
             known_s = known.lag_s
             mean[lag] -= known_s
             if number or rows is None:
+                # of a shift each holds hundreds of megabytes
+                rows = solution = None
                 rows = average_columns(self.motion, self.noise, self.terms, samples, known)
             solution = prior_fit.solve(
                 rows.A,

@@ -215,6 +215,7 @@ def _settle_states(
             found = replace(found, states=states)
             return refit_with_changes(found, inputs.noise, inputs.priors, rounds=2, rows=rows)
         inputs = _add_uneven_ground(found, inputs, rows.group)
+        del rows  # of a shift they are hundreds of megabytes
         found = joint_fit(inputs, states)
         if not np.isfinite(found.theta).all():
             return _withhold_masses(first)

@@ -242,14 +242,14 @@ def _weigh_with_priors(
     alone = _fit_without_learnt(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
     rows = fit_rows(fit, columns, (CURVATURE, FILLING))
-    halved, doubled = (
-        refit_with_changes(fit, columns, _scale_priors(priors, times), rows=rows)
+    halved_kg, doubled_kg = (
+        refit_with_changes(fit, columns, _scale_priors(priors, times), rows=rows).masses_kg
         for times in (0.5, 2.0)
     )
     return Weighing(
         fit,
-        halved.masses_kg,
-        doubled.masses_kg,
+        halved_kg,
+        doubled_kg,
         braking_kg,
         left_out,
         doubted,
