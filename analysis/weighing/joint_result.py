@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
 from estimators.joint.prior_fit import MapFit, Solution
+
+#: Masses in a sum from which the whole covariance is multiplied: picking theirs out takes longer.
+_MANY_MASSES: Final = 256
 
 
 @dataclass(frozen=True)
@@ -227,6 +231,8 @@ class JointFit:
         summed = np.flatnonzero(wide)
 
         def weighted_std(covariance: Floats) -> float:
+            if summed.size > _MANY_MASSES:
+                return float(np.sqrt(max(float(wide @ (covariance @ wide)), 0.0)))
             own = covariance[np.ix_(summed, summed)]
             return float(np.sqrt(max(float(wide[summed] @ own @ wide[summed]), 0.0)))
 
@@ -250,7 +256,7 @@ class JointFit:
                 self._squat_parts_kg(weights),
                 0.0 if self.by_motion is None else float(weights @ self.by_motion.swing_kg),
             ),
-            "misfit": weighted_std(fit.misfit),
+            "misfit": weighted_std(fit.misfit) if fit.has_misfit else 0.0,
             "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),
         }

@@ -104,6 +104,11 @@ class MapFit:
         return self.noise + priors + self.scatter + self.misfit + doubt
 
     @cached_property
+    def has_misfit(self) -> bool:
+        """Whether a residual common to all groups adds to the covariance."""
+        return bool(self.misfit.any())
+
+    @cached_property
     def std(self) -> Floats:
         """(p,) standard deviations; NaN if lost to rounding."""
         variance = np.diag(self.covariance)
