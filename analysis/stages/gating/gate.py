@@ -42,11 +42,11 @@ def gate_windows(
     """
     columns: dict[str, Floats | pl.Series] = {"t_ns": excitation["t_ns"]}
     for axis in available_axes(excitation):
-        columns |= _judge_axis(axis, excitation, settings, noise)
+        columns |= _make_gate_columns(axis, excitation, settings, noise)
     return build_frame("gate", columns)
 
 
-def _judge_axis(
+def _make_gate_columns(
     axis: Axis, excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None
 ) -> dict[str, Floats | pl.Series]:
     """Columns of `gate` for one axis."""
@@ -119,7 +119,7 @@ def accepted_samples(
         gated[f"accepted_{axis.letter}"].to_numpy(), settings.gate.window_samples
     )
     used &= (excitation["phase"] != "standstill").fill_null(True).to_numpy()
-    return used & ~braking_within_sight(excluded_braking(axis, excitation, settings), settings)
+    return used & ~possibly_braking_samples(excluded_braking(axis, excitation, settings), settings)
 
 
 def refuse_windows(gated: pl.DataFrame, rows: Bools, why: str, settings: Settings) -> pl.DataFrame:
@@ -148,10 +148,12 @@ def settled_windows(
     it 17 kg of 3614. On board its estimate is delayed by that much.
     """
     accepted = gated[f"accepted_{axis.letter}"].to_numpy()
-    return accepted & ~braking_within_sight(excluded_braking(axis, excitation, settings), settings)
+    return accepted & ~possibly_braking_samples(
+        excluded_braking(axis, excitation, settings), settings
+    )
 
 
-def braking_within_sight(braking: Bools, settings: Settings) -> Bools:
+def possibly_braking_samples(braking: Bools, settings: Settings) -> Bools:
     """Braking samples, and those before them that may brake undetected, (rows,)."""
     return flagged_windows(braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples)[
         ::-1
