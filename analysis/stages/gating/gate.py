@@ -66,7 +66,7 @@ def _make_gate_columns(
 
     first = int(np.argmin(missing)) if n and not missing.all() else n
     slips = find_slipping_samples(
-        column_values(excitation, "speed_rate_x_m_s2"), _machine_acceleration(excitation), settings
+        column_values(excitation, "speed_rate_x_m_s2"), _forward_acceleration(excitation), settings
     )
     brakes = _decelerates_on_axis(axis, excitation, settings)
     flags = {"gap": missing, **flag_rows(axis, phase, f, brakes, slips, settings.gate)}
@@ -174,7 +174,7 @@ def _decelerates_on_axis(axis: Axis, excitation: pl.DataFrame, settings: Setting
     return yaw_speeding_sign(column_values(excitation, "yaw_rate_rad_s"), settings) < 0
 
 
-def _machine_acceleration(excitation: pl.DataFrame) -> Floats:
+def _forward_acceleration(excitation: pl.DataFrame) -> Floats:
     pitch = column_values(excitation, "pitch_rad") if "pitch_rad" in excitation.columns else None
     return subtract_gravity(column_values(excitation, "specific_force_x_m_s2"), pitch)
 
