@@ -29,7 +29,7 @@ from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log
 from estimators.errors import PayscopeError
 from replay.explain.try_proposals import ProposalReplays, try_all_proposals
 from replay.inputs.cached_log import CachedLog
-from replay.inputs.memory_log import MemoryLog, reading_memory
+from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
 from replay.logs import Log
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs
@@ -121,7 +121,7 @@ def _draw_log(fault: Fault | Unlisted, seed: int) -> tuple[Log, Machine, float]:
     settings = own.settings.with_changes({"trace.methods": ("pooled",)})
     limits = Settings.model_validate({}).verdict
     own = own.model_copy(update={"settings": settings.model_copy(update={"verdict": limits})})
-    return MemoryLog(log), reading_memory(own, log), log.scenario.machine.mass_kg
+    return MemoryLog(log), machine_with_memory_channels(own, log), log.scenario.machine.mass_kg
 
 
 def _mass(said: Answer) -> tuple[float, float] | None:

@@ -27,7 +27,7 @@ from replay.fleet.fleet_file import load_fleet
 from replay.fleet.log_sources import FleetLog, list_fleet_logs
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.recording_task import TaskOutcome
-from replay.fleet.run_fleet import FleetRun, fleet_run
+from replay.fleet.run_fleet import FleetRun, replay_fleet
 
 _WORKER = b"ray::replay_one"
 _WAIT_S = 60.0
@@ -86,7 +86,7 @@ def on_cluster(logs: Path, fleet: Path, destination: Path, count: int) -> tuple[
     try:
         nodes = [cluster.add_node(**here) for _ in range(2)]
         killer = Killer(cluster, nodes[-1], count)
-        did = fleet_run(
+        did = replay_fleet(
             list_fleet_logs([str(logs)]),
             load_fleet(fleet),
             str(destination),
@@ -114,7 +114,7 @@ def main() -> int:
             told(f"failed: {source}: {why}")
         began = time.perf_counter()
         fleet = load_fleet(folder / "fleet.toml")
-        fleet_run(list_fleet_logs([str(logs)]), fleet, str(folder / "serial"), SerialEngine)
+        replay_fleet(list_fleet_logs([str(logs)]), fleet, str(folder / "serial"), SerialEngine)
         told(f"serially: {time.perf_counter() - began:.0f} s")
         there, differ = same_results(folder / "serial", folder / "cluster")
         told(f"{there} results of {count} recordings, {len(differ)} files differ")

@@ -23,11 +23,11 @@ from typing import Any
 
 from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
 from replay.fleet.fleet_file import load_fleet
-from replay.fleet.gathered_tables import fleet_query, fleet_results
+from replay.fleet.gathered_tables import open_fleet_results, query_fleet
 from replay.fleet.log_sources import FleetLog, list_fleet_logs
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.recording_task import TaskOutcome
-from replay.fleet.run_fleet import fleet_run
+from replay.fleet.run_fleet import replay_fleet
 
 #: Shorter keys are refused by the server.
 _ID, _SECRET = "payscope-benchmark-access-key", "payscope-benchmark-secret-access-key"
@@ -114,16 +114,18 @@ def checked(
     place = f"s3://{bucket}/results"
     try:
         source = list_fleet_logs([f"s3://{bucket}/logs"])
-        did = fleet_run(source, fleet, place, engine, on_done)
+        did = replay_fleet(source, fleet, place, engine, on_done)
         for each in back:
             each.join()
         before = _listed(home)
-        again = fleet_run(list_fleet_logs([f"s3://{bucket}/logs/*/*.mcap"]), fleet, place, engine)
+        again = replay_fleet(
+            list_fleet_logs([f"s3://{bucket}/logs/*/*.mcap"]), fleet, place, engine
+        )
         sql = "SELECT machine, count(*) AS number FROM results GROUP BY machine"
-        asked = fleet_query(fleet_results(place), sql)
+        asked = query_fleet(open_fleet_results(place), sql)
     finally:
         server.stop()
-    fleet_run(list_fleet_logs([str(logs)]), fleet, str(folder / "beside"), SerialEngine)
+    replay_fleet(list_fleet_logs([str(logs)]), fleet, str(folder / "beside"), SerialEngine)
     there, differ = _same(folder / "beside", home / "results")
     wrong = [f"failed: {source}: {why}" for source, why in did.failed.items()]
     wrong += [] if did.made == count else [f"{did.made} replayed of {count}"]

@@ -26,7 +26,7 @@ from replay.fleet.last_run import TaskLimits
 from replay.fleet.log_sources import FleetLog, list_fleet_logs
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.recording_task import TaskOutcome
-from replay.fleet.run_fleet import fleet_run
+from replay.fleet.run_fleet import replay_fleet
 
 #: A fleet to reckon with: recordings, nodes, and what a node has.
 _FLEET: Final = 100_000
@@ -85,7 +85,7 @@ class Watched:
 def watched(folder: Path, workers: int, run: int) -> Watched:
     """Replay all with so many workers."""
     found = Watched(workers)
-    fleet_run(
+    replay_fleet(
         list_fleet_logs([str(folder / "logs")]),
         load_fleet(folder / "fleet.toml"),
         str(folder / f"results_{workers}_{run}"),

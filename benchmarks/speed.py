@@ -31,7 +31,7 @@ from estimators.numerics.recursive import (
 )
 from estimators.numerics.rolling import sum_windows
 from estimators.numerics.small_systems import pack
-from estimators.threads import in_chunks
+from estimators.threads import run_in_chunks
 
 #: One core each.
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
@@ -126,7 +126,7 @@ def ols_and_rho(data: Data) -> Floats:
         out[rows, :2] = solve(products).theta.T
         out[rows, 2] = rho
 
-    in_chunks(work, index.size)
+    run_in_chunks(work, index.size)
     return out
 
 
@@ -136,7 +136,7 @@ def ols(data: Data) -> Floats:
     def work(rows: slice) -> None:
         out[rows] = solve(sum_windows(data.A, data.f, WINDOW, index[rows])).theta.T
 
-    in_chunks(work, index.size)
+    run_in_chunks(work, index.size)
     return out
 
 

@@ -16,7 +16,7 @@ from typing import Annotated, Final
 
 import typer
 
-from analysis.model.check_names import present_check_names
+from analysis.model.check_names import replace_former_check_names
 from analysis.model.run_record import Run
 from benchmarks.kept_trials import read_rows, run_trials
 from benchmarks.page import markdown
@@ -68,7 +68,7 @@ class FaultTrial:
         """Whether an open answer is off, and nothing says so."""
         if self.mass_kg is None or not self.u_kg or self.causes:
             return False
-        warned = any(present_check_names(name) in _WARN for name in self.failed)
+        warned = any(replace_former_check_names(name) in _WARN for name in self.failed)
         return not warned and abs(self.mass_kg - self.true_kg) > _WRONG_U * self.u_kg
 
     def is_named(self, causes: Sequence[str]) -> bool:

@@ -31,7 +31,7 @@ from analysis.calibration.use.learnt_priors import (
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from replay.inputs.memory_log import MemoryLog, reading_memory
+from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 
@@ -105,7 +105,7 @@ def log_of(
 
 
 def replays(logs: Sequence[SimulatedLog], machine: Machine) -> list[Run]:
-    return [run(MemoryLog(log), reading_memory(machine, log)) for log in logs]
+    return [run(MemoryLog(log), machine_with_memory_channels(machine, log)) for log in logs]
 
 
 def run_of(load_kg: float) -> CampaignRun:

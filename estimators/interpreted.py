@@ -104,7 +104,7 @@ class Loop:
         if self._by_arrays is not None:
             return self._by_arrays
         return self._replace_globals(
-            {name: each.interpreted for name, each in self._loops_called().items()}
+            {name: each.interpreted for name, each in self._find_called_loops().items()}
         )
 
     @cached_property
@@ -112,7 +112,7 @@ class Loop:
         """The function compiled by numba, which is imported on first use."""
         from estimators import compiled  # imports numba, which is slow
 
-        calls = {name: each.compiled for name, each in self._loops_called().items()}
+        calls = {name: each.compiled for name, each in self._find_called_loops().items()}
         return getattr(compiled, self._how)(self._replace_globals(calls))
 
     @cached_property
@@ -150,7 +150,7 @@ class Loop:
         with np.errstate(all="ignore"):
             return _convert_to_python(self.interpreted(*arguments))
 
-    def _loops_called(self) -> "dict[str, Loop | Primitive]":
+    def _find_called_loops(self) -> "dict[str, Loop | Primitive]":
         names = self._function.__globals__
         used = {name: names.get(name) for name in self._function.__code__.co_names}
         return {name: each for name, each in used.items() if isinstance(each, Loop | Primitive)}

@@ -22,7 +22,7 @@ _UNTOUCHED = np.empty(3 * 2**20)
 del _UNTOUCHED
 
 
-def in_chunks(work: Callable[[slice], None], rows: int) -> None:
+def run_in_chunks(work: Callable[[slice], None], rows: int) -> None:
     """Call `work` with slices that cover `rows`, in any order; each writes only its own rows.
 
     The loops release the interpreter's lock. NUMBA_NUM_THREADS limits the cores, as for numba.

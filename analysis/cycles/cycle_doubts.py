@@ -20,10 +20,10 @@ def list_cycle_doubts(cycles: pl.DataFrame) -> list[str]:
     if counted.len() >= LIMITS.unlike_load_min_loads:
         typical = counted.median()
         spread = (counted - typical).abs().median()
-    return [_row_doubts(row, typical, spread) for row in cycles.iter_rows(named=True)]
+    return [_doubts_about_cycle(row, typical, spread) for row in cycles.iter_rows(named=True)]
 
 
-def _row_doubts(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) -> str:
+def _doubts_about_cycle(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) -> str:
     """Doubts about one cycle, joined by semicolons."""
     payload_kg, u_kg = row["payload_kg"], row["payload_u_kg"]
     if payload_kg is None or not row["counted"]:

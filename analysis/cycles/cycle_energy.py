@@ -115,7 +115,7 @@ def compute_shift_energy(
         The energies; without rows if there is no mass or no cycle.
     """
     manoeuvres = frames["manoeuvres"]
-    spans = _whole_phase_spans(frames["cycles"], holes_ns)
+    spans = _phase_spans_without_holes(frames["cycles"], holes_ns)
     no_mass = frames["loads"]["mass_kg"].is_null().all()
     if not spans or no_mass or manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return NO_ENERGY
@@ -126,15 +126,15 @@ def compute_shift_energy(
         return NO_ENERGY
     gain_u_1, unknown = force_gain_uncertainty(machine)
     common_1, random_1 = relative_mass_uncertainty(frames)
-    common = [*_common_phase_changes(drive, spans, found, value), gain_u_1 * value]
+    common = [*_energy_changes_by_term(drive, spans, found, value), gain_u_1 * value]
     common.append(common_1 * _work_change_by_mass(found))
-    random = _random_work(found, value, drive.model, random_1, spans)
+    random = _random_work_uncertainty(found, value, drive.model, random_1, spans)
     fuel_L = sum_fuel_litres(drive.samples, spans)
     rows = _make_energy_rows(spans, value, np.array(common), random, fuel_L)
     return ShiftEnergy(rows, unknown, machine.machine.fuel_gain_u)
 
 
-def _common_phase_changes(
+def _energy_changes_by_term(
     drive: FittedDrive, spans: list[PhaseSpan], integrals: PhaseIntegrals, value: Floats
 ) -> list[Floats]:
     """Changes of the energy by one standard uncertainty of each term, (phases, parts) in J each."""
@@ -155,13 +155,13 @@ def _common_phase_changes(
         *(_split_energy_by_phase(each.integrate(spans), model) - value for each in moved),
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
-        _work_moved_by_slope(integrals, model),
+        _work_change_by_slope(integrals, model),
         _misfit_work(integrals, value, model),
         drive.speed_u_1 * _work_change_by_speed(value),
     ]
 
 
-def _whole_phase_spans(
+def _phase_spans_without_holes(
     cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
 ) -> list[PhaseSpan]:
     """Phase spans of the cycles without holes; an incomplete cycle is one span."""
@@ -231,7 +231,7 @@ def _work_against_friction(integrals: EnergyIntegrals, model: ForceModel) -> Flo
     return _mass_and_friction_work(integrals, model) + integrals["slip"]
 
 
-def _work_moved_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
+def _work_change_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Change of the energy if a slope shifts weight like an acceleration, (phases, parts) in J.
 
     The full effect is assumed, with half its width over √3 as uncertainty, since it may be partial.
@@ -290,7 +290,7 @@ def _work_change_by_mass(integrals: PhaseIntegrals) -> Floats:
     )
 
 
-def _random_work(
+def _random_work_uncertainty(
     integrals: PhaseIntegrals,
     value: Floats,
     model: ForceModel,

@@ -202,7 +202,7 @@ def add_dump_times(
     stands, stops = find_standing_samples(excitation), is_creeping(excitation)
     boom = column_values(aligned, "boom_rad")
     for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
-        ready = _when_last_loaded_ns(cycle, passes)
+        ready = _last_loaded_time_ns(cycle, passes)
         over = [int(ns) for ns in passes.start_ns[np.searchsorted(passes.start_ns, ready) :][:1]]
         if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
             over.append(later.dig_ns[0])
@@ -221,17 +221,17 @@ def add_dump_times(
             cycle.dump_ns = _extend_to_standstills(dumped[0][:2], stands[part], t_ns[part])
             cycle.dumped_ns = dumped[0].dumped_ns
             continue
-        stand = _boom_stand(stands[part], boom[part], t_ns[part])
+        stand = _find_boom_standstill(stands[part], boom[part], t_ns[part])
         by_boom = stand is not None and stand[2]
         hole = None if by_boom else _find_longest_hole(t_ns[part])
         cycle.unseen = hole is not None
         found_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
         cycle.dump_ns, cycle.dumped_ns = found_ns, sum(found_ns) // 2
         if stand is not None and by_boom:
-            cycle.dumped_ns = _boom_out_ns(boom[part], t_ns[part], *stand[:2])
+            cycle.dumped_ns = _middle_of_boom_out_ns(boom[part], t_ns[part], *stand[:2])
 
 
-def _when_last_loaded_ns(cycle: CycleParts, passes: Passes) -> int:
+def _last_loaded_time_ns(cycle: CycleParts, passes: Passes) -> int:
     """Last time with the load: end of its pass, or of its digging."""
     if cycle.loaded is not None:
         return int(passes.end_ns[cycle.loaded])
@@ -270,7 +270,7 @@ def _find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[begins[best]]), int(t_ns[ends[best]])
 
 
-def _boom_stand(
+def _find_boom_standstill(
     stands: Bools, boom: NDArray[np.float64], t_ns: Ints
 ) -> tuple[int, int, bool] | None:
     """A standstill, and whether the boom moves during it."""
@@ -284,7 +284,9 @@ def _boom_stand(
     return int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom
 
 
-def _boom_out_ns(boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int) -> int:
+def _middle_of_boom_out_ns(
+    boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int
+) -> int:
     """Middle of the time in which the boom is more than half out.
 
     The stand may last longer, since idling begins after a dump; a boom that moves again later does

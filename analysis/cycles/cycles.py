@@ -126,7 +126,7 @@ def weigh_cycles(
     empty = empty_machine(weighing, machine, found, fuel)
     withheld = withheld or (empty.contradiction if empty else "")
     share = _weight_of_tare_before(found)
-    worth = shared_uncertainty(weighing, machine, found, _total_weights(found, parts, share), empty)
+    worth = shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
     clean = clean_bucket_mass_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
@@ -145,10 +145,10 @@ def weigh_cycles(
             if of_states is not None:
                 sums[number] = of_states @ weights
             row["manoeuvres"] = int(counts[part.loaded])
-        row["quality"], row["counted"] = _row_quality(row, part)
+        row["quality"], row["counted"] = _payload_quality(row, part)
         row["withheld_for"] = reason or _remark_on_cycle(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
-        ready_ns = _cycle_complete_ns(part)
+        ready_ns = _cycle_completion_ns(part)
     table = subtract_spillage(_cycle_frame(rows), parts, found, frames, machine.machine)
     return LogCycles(table, sums, worth.scale)
 
@@ -177,7 +177,7 @@ def _list_cycle_times(part: CycleParts, ready_ns: int) -> dict[str, object]:
     }
 
 
-def _cycle_complete_ns(part: CycleParts) -> int:
+def _cycle_completion_ns(part: CycleParts) -> int:
     """Time at which a cycle is complete."""
     seen = [span for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span]
     return seen[-1][1]
@@ -199,7 +199,7 @@ def _remark_on_cycle(row: dict[str, object]) -> str:
     }.get(str(row["quality"]), "")
 
 
-def _row_quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
+def _payload_quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
     payload_kg, u_kg = row.get("payload_kg"), row.get("payload_u_kg")
     if not isinstance(payload_kg, float) or not isinstance(u_kg, float):
         return "no mass", False
@@ -223,11 +223,11 @@ def _make_payload_row(
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
     weights = pass_weights(part, share, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
-    random_kg = float(np.sqrt(weights**2 @ passes.u_kg**2 + _carry_back_kg2(part, passes, share)))
+    variance_kg2 = weights**2 @ passes.u_kg**2 + _carry_back_variance_kg2(part, passes, share)
     row |= {
         "tare_before_1": 0.0 if part.before is None else -float(weights[part.before]),
         "payload_kg": payload_kg,
-        "payload_u_random_kg": random_kg,
+        "payload_u_random_kg": float(np.sqrt(variance_kg2)),
     }
     if part.after is not None:
         row["carry_back_kg"] = float(passes.mass_kg[part.after]) - cleanest[0]
@@ -296,7 +296,7 @@ def _weight_of_tare_before(passes: Passes) -> Floats:
     return share
 
 
-def _carry_back_kg2(part: CycleParts, passes: Passes, share: Floats) -> float:
+def _carry_back_variance_kg2(part: CycleParts, passes: Passes, share: Floats) -> float:
     """Variance of a payload due to a different carry-back before it, in kg²."""
     variance = 2.0 * carry_back_variance(passes)
     if part.loaded is None:
@@ -308,7 +308,7 @@ def _carry_back_kg2(part: CycleParts, passes: Passes, share: Floats) -> float:
     return variance * (before**2 + after**2)
 
 
-def _total_weights(passes: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
+def _sum_weights(passes: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
     """Weights of the passes in the sum of all payloads, (passes,)."""
     whole = [p for p in parts if p.loaded is not None and (p.before, p.after) != (None, None)]
     weights = [pass_weights(part, tare, passes.mass_kg.size) for part in whole]

@@ -56,7 +56,7 @@ def uncounted_cycles(
     end_ns = int(t_ns[-1]) if t_ns.size else 0
     times = cycles["dump_t_ns"].drop_nulls().to_list()
     boom = find_boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
-    likely = _row_probabilities(cycles, boom)
+    likely = _cycle_probabilities(cycles, boom)
     if not boom.tells and not is_digging_reliable(cycles):
         likely += rhythm_gap_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
@@ -99,7 +99,7 @@ def unweighed_load_kg(
     return cycles * mean_kg, float(np.linalg.norm(parts))
 
 
-def _row_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
+def _cycle_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
     """Probability that each row without a mass was a cycle."""
     blank = cycles.filter(pl.col("payload_kg").is_null())
     only_dug = LIMITS.contradicted_probability if boom.tells else LIMITS.sole_witness_probability

@@ -51,7 +51,7 @@ class ForceModel:
 Terms = TypeVar("Terms", ForceModel, MotionErrors)
 
 
-def fitted_force(
+def fitted_force_models(
     frames: Mapping[str, pl.DataFrame], mass_kg: Floats, priors: PriorSettings
 ) -> tuple[ForceModel, ForceModel]:
     """Force model of the fit, and its standard uncertainties.
@@ -75,7 +75,7 @@ def fitted_force(
     offset, offset_u = term_value_and_std("offset")
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
-    wrong_N = priors.const_share * _robust_largest_force(excitation)
+    wrong_N = priors.const_share * _high_quantile_force(excitation)
     wrong_1 = min((wrong_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
@@ -103,7 +103,7 @@ def fitted_force(
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
 
 
-def undetermined_coulomb(
+def undetermined_coulomb_std(
     frames: Mapping[str, pl.DataFrame], mass_kg: Floats, machine: Machine
 ) -> float:
     """Standard deviation of Coulomb friction if the fit has no such term, in N.
@@ -117,10 +117,10 @@ def undetermined_coulomb(
         return 0.0
     weight_N = float(np.quantile(mass_kg, 0.1)) * machine.machine.gravity_m_s2
     priors = machine.settings.priors
-    return coulomb_std(_robust_largest_force(frames["excitation"]), weight_N, priors)
+    return coulomb_std(_high_quantile_force(frames["excitation"]), weight_N, priors)
 
 
-def _robust_largest_force(excitation: pl.DataFrame) -> float:
+def _high_quantile_force(excitation: pl.DataFrame) -> float:
     """Large quantile of the log's force, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
     pushed_N = np.abs(column_values(driving, "force_x_N"))
@@ -134,7 +134,7 @@ def _combine_offsets(
 
     If they contradict each other, the fit's offset is used.
     """
-    at_rest = standing_offset(excitation, mass_kg)
+    at_rest = standstill_force_offset(excitation, mass_kg)
     if at_rest is None or not by_fit[1]:
         return by_fit
     (fit_N, fit_u), (rest_N, rest_u) = by_fit, at_rest
@@ -144,7 +144,9 @@ def _combine_offsets(
     return float(np.average([fit_N, rest_N], weights=weights)), float(weights.sum() ** -0.5)
 
 
-def standing_offset(excitation: pl.DataFrame, mass_kg: Floats) -> tuple[float, float] | None:
+def standstill_force_offset(
+    excitation: pl.DataFrame, mass_kg: Floats
+) -> tuple[float, float] | None:
     """Force measured at standstill on level ground, in N, and its uncertainty.
 
     On a slope brakes or motor hold the machine: the median of each stand is regressed on the weight

@@ -21,9 +21,9 @@ from analysis.cycles.energy_integrals import (
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
-    fitted_force,
+    fitted_force_models,
     fitted_motion_errors,
-    undetermined_coulomb,
+    undetermined_coulomb_std,
 )
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
@@ -84,7 +84,7 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
     grids = frames["aligned"], frames["excitation"], frames["digging"]
     cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
     mass_kg = _machine_and_load_mass_kg(collect_energy_samples(*grids, machine), cycles, manoeuvres)
-    model, model_u = fitted_force(frames, mass_kg, machine.settings.priors)
+    model, model_u = fitted_force_models(frames, mass_kg, machine.settings.priors)
     errors, errors_u = fitted_motion_errors(frames["nuisances"], model, machine)
     samples = collect_energy_samples(*grids, machine, model.offset)
     mass_kg = _machine_and_load_mass_kg(samples, cycles, manoeuvres)
@@ -101,7 +101,7 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
         model_u,
         errors,
         errors_u,
-        undetermined_coulomb(frames, mass_kg, machine),
+        undetermined_coulomb_std(frames, mass_kg, machine),
         # a speed that is wrong beside an acceleration of the wheels is wrong in both
         machine.machine.wheel_radius_u_1 or 0.0 if by_accelerometer else 0.0,
     )

@@ -83,7 +83,7 @@ def find_load_passes(
     total = np.bincount(state, weight)
     mass_kg = np.bincount(state, weight * level) / total
     u_kg = 1.0 / np.sqrt(total)
-    loaded = loaded_states(mass_kg, u_kg, state, (begin, end), digs)
+    loaded = classify_loaded_states(mass_kg, u_kg, state, (begin, end), digs)
     if loaded is None:
         return None
     of_state = loaded[state]
@@ -106,7 +106,7 @@ def find_load_passes(
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
     dumping = _mark_creeping_dumps(begin, end, dumps)
-    spilled = carries_spilled_load(of_state & ~dumping, of, state, mass_kg, u_kg)
+    spilled = find_spilled_loads(of_state & ~dumping, of, state, mass_kg, u_kg)
     no_mass = dumping | spilled | hauls_nothing | ~are_masses_possible(mass_kg)[state]
     left = np.where(no_mass, 0.0, weight)
     # a pass that has no other keeps what it has
@@ -242,7 +242,7 @@ def _mark_creeping_dumps(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
     return np.searchsorted(dumped, begin) < np.searchsorted(dumped, end, "right")
 
 
-def carries_spilled_load(
+def find_spilled_loads(
     loaded: Bools, membership: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
 ) -> Bools:
     """Mark manoeuvres with a load that is spilled before the dump, (manoeuvres,).
@@ -268,7 +268,7 @@ def carries_spilled_load(
     return spilled
 
 
-def loaded_states(
+def classify_loaded_states(
     mass_kg: Floats, u_kg: Floats, state: Ints, times_ns: tuple[Ints, Ints], digs: pl.DataFrame
 ) -> Bools | None:
     """Whether each state is loaded, (states,); None if undecidable.
@@ -337,7 +337,7 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
     low = max(spread_kg, LIMITS.min_empty_spread * (b - a))
     high = max(robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
     border = (a * high + b * low) / (low + high)
-    return mass_kg > (_border_by_labels(mass_kg, label, border) if told else border)
+    return mass_kg > (_border_nearest_to_labels(mass_kg, label, border) if told else border)
 
 
 def _alternating_labels(mass_kg: Floats) -> Ints:
@@ -364,7 +364,7 @@ def _class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
     )
 
 
-def _border_by_labels(mass_kg: Floats, label: Ints, border: float) -> float:
+def _border_nearest_to_labels(mass_kg: Floats, label: Ints, border: float) -> float:
     """Border that contradicts the fewest labels, among several the nearest to `border`."""
     order = np.sort(mass_kg)
     choices = np.append((order[1:] + order[:-1]) / 2.0, border)

@@ -64,7 +64,7 @@ def sum_shift(
     t_ns = excitation["t_ns"].to_numpy()
     duration_s = float(t_ns[-1] - t_ns[0]) / NS_PER_S if t_ns.size else 0.0
     gap_s = sum(end - start for start, end in gaps) / NS_PER_S
-    idle_s = _idle_s(excitation)
+    idle_s = _idle_time_s(excitation)
     row: dict[str, Any] = {
         "start_t_ns": int(t_ns[0]) if t_ns.size else 0,
         "end_t_ns": int(t_ns[-1]) if t_ns.size else 0,
@@ -200,7 +200,7 @@ def _random_payload_u_kg(counted: pl.DataFrame) -> float:
     return float(np.sqrt(sum((weight[n] * u_kg[n]) ** 2 for n in weight) + carried))
 
 
-def _idle_s(excitation: pl.DataFrame) -> float:
+def _idle_time_s(excitation: pl.DataFrame) -> float:
     """Total time in long standstills."""
     if excitation.is_empty():
         return 0.0

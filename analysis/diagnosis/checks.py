@@ -115,10 +115,10 @@ def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
     measured = column_values(inputs.excitation, "specific_force_x_m_s2")
     imu = average_like_speed_rate(measured, inputs.machine.settings)
     rate = column_values(inputs.excitation, "speed_rate_x_m_s2")
-    return fit_quality.regression_slope(rate, imu, used, rate_noise_variance(inputs))
+    return fit_quality.regression_slope(rate, imu, used, wheel_acceleration_noise_variance(inputs))
 
 
-def rate_noise_variance(inputs: CheckInputs) -> float:
+def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
     """Variance of the wheels' acceleration due to speed noise, in m²/s⁴."""
     settings = inputs.machine.settings
     known = None if inputs.noise is None else ColumnNoise.of_axis(X, inputs.noise, settings.noise)
@@ -163,7 +163,7 @@ def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
     return found.text if found is not None and far else ""
 
 
-def _spin_centre(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _spin_centre_offset_m(inputs: CheckInputs, motion: AxisMotion) -> float:
     x, y = (column_values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
     return fit_quality.centre_offset(x, y, motion.speed, motion.A[:, 0], motion.known)
 
@@ -299,7 +299,7 @@ CHECKS: Final = (
     CheckRow(
         "spin_centre_m",
         "inertia",
-        _spin_centre,
+        _spin_centre_offset_m,
         "distance of the centre of rotation in spins from the origin, m, by the accelerometer; "
         "off it, mass leaks into the inertia estimate",
         maximum="spin_centre_max_m",

@@ -97,7 +97,7 @@ def refit_without_stretches(
         held = _rows_reached_by_spans(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
         if not held.any() or weighing is None:
             continue
-        fitted = int(np.count_nonzero(held & _is_weighed(weighing)))
+        fitted = int(np.count_nonzero(held & _mark_weighed_samples(weighing)))
         found = ExcludedStretches(fitted / machine.settings.align.rate_hz, 0.0)
         if fitted:
             without = weighed(aligned.with_columns(left_out=pl.Series(rows | held)))
@@ -124,7 +124,7 @@ def _stretches_of_failing_checks(
         yield "clipped_share", signals.clipped_spans, "saturated"
 
 
-def _is_weighed(weighing: Weighing) -> Bools:
+def _mark_weighed_samples(weighing: Weighing) -> Bools:
     """Samples of the fit and of manoeuvres whose load appears to change, (n,)."""
     motion = weighing.fit.motion
     return motion.used | np.isin(motion.unit, [each.unit for each in weighing.growing])

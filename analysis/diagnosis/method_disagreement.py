@@ -34,7 +34,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     if weighing is None or totals is None:
         return []
     fit = weighing.fit
-    modelled = _nuisances_of_methods(inputs)
+    modelled = _nuisances_shared_with_methods(inputs)
     shows = any(t > _TERM_IS_THERE for term, t in fit.term_t_values.items() if term not in modelled)
     shows = shows or bool(fit.fit.misfit.any())
     shows = shows or (fit.states is not None and fit.states.scatters)
@@ -58,7 +58,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     return out
 
 
-def _nuisances_of_methods(inputs: CheckInputs) -> set[str]:
+def _nuisances_shared_with_methods(inputs: CheckInputs) -> set[str]:
     """Nuisances that the methods also model: the Coulomb term, or a constant for one direction."""
     if inputs.weighing is None or not inputs.machine.settings.forces.coulomb:
         return set()

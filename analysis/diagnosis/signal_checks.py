@@ -68,7 +68,7 @@ def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
     )
 
 
-def _least_torque_difference(inputs: CheckInputs, _: AxisMotion) -> float:
+def _min_torque_difference(inputs: CheckInputs, _: AxisMotion) -> float:
     """Lower bound of the sides' torque difference; NaN without two."""
     torque = inputs.side_differences.get("torque")
     return np.nan if torque is None else torque.least_difference_1
@@ -128,7 +128,7 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "one_sided_torque",
         "mass",
-        _least_torque_difference,
+        _min_torque_difference,
         "the same of the torques alone: more says that one of them is not measured",
         maximum="one_sided_max",
         optional=True,

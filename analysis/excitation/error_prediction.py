@@ -190,7 +190,7 @@ def predict_errors(
     columns, rows = COLUMNS[drive], _ROWS[drive]
     A, y = window_system(drive, filters, truth, noise)
     # noise in the regressor adds E[NᵀN] to AᵀA
-    gram = A.T @ A + np.diag(_regressor_noise(drive, filters, truth, noise))
+    gram = A.T @ A + np.diag(_regressor_noise_squares(drive, filters, truth, noise))
     inverse = np.linalg.solve(gram, A.T)
     theta = true_parameters(body)[columns]
     bias = inverse @ y - theta
@@ -251,7 +251,7 @@ def _predict_variance_by_source(
     return sum(variances[:2]), sum(variances[2:])
 
 
-def _regressor_noise(
+def _regressor_noise_squares(
     drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> Floats:
     """Diagonal (p,) of E[NᵀN] over a window; mean and central difference are uncorrelated."""
@@ -273,7 +273,7 @@ def scaled_condition_from_gram(
 ) -> float:
     """Condition number of AᵀA after each column is divided by its noise."""
     A, _ = window_system(drive, filters, truth, noise)
-    inside = np.sqrt(_regressor_noise(drive, filters, truth, noise))
+    inside = np.sqrt(_regressor_noise_squares(drive, filters, truth, noise))
     if not (inside > 0.0).all():
         inside = np.linalg.norm(A, axis=0)
     return float(np.linalg.cond(A / inside)) ** 2

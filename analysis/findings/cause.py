@@ -78,6 +78,6 @@ class Cause:
     hides: bool = False
 
 
-def strongest_symptom(symptoms: Sequence[Symptom]) -> list[Symptom]:
+def keep_strongest_symptom(symptoms: Sequence[Symptom]) -> list[Symptom]:
     """Keep only the strongest symptom; the list is empty if there is none."""
     return [max(symptoms, key=lambda each: each.strength)] if symptoms else []

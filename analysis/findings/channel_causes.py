@@ -11,7 +11,7 @@ import numpy as np
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import find_long_runs
 from analysis.diagnosis.side_comparison import SPEEDS, SURELY, TORQUES, SideDifference
-from analysis.findings.cause import MassChange, Symptom, strongest_symptom
+from analysis.findings.cause import MassChange, Symptom, keep_strongest_symptom
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_without_rows
@@ -175,7 +175,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
                 channel=name,
             )
         )
-    return strongest_symptom(found)
+    return keep_strongest_symptom(found)
 
 
 def reading_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
@@ -222,7 +222,7 @@ class ChannelSpikes:
 
 def find_spikes(inputs: FindingInputs) -> list[Symptom]:
     """Find single readings far from both neighbours, which agree with each other."""
-    return strongest_symptom(
+    return keep_strongest_symptom(
         [
             Symptom(
                 each.ratio / _SPIKE * float(np.sqrt(min(each.unix_ns.size, 25))) / _ALONE,

@@ -66,7 +66,7 @@ def _search_delay(inputs: FindingInputs) -> LongDelay | None:
     speed, force = channels["speed"], channels["force"]
     drives = np.abs(force) > LIMITS.driving_force_fraction * float(np.quantile(np.abs(force), 0.98))
     if "imu" not in channels:
-        seen = _lag_of_force(force, speed, channels["v"], drives, step_s)
+        seen = _find_force_lag(force, speed, channels["v"], drives, step_s)
         return LongDelay("force", seen[0], seen[1:], "speed") if _is_long_delay(seen) else None
     imu = channels["imu"]
     seen = find_lag(speed, imu, step_s)
@@ -77,13 +77,15 @@ def _search_delay(inputs: FindingInputs) -> LongDelay | None:
         v = channels["v"]
         later = np.interp(np.arange(v.size) + seen[0] / step_s, np.arange(v.size), v)
         by_imu, by_speed = (
-            _residual_square(force, np.column_stack([acceleration, along, np.ones(v.size)]), rows)
+            _residual_sum_of_squares(
+                force, np.column_stack([acceleration, along, np.ones(v.size)]), rows
+            )
             for acceleration, along in ((imu, later), (speed, v))
         )
         if by_imu < by_speed:
             return LongDelay("speed", seen[0], seen[1:])
         return LongDelay("imu", -seen[0], seen[1:])
-    seen = _lag_of_force(force, imu, channels["v"], drives, step_s)
+    seen = _find_force_lag(force, imu, channels["v"], drives, step_s)
     return LongDelay("force", seen[0], seen[1:]) if _is_long_delay(seen) else None
 
 
@@ -98,7 +100,7 @@ def _is_long_delay(seen: tuple[float, float, float]) -> bool:
     )
 
 
-def _residual_square(force: Floats, columns: Floats, rows: Bools) -> float:
+def _residual_sum_of_squares(force: Floats, columns: Floats, rows: Bools) -> float:
     """Sum of squared force residuals of the equation of motion, in N²."""
     A, f = columns[rows], force[rows]
     left = f - A @ np.linalg.lstsq(A, f, rcond=None)[0]
@@ -117,7 +119,7 @@ def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> floa
     return float(f @ a) / size if size else 0.0
 
 
-def _lag_of_force(
+def _find_force_lag(
     force: Floats, acceleration: Floats, v: Floats, drives: Bools, step_s: float
 ) -> tuple[float, float, float]:
     """Lag of the force where no brakes act; returns the same values as `find_lag`."""

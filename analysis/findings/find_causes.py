@@ -207,10 +207,10 @@ def _correct_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
         first["cause"][0], first["strength_1"][0]
     ):
         return None
-    return _with_changed_channels(machine, first["setting"][0], first["value"][0])
+    return _machine_with_changed_channels(machine, first["setting"][0], first["value"][0])
 
 
-def _with_changed_channels(machine: Machine, keys: str, values: str) -> Machine | None:
+def _machine_with_changed_channels(machine: Machine, keys: str, values: str) -> Machine | None:
     """Machine file with changed channel settings; None if other settings would change as well."""
     channels = dict(machine.channels)
     read = tomllib.loads(f"values = [{values}]")["values"]

@@ -57,14 +57,14 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             change=lambda: refit_corrected(inputs, correct_radius, min(std / abs(gain), 1.0)),
             # an accelerometer that reads too much may rock on its mount
             alternatives=(
-                *rival_causes(pick),
+                *indistinguishable_cause_keys(pick),
                 *(("imu_loose",) if gain < -LIMITS.rocking_imu_fraction else ()),
             ),
         )
     ]
 
 
-def rival_causes(pick: PickedCause) -> tuple[str, ...]:
+def indistinguishable_cause_keys(pick: PickedCause) -> tuple[str, ...]:
     """Keys of the causes that this log cannot distinguish from a given one."""
     keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
     own = keys.get(pick.name, pick.name.partition(":")[0])
@@ -77,7 +77,7 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     seen = explain_constant_force(inputs)
     rest, std = seen.rest_N
     if not np.isfinite(rest):
-        return _constant_force_symptom(inputs)
+        return _find_constant_force(inputs)
     if seen.offset is False or inputs.fit is None:
         return []
     strength = abs(rest) / max(
@@ -96,7 +96,8 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(
-                _offset_that_zeroes(inputs, name, x) for name, x in zip(names, at_rest, strict=True)
+                _zeroing_offset_toml(inputs, name, x)
+                for name, x in zip(names, at_rest, strict=True)
             )
             or None,
             change=lambda: refit_corrected(
@@ -109,7 +110,7 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _offset_that_zeroes(inputs: FindingInputs, name: str, reads: float) -> str:
+def _zeroing_offset_toml(inputs: FindingInputs, name: str, reads: float) -> str:
     """Offset of the channel that removes what it reads at rest, as TOML."""
     channel = inputs.machine.channels[name]
     if channel.unit is None:
@@ -119,7 +120,7 @@ def _offset_that_zeroes(inputs: FindingInputs, name: str, reads: float) -> str:
     return f"{channel.offset - reads / gain:.6g}"
 
 
-def _constant_force_symptom(inputs: FindingInputs) -> list[Symptom]:
+def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
     """Report a constant force whose cause is open because the machine never stands."""
     fit = inputs.fit
     if fit is None:
@@ -150,7 +151,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     force = pick.value * way
     prior = "direction_share" if motion.drives_both_ways else "const_share"
     share = max(getattr(inputs.machine.settings.priors, prior), force / motion.largest_force)
-    others = rival_causes(pick)
+    others = indistinguishable_cause_keys(pick)
     seen = explain_constant_force(inputs)
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
@@ -223,7 +224,7 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
             "full force",
             channel=next(iter(inputs.speed_channels), None),
             change=lambda: _mass_change_without_slip(inputs),
-            alternatives=rival_causes(pick),
+            alternatives=indistinguishable_cause_keys(pick),
         )
     ]
 
@@ -248,7 +249,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
                     ),
                     1.0,
                 ),
-                alternatives=rival_causes(pick),
+                alternatives=indistinguishable_cause_keys(pick),
             )
         )
     return [max(found, key=lambda sign: sign.strength)] if found else []
@@ -274,7 +275,7 @@ def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
                 if inputs.fit is not None
                 else None
             ),
-            alternatives=rival_causes(pick),
+            alternatives=indistinguishable_cause_keys(pick),
         )
     ]
 
@@ -359,7 +360,10 @@ def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
             float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
             pick.value / LIMITS.seen_braking_fraction,
         )
-        share, others = f" ({pick.value:.2%} ± {pick.std:.2%} unseen)", rival_causes(pick)
+        share, others = (
+            f" ({pick.value:.2%} ± {pick.std:.2%} unseen)",
+            indistinguishable_cause_keys(pick),
+        )
     return [
         Symptom(
             strength,

@@ -20,8 +20,8 @@ from analysis.findings.refit import renumber_and_drop_short_stretches
 from analysis.findings.whitened_rows import (
     EquationRows,
     ProjectedEquation,
-    wheel_system,
     whitened_force_rows,
+    whitened_wheel_rows,
 )
 from analysis.weighing.motion_samples import MotionSamples
 
@@ -101,7 +101,7 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
             begun = motion
             motion, found = remove_delay_iteratively(inputs, begun, taken, best)
             if best.name in _BESIDE and _BESIDE[best.name] in tried:
-                motion, found, other = attribute_delay(inputs, begun, taken, (motion, found))
+                motion, found, other = decide_delayed_sensor(inputs, begun, taken, (motion, found))
                 rivals = rivals - {*_BESIDE} | {*other}
             equations = build_equations(inputs, motion)
         rivals -= {found.name, *out}
@@ -154,8 +154,8 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
     if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
         return None
     late = correct_channel_delay(motion, "force", fit.lag_s)
-    before, without = remaining_motion(build_equations(inputs, motion))
-    after, _ = remaining_motion(build_equations(inputs, late))
+    before, without = project_out_picked_causes(build_equations(inputs, motion))
+    after, _ = project_out_picked_causes(build_equations(inputs, late))
     if (
         before.square_left * before.variance
         < (1.0 + LIMITS.long_delay_residual_ratio) * after.square_left * after.variance
@@ -163,7 +163,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
         return None
     # the wheels tell whether it is the accelerometer that is early or late
     turned = correct_channel_delay(motion, "imu", -fit.lag_s)
-    _, with_it = remaining_motion(build_equations(inputs, turned))
+    _, with_it = project_out_picked_causes(build_equations(inputs, turned))
     by_imu = (
         without is not None
         and with_it is not None
@@ -197,7 +197,7 @@ def remove_delay_iteratively(
     return motion, replace(pick, value=total, std=std)
 
 
-def attribute_delay(
+def decide_delayed_sensor(
     inputs: FindingInputs,
     uncorrected: MotionSamples,
     picked_causes: list[str],
@@ -222,7 +222,7 @@ def attribute_delay(
     other = correct_channel_delay(uncorrected, turned.name.partition(":")[2], turned.value)
     # tried whole: noise of the force makes its derivative too large, and a delay too small
     left, left_other = (
-        remaining_motion(build_equations(inputs, each), picked_causes)[0]
+        project_out_picked_causes(build_equations(inputs, each), picked_causes)[0]
         for each in (motion, other)
     )
     apart = left.square_left * left.variance - left_other.square_left * left_other.variance
@@ -235,7 +235,7 @@ def attribute_delay(
 
 def score_causes(equations: Equations, picked_causes: list[str]) -> dict[str, PickedCause]:
     """Score every remaining cause in addition to those already picked."""
-    force, wheels = remaining_motion(equations, picked_causes)
+    force, wheels = project_out_picked_causes(equations, picked_causes)
     # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
     together = wheels is not None and wheels.variance < LIMITS.wheel_noise_ratio
     parts = [force, wheels] if wheels is not None and together else [force]
@@ -264,10 +264,10 @@ def build_equations(inputs: FindingInputs, motion: MotionSamples) -> Equations:
         max(fit.viscous, 0.0),
         brakes=not inputs.machine.settings.gate.exclude_braking,
     )
-    return force, wheel_system(motion, noise)
+    return force, whitened_wheel_rows(motion, noise)
 
 
-def remaining_motion(
+def project_out_picked_causes(
     equations: Equations, picked_causes: Sequence[str] = ()
 ) -> tuple[ProjectedEquation, ProjectedEquation | None]:
     """Force and wheel equations with the picked causes projected out."""

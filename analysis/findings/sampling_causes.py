@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from analysis.findings.cause import Symptom, strongest_symptom
+from analysis.findings.cause import Symptom, keep_strongest_symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.stages.signals.filters import period_ns
-from analysis.stages.signals.timestamps import FIRST_DATE_NS, stamp_scatter
+from analysis.stages.signals.timestamps import FIRST_DATE_NS, relative_step_scatter
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -35,7 +35,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
                 span_ns=inputs.since_first_sample_ns(t[longest], t[longest + 1]),
             )
         )
-    return strongest_symptom(found)
+    return keep_strongest_symptom(found)
 
 
 def _are_recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
@@ -53,7 +53,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     """Find topics whose time steps scatter, apart from gaps."""
     found: list[Symptom] = []
     for name, (t, _) in channel_by_topic(inputs).items():
-        uneven = stamp_scatter(inputs.raw[inputs.machine.channels[name].topic or "table"])
+        uneven = relative_step_scatter(inputs.raw[inputs.machine.channels[name].topic or "table"])
         if uneven is not None:
             found.append(
                 Symptom(
@@ -79,7 +79,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
                 channel=name,
             )
         )
-    return strongest_symptom(found)
+    return keep_strongest_symptom(found)
 
 
 def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
@@ -166,7 +166,7 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
                 span_ns=inputs.since_first_sample_ns(when, when),
             )
         )
-    return strongest_symptom(found)
+    return keep_strongest_symptom(found)
 
 
 def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:

@@ -39,7 +39,7 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     reasons = inputs.check_inputs.gated["reason_x"].cast(str)
     told = int((reasons != "warming_up").sum())
     refused = float((reasons == "braking").sum()) / max(told, 1)
-    ratio = _braking_over_driving(inputs.check_inputs)
+    ratio = _braking_over_driving_mass(inputs.check_inputs)
     if not abs(ratio - 1.0) < _AGREE:
         return []
     return [
@@ -54,7 +54,7 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _braking_over_driving(evidence: CheckInputs) -> float:
+def _braking_over_driving_mass(evidence: CheckInputs) -> float:
     """Mass from braking over mass from driving, without the gate; NaN if undetermined."""
     motion = evidence.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])

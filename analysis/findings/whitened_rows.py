@@ -104,7 +104,7 @@ def whitened_force_rows(
     )
 
 
-def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> EquationRows | None:
+def whitened_wheel_rows(motion: MotionSamples, noise: ColumnNoiseModel) -> EquationRows | None:
     """Build the whitened rows of wheels against accelerometer; None without an accelerometer."""
     reads = motion.specific_force if motion.without_gravity is None else motion.without_gravity
     if reads is None:

@@ -90,7 +90,7 @@ def fit_fleet_calibration(
     )
 
 
-def line_changes(calibrations: Sequence[FleetCalibration]) -> list[LineChange]:
+def find_line_changes(calibrations: Sequence[FleetCalibration]) -> list[LineChange]:
     """Changes between successive calibrations of the same machine and method."""
     found: list[LineChange] = []
     last: dict[tuple[str, str], FleetCalibration] = {}

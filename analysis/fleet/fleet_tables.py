@@ -17,7 +17,7 @@ from analysis.model.verdict import Verdict
 KEPT: Final = ("loads", "segments", "cycles", "findings")
 
 
-def _declare_float_column(name: str, unit: str, meaning: str) -> Column:
+def _make_float_column(name: str, unit: str, meaning: str) -> Column:
     return Column(name, pl.Float64, unit, meaning)
 
 
@@ -44,24 +44,20 @@ RESULTS: Final = Frame(
         Column("failed_checks", pl.String, "1", "checks that failed, separated by commas"),
         Column("losses", pl.Int64, "1", "losses of the log"),
         Column("first_loss", pl.String, "1", "the first of them, in a sentence"),
-        _declare_float_column("duration_s", "s", "from the first sample to the last"),
-        _declare_float_column("gap_s", "s", "part of that without a recording"),
-        _declare_float_column(
-            "idle_s", "s", "part of that in standstills of more than half a minute"
-        ),
-        _declare_float_column(
-            "longest_gap_at_s", "s", "where the longest gap begins (null: no gap)"
-        ),
-        _declare_float_column("accepted_1", "1", "share of the time that the gate accepted"),
+        _make_float_column("duration_s", "s", "from the first sample to the last"),
+        _make_float_column("gap_s", "s", "part of that without a recording"),
+        _make_float_column("idle_s", "s", "part of that in standstills of more than half a minute"),
+        _make_float_column("longest_gap_at_s", "s", "where the longest gap begins (null: no gap)"),
+        _make_float_column("accepted_1", "1", "share of the time that the gate accepted"),
         Column("cycles", pl.Int64, "1", "cycles that were seen"),
         Column("cycles_counted", pl.Int64, "1", "cycles in the sum"),
         Column(
             "cycles_without_mass", pl.Int64, "1", "cycles without a start that determines the mass"
         ),
-        _declare_float_column("payload_kg", "kg", "sum of payloads"),
-        _declare_float_column("payload_u_random_kg", "kg", "its random standard uncertainty"),
-        _declare_float_column("payload_u_common_kg", "kg", "its common standard uncertainty"),
-        _declare_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
+        _make_float_column("payload_kg", "kg", "sum of payloads"),
+        _make_float_column("payload_u_random_kg", "kg", "its random standard uncertainty"),
+        _make_float_column("payload_u_common_kg", "kg", "its common standard uncertainty"),
+        _make_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
         Column("scale_from", pl.String, "1", "what determines the scale of payloads"),
         Column(
             "scale_unknown",
@@ -69,14 +65,12 @@ RESULTS: Final = Frame(
             "1",
             "sources of payload scale error without a stated uncertainty",
         ),
-        _declare_float_column(
-            "gain_1", "1", "empty machine in the log over that of the machine file"
-        ),
-        _declare_float_column("gain_u_1", "1", "its standard uncertainty"),
-        _declare_float_column("lost_cycles", "1", "cycles expected where nothing was recorded"),
-        _declare_float_column("lost_kg", "kg", "payload that they would have carried"),
-        _declare_float_column("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
-        _declare_float_column("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
+        _make_float_column("gain_1", "1", "empty machine in the log over that of the machine file"),
+        _make_float_column("gain_u_1", "1", "its standard uncertainty"),
+        _make_float_column("lost_cycles", "1", "cycles expected where nothing was recorded"),
+        _make_float_column("lost_kg", "kg", "payload that they would have carried"),
+        _make_float_column("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
+        _make_float_column("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
         Column("calibration", pl.String, "1", "id of the evidence in use (empty: none)"),
         Column(
             "not_calibrated_for", pl.String, "1", "what in the log contradicts it (empty: nothing)"
@@ -90,7 +84,7 @@ GATE_SHARES: Final = Frame(
     "a row for each reason of the gate: its share of the recorded time",
     (
         Column("reason", pl.String, "1", "accepted, or why not"),
-        _declare_float_column("share_1", "1", "share of the time"),
+        _make_float_column("share_1", "1", "share of the time"),
     ),
 )
 QUALITY: Final = Frame(
@@ -99,9 +93,9 @@ QUALITY: Final = Frame(
     (
         Column("topic", pl.String, "1", "its name"),
         Column("messages", pl.Int64, "1", "messages that were read"),
-        _declare_float_column("rate_hz", "Hz", "one over the median period"),
-        _declare_float_column("longest_s", "s", "longest time between two messages"),
-        _declare_float_column(
+        _make_float_column("rate_hz", "Hz", "one over the median period"),
+        _make_float_column("longest_s", "s", "longest time between two messages"),
+        _make_float_column(
             "late_1", "1", "share of messages more than one and a half periods late"
         ),
     ),

@@ -46,7 +46,7 @@ _NAME_WITH_VALUE: Final = re.compile(r"(^|; )(\w+)(?= has no value| [-+.\deinf]+
 Rows = TypeVar("Rows", pl.DataFrame, pl.LazyFrame)
 
 
-def present_check_names(text: str) -> str:
+def replace_former_check_names(text: str) -> str:
     """Replace former names in a list of checks.
 
     Args:
@@ -62,7 +62,7 @@ def present_check_names(text: str) -> str:
     return before + ", ".join(PRESENT_NAMES.get(name, name) for name in names)
 
 
-def present_names_in_evidence(text: str) -> str:
+def replace_former_names_in_evidence(text: str) -> str:
     """Replace former names of checks in the evidence of a finding; others name no checks."""
     before, mark, checks = text.partition(_UNEXPLAINED)
     return before + mark + _NAME_WITH_VALUE.sub(_replace_name, checks) if mark else text
@@ -74,11 +74,11 @@ def _replace_name(found: re.Match[str]) -> str:
 
 #: Column with names of checks, and how they are replaced, by the frame or table that has it.
 _COLUMNS: Final[Mapping[str, tuple[str, Callable[[str], str]]]] = {
-    "verdict": ("check", present_check_names),
-    "loads": ("withheld_for", present_check_names),
-    "cycles": ("withheld_for", present_check_names),
-    "findings": ("evidence", present_names_in_evidence),
-    "results": ("failed_checks", present_check_names),
+    "verdict": ("check", replace_former_check_names),
+    "loads": ("withheld_for", replace_former_check_names),
+    "cycles": ("withheld_for", replace_former_check_names),
+    "findings": ("evidence", replace_former_names_in_evidence),
+    "results": ("failed_checks", replace_former_check_names),
 }
 
 
@@ -92,7 +92,7 @@ def rename_stored_checks(name: str, rows: Rows) -> Rows:
     Returns:
         The rows with the present names.
     """
-    column, rename = _COLUMNS.get(name, ("", present_check_names))
+    column, rename = _COLUMNS.get(name, ("", replace_former_check_names))
     if column not in rows.lazy().collect_schema():
         return rows
     return rows.with_columns(

@@ -60,7 +60,7 @@ class LogSection(BaseModel):
     sort_times: bool | None = None
 
     @model_serializer(mode="wrap")
-    def _given_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _keep_given_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Keep the given keys only, so that a later version's keys change no earlier file."""
         return {name: value for name, value in handler(self).items() if value is not None}
 
@@ -130,7 +130,7 @@ class Channel(BaseModel):
         return self.averaged_channels or ((self.derivative_of,) if self.derivative_of else ())
 
     @model_validator(mode="after")
-    def _field_or_derived(self) -> Self:
+    def _require_field_or_derivation(self) -> Self:
         if (self.field is None) == (self.derive is None):
             raise ValueError("give either 'field' (with 'topic') or 'derive'")
         if self.angle_of:

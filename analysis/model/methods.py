@@ -122,41 +122,41 @@ class Method:
         return attrgetter(name)(import_module(f"estimators.methods.{module}"))
 
 
-def _ls_options(_: MethodOptions, __: AxisNoise) -> "LsOptions":
+def _make_ls_options(_: MethodOptions, __: AxisNoise) -> "LsOptions":
     from estimators.methods.ls import LsOptions
 
     return LsOptions()
 
 
-def _rls_options(chosen: MethodOptions, _: AxisNoise) -> "RlsOptions":
+def _make_rls_options(chosen: MethodOptions, _: AxisNoise) -> "RlsOptions":
     from estimators.methods.rls import RlsOptions
 
     return RlsOptions(chosen.forgetting, chosen.directional_forgetting)
 
 
-def _fgls_options(chosen: MethodOptions, _: AxisNoise) -> "FglsOptions":
+def _make_fgls_options(chosen: MethodOptions, _: AxisNoise) -> "FglsOptions":
     from estimators.methods.fgls import FglsOptions
 
     return FglsOptions(chosen.fgls_floor)
 
 
-def _tls_options(_: MethodOptions, noise: AxisNoise) -> "TlsOptions":
+def _make_tls_options(_: MethodOptions, noise: AxisNoise) -> "TlsOptions":
     return noise.ratios
 
 
-def _pooled_options(_: MethodOptions, noise: AxisNoise) -> "PooledOptions":
+def _make_pooled_options(_: MethodOptions, noise: AxisNoise) -> "PooledOptions":
     from estimators.methods.pooled import PooledOptions
 
     return PooledOptions(noise.mean)
 
 
-def _huber_options(chosen: MethodOptions, _: AxisNoise) -> "HuberOptions":
+def _make_huber_options(chosen: MethodOptions, _: AxisNoise) -> "HuberOptions":
     from estimators.methods.huber import HuberOptions
 
     return HuberOptions(chosen.huber_bend)
 
 
-def _rtls_options(chosen: MethodOptions, noise: AxisNoise) -> "RtlsOptions":
+def _make_rtls_options(chosen: MethodOptions, noise: AxisNoise) -> "RtlsOptions":
     from estimators.methods.rtls import RtlsOptions
 
     return RtlsOptions(noise.ratios, chosen.forgetting)
@@ -169,26 +169,26 @@ def _methods_by_name(*rows: Method) -> Mapping[str, Method]:
 _WINDOWED: Final = (FeedKind.WINDOWS, LogSummary.MEAN)
 _RECURSIVE: Final = (FeedKind.SETTLED, LogSummary.LAST)
 METHODS: Final = _methods_by_name(
-    Method("ls", "LS", *_WINDOWED, "incremental.ls", _ls_options),
-    Method("rls", "RLS", *_RECURSIVE, "incremental.rls", _rls_options),
-    Method("fgls", "FGLS", *_WINDOWED, "incremental.fgls", _fgls_options),
-    Method("tls", "TLS", *_WINDOWED, "incremental.tls", _tls_options, takes_noise_off=True),
+    Method("ls", "LS", *_WINDOWED, "incremental.ls", _make_ls_options),
+    Method("rls", "RLS", *_RECURSIVE, "incremental.rls", _make_rls_options),
+    Method("fgls", "FGLS", *_WINDOWED, "incremental.fgls", _make_fgls_options),
+    Method("tls", "TLS", *_WINDOWED, "incremental.tls", _make_tls_options, takes_noise_off=True),
     Method(
         "pooled",
         "pooled LS",
         FeedKind.SEGMENTS,
         LogSummary.POOL,
         "incremental.Pool.estimate",
-        _pooled_options,
+        _make_pooled_options,
         takes_noise_off=True,
     ),
-    Method("huber", "Huber's regression", *_WINDOWED, "incremental.huber", _huber_options),
+    Method("huber", "Huber's regression", *_WINDOWED, "incremental.huber", _make_huber_options),
     Method(
         "rtls",
         "recursive TLS",
         *_RECURSIVE,
         "incremental.rtls",
-        _rtls_options,
+        _make_rtls_options,
         takes_noise_off=True,
     ),
 )

@@ -182,7 +182,7 @@ def append_row(
     slips = np.zeros(1, np.bool_)
     accelerations, yaw_rates = before.accelerations, before.yaw_rates
     if axis is X:
-        accelerations = (*accelerations[1:], _machine_acceleration(row))
+        accelerations = (*accelerations[1:], _forward_acceleration(row))
         slips = _find_slip(row, accelerations, settings)
     else:
         yaw_rates = (*yaw_rates[1:], cell_value(row["yaw_rate_rad_s"]))
@@ -214,7 +214,7 @@ def _find_slip(
     return find_slipping_samples(rate, np.array(accelerations), settings)
 
 
-def _machine_acceleration(row: Mapping[str, Any]) -> float:
+def _forward_acceleration(row: Mapping[str, Any]) -> float:
     pitch = np.array([cell_value(row["pitch_rad"])]) if "pitch_rad" in row else None
     measured = np.array([cell_value(row.get("specific_force_x_m_s2"))])
     return float(subtract_gravity(measured, pitch)[0])

@@ -212,7 +212,7 @@ def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, Axi
     while state.settling and gate.row - state.settling[0].row >= gate.braking_lag - 1:
         state, fed = feed_recursive(state)
         estimates |= fed
-    if any(methods_fed_by(state, FeedKind.SEGMENTS)):
+    if any(methods_with_feed(state, FeedKind.SEGMENTS)):
         state, finished = pool_settled_samples(state, gate.row)
         estimates |= finished
     return state, AxisStep(gate_row, estimates)
@@ -235,17 +235,17 @@ def estimate_windowed(state: AxisState, row: int) -> tuple[AxisState, dict[str, 
     settings, window = state.settings, state.window
     estimates = {
         method.name: TimedEstimate(row, method.step(window, settings.smooth.samples, options))
-        for method, options in methods_fed_by(state, FeedKind.WINDOWS)
+        for method, options in methods_with_feed(state, FeedKind.WINDOWS)
     }
-    if any(methods_fed_by(state, FeedKind.SETTLED)):
+    if any(methods_with_feed(state, FeedKind.SETTLED)):
         state = replace(state, settling=(*state.settling, SettlingWindow(row, window)))
-    if any(methods_fed_by(state, FeedKind.SEGMENTS)):
+    if any(methods_with_feed(state, FeedKind.SEGMENTS)):
         newest = min(row - state.accepted_row, settings.gate.window_samples)
         state = queue_for_pooling(state, row, newest)
     return replace(state, accepted_row=row), estimates
 
 
-def methods_fed_by(state: AxisState, feed: FeedKind) -> Iterator[tuple[Method, Any]]:
+def methods_with_feed(state: AxisState, feed: FeedKind) -> Iterator[tuple[Method, Any]]:
     """Methods of the settings with this kind of feed, and their options."""
     for name in state.settings.trace.methods:
         method = METHODS[name]
@@ -263,7 +263,7 @@ def feed_recursive(state: AxisState) -> tuple[AxisState, dict[str, TimedEstimate
     mean = settings.smooth.samples
     pasts = dict(state.pasts)
     estimates: dict[str, TimedEstimate] = {}
-    for method, options in methods_fed_by(state, FeedKind.SETTLED):
+    for method, options in methods_with_feed(state, FeedKind.SETTLED):
         past = pasts.get(method.name)
         pasts[method.name], estimate = method.step(window, past, newest, mean, options)
         estimates[method.name] = TimedEstimate(row, estimate)
@@ -341,5 +341,5 @@ def _pooled_estimates(state: AxisState) -> Mapping[str, TimedEstimate]:
     mean = state.settings.smooth.samples
     return {
         method.name: TimedEstimate(state.pooled_row, method.step(state.pool, mean, options))
-        for method, options in methods_fed_by(state, FeedKind.SEGMENTS)
+        for method, options in methods_with_feed(state, FeedKind.SEGMENTS)
     }

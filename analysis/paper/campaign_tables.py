@@ -131,7 +131,7 @@ class SweptTable:
     best_kg: float
 
 
-def errors_over(
+def errors_by_setting(
     campaign: ReplayedCampaign, setting: str, values: Collection[float]
 ) -> pl.DataFrame:
     """Errors with gate and estimators rerun for each value of a setting, one row per value."""
@@ -151,11 +151,14 @@ def errors_over(
 THRESHOLD: Final = "threshold_nat"
 WINDOW: Final = "window_samples"
 OVER_THRESHOLDS: Final = Extract(
-    CAMPAIGNS, partial(errors_over, setting=THRESHOLD, values=tuple(printed_numbers.TABLE_3_KG))
+    CAMPAIGNS,
+    partial(errors_by_setting, setting=THRESHOLD, values=tuple(printed_numbers.TABLE_3_KG)),
 )
 OVER_WINDOWS: Final = Extract(
     CAMPAIGNS,
-    partial(errors_over, setting=WINDOW, values=tuple(map(round, printed_numbers.TABLE_4_KG))),
+    partial(
+        errors_by_setting, setting=WINDOW, values=tuple(map(round, printed_numbers.TABLE_4_KG))
+    ),
 )
 
 

@@ -157,7 +157,7 @@ class SteadyStudy(NamedTuple):
     windows: int
 
 
-def _unchanged_log(log: SimulatedLog) -> SimulatedLog:
+def _return_log(log: SimulatedLog) -> SimulatedLog:
     return log
 
 
@@ -170,7 +170,7 @@ def _replay_seeded_campaign(study: StudySettings, repetition: int) -> ReplayedCa
         {"gate.window_samples": WINDOW_SAMPLES, "gate.threshold_nat": THRESHOLD_NAT}
     )
     machine = study.machine.model_copy(update={"settings": settings})
-    return study.replay(study.scenario_of_repetition(repetition), machine, _unchanged_log)
+    return study.replay(study.scenario_of_repetition(repetition), machine, _return_log)
 
 
 def _replay_torque_chain_campaign(study: StudySettings, repetition: int) -> ReplayedCampaign:
@@ -186,26 +186,24 @@ def _replay_torque_chain_campaign(study: StudySettings, repetition: int) -> Repl
 
 def _replay_straight_drive(study: StudySettings, _: int) -> ReplayedCampaign:
     driven = scenario_with_waveforms(study.scenario, force=ForceWave(), torque=None)
-    return study.replay(driven, study.machine, _unchanged_log)
+    return study.replay(driven, study.machine, _return_log)
 
 
 def _replay_spin(study: StudySettings, _: int) -> ReplayedCampaign:
     driven = scenario_with_waveforms(study.scenario, force=None, torque=TorqueWave())
     yaw = {"yaw_acc_rad_s2": Channel(derive="d/dt yaw_rate_rad_s")}
     machine = study.machine.model_copy(update={"channels": {**study.machine.channels, **yaw}})
-    return study.replay(driven, machine, _unchanged_log)
+    return study.replay(driven, machine, _return_log)
 
 
 def _replay_start(study: StudySettings, _: int) -> ReplayedCampaign:
-    return study.replay(one_start_scenario(study.scenario), study.machine, _unchanged_log)
+    return study.replay(one_start_scenario(study.scenario), study.machine, _return_log)
 
 
 def _replay_cruise(study: StudySettings, repetition: int) -> ReplayedCampaign:
     short = one_start_scenario(study.scenario_of_repetition(repetition))
     campaign = short.campaign.model_copy(update={"cruise_s": CRUISE_S})
-    return study.replay(
-        short.model_copy(update={"campaign": campaign}), study.machine, _unchanged_log
-    )
+    return study.replay(short.model_copy(update={"campaign": campaign}), study.machine, _return_log)
 
 
 def one_start_scenario(scenario: Scenario) -> Scenario:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.model.axes import Z, available_axes
 from analysis.model.schema import column_values
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import braking_within_sight
+from analysis.stages.gating.gate import possibly_braking_samples
 from analysis.stages.motion.phases import TURNS, speeding_sign, yaw_speeding_sign
 from analysis.stages.noise.column_noise import mean_stds
 from estimators.arrays import Bools, Floats
@@ -94,7 +94,7 @@ def collect_planar_samples(
     if settings.gate.exclude_braking:
         stands = (phase == "standstill").fill_null(True).to_numpy()
         speeds_up = ((along > 0) | (about > 0)) & ~slows
-        usable = known & ~braking_within_sight(slows, settings)
+        usable = known & ~possibly_braking_samples(slows, settings)
         usable &= ~is_ending_of_stop(slows, speeds_up, stands)
     return PlanarSamples(
         t_ns=excitation["t_ns"].to_numpy(),

@@ -1,10 +1,9 @@
 """The machine model: one machine, its motion, its sensors, and the campaign that they record.
 
-Files follow the signal: `scenario` with its sections (what is asked for), `body` (the equations of
-motion), `solve` with `driven` and `arc` (an exact trial: a `motion`), or, where `switches` says so,
-`log_drive` with `plant` (an `integrated` log on a straight line), `timeline` (a log in time),
-`sensors` with `lag` and `streams` (what the instruments report), `recorder` (when, and what is
-kept), `campaign` (loads, trials, truth).
+The folders follow the signal: `scenario` says what is simulated; `motion` and `trials` solve a
+trial exactly, and `plant` with `drive` integrates a log in time where friction, slope or driveline
+need it (`trials.switches` decides); `sensors` adds instruments and recorder; `logs` joins trials
+and drives to campaigns and shifts, with their true values.
 """
 
 from analysis.simulation.logs.simulated_campaign import SimulatedLog, simulate_campaign

@@ -39,7 +39,7 @@ class LoadSquat:
     relative_load: Floats
 
     @property
-    def factor(self) -> Floats:
+    def mass_overestimation(self) -> Floats:
         """(masses,) factor by which each mass is overestimated."""
         return 1.0 + self.gain * self.relative_load
 

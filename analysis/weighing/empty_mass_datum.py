@@ -116,7 +116,7 @@ class EmptyMachine:
 
     @property
     def _stated_u_kg(self) -> float | None:
-        """Standard uncertainty of that mass without the rotating one, in kg."""
+        """Standard uncertainty of the stated empty mass and of the fuel on board, in kg."""
         u_kg = self._body.empty_mass_u_kg
         return None if u_kg is None else float(np.hypot(u_kg, self.fuel_kg[1]))
 

@@ -6,7 +6,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.windows import flagged_windows
-from analysis.stages.gating.gate import accepted_samples, braking_within_sight
+from analysis.stages.gating.gate import accepted_samples, possibly_braking_samples
 from analysis.stages.gating.segments import number_manoeuvres
 from analysis.stages.motion.phases import stopping_samples
 from analysis.weighing.weighing_limits import LIMITS
@@ -80,7 +80,7 @@ def fitted_manoeuvres(
         brakes |= stopping_samples(
             column_values(excitation, "speed_x_m_s"), stands, moves_m_s, settings
         )
-        driving &= ~braking_within_sight(brakes, settings)
+        driving &= ~possibly_braking_samples(brakes, settings)
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 
 
@@ -121,7 +121,7 @@ def trim_to_break_away(
     group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
 ) -> Ints:
     """Begin each manoeuvre where its speed leaves the noise rather than where the phase begins."""
-    smooth = np.abs(_mean_of_three(speed)) > moves_m_s
+    smooth = np.abs(_three_sample_mean(speed)) > moves_m_s
     grown = group.copy()
     for begin in np.flatnonzero(is_first_of_stretch(group)):
         first = int(begin)
@@ -138,7 +138,7 @@ def trim_to_break_away(
 def number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     """Number the runs of adjacent samples that move one way; at a reversal friction turns."""
     used = group >= 0
-    forwards = _mean_of_three(speed) > 0.0
+    forwards = _three_sample_mean(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
     near = flagged_windows(turns, mixed) | flagged_windows(turns[::-1], mixed + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
@@ -154,12 +154,12 @@ def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
     if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
         return group
     first = np.flatnonzero(is_first_of_stretch(group))
-    fastest = np.maximum.reduceat(np.where(used, np.abs(_mean_of_three(speed)), 0.0), first)
+    fastest = np.maximum.reduceat(np.where(used, np.abs(_three_sample_mean(speed)), 0.0), first)
     moves = fastest > noise_m_s
     return np.where(used & moves[group], group, -1)
 
 
-def _mean_of_three(speed: Floats) -> Floats:
+def _three_sample_mean(speed: Floats) -> Floats:
     """Mean of each sample and its two neighbours, (n,) in m/s."""
     return np.convolve(speed, np.ones(3) / 3.0, "same")
 

@@ -23,7 +23,7 @@ def _make_spring_column(place_1: Floats) -> Floats:
     return 2.0 * place_1
 
 
-def _half_wave(place_1: Floats, half_waves: int) -> Floats:
+def _half_wave_cosine(place_1: Floats, half_waves: int) -> Floats:
     """Cosine over the path with a number of half waves."""
     return np.cos(np.pi * half_waves * (place_1 + 0.5))
 
@@ -33,7 +33,7 @@ def _make_wave_term(half_waves: int) -> Nuisance:
     return Nuisance(
         f"place_{half_waves}",
         "N",
-        lambda m: _half_wave(m.place_1, half_waves),
+        lambda m: _half_wave_cosine(m.place_1, half_waves),
         lambda e, s: s.place_share * e.largest_force / half_waves,
         "a force that depends on the place on a short path: gravity, a cable, a cam",
         "strokes at different accelerations over the same path",
@@ -76,7 +76,7 @@ PLACE: Final = (*_OF_EVERY_LOAD, *map(_load_proportional_term, _OF_EVERY_LOAD))
 
 def forces_by_place(place_1: Floats) -> Floats:
     """(n, terms) columns of a spring and of half waves at positions on the path."""
-    waves = (_half_wave(place_1, half_waves) for half_waves in range(1, _HALF_WAVES + 1))
+    waves = (_half_wave_cosine(place_1, half_waves) for half_waves in range(1, _HALF_WAVES + 1))
     return np.column_stack([_make_spring_column(place_1), *waves])
 
 

@@ -157,7 +157,7 @@ def find_growing_loads(
     if not (np.isfinite(tied).all() and np.isfinite(left[unit >= 0]).all()):
         return ()  # of a fit that determines nothing
     slopes = np.array(
-        [_mass_slope(rows.A[part], left[part], tied) for part in compress(parts, told)]
+        [_regress_mass_slope(rows.A[part], left[part], tied) for part in compress(parts, told)]
     )
     number, slopes = numbers[told][slopes[:, 1] > 0.0], slopes[slopes[:, 1] > 0.0]
     if number.size < LIMITS.growth_min_manoeuvres:
@@ -223,7 +223,7 @@ def _residual_force(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
     return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared_parameters
 
 
-def _mass_slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
+def _regress_mass_slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
     """Regress a residual on a linearly growing mass; returns the slope and its information.
 
     The manoeuvre's own mass, friction and constant are projected out as far as they may differ:

@@ -34,17 +34,17 @@ class Route:
     length_m: float
 
     @classmethod
-    def from_motion(cls, motion: MotionSamples, unit: Ints, loaded: Bools) -> Self | None:
+    def from_motion(cls, motion: MotionSamples, numbers: Ints, loaded: Bools) -> Self | None:
         """Find the dumps; None if there is none between two manoeuvres.
 
         Args:
             motion: the samples.
-            unit: (units,) numbers of the manoeuvres, ascending.
-            loaded: (units,) whether each manoeuvre carries a load.
+            numbers: (manoeuvres,) numbers of the manoeuvres, ascending.
+            loaded: (manoeuvres,) whether each manoeuvre carries a load.
         """
         last = motion.unit.size - 1
-        begins_m = motion.driven_m[np.searchsorted(motion.unit, unit).clip(0, last)]
-        ends_m = motion.driven_m[(np.searchsorted(motion.unit, unit, "right") - 1).clip(0, last)]
+        begins_m = motion.driven_m[np.searchsorted(motion.unit, numbers).clip(0, last)]
+        ends_m = motion.driven_m[(np.searchsorted(motion.unit, numbers, "right") - 1).clip(0, last)]
         fills_m = begins_m[1:][loaded[1:] & ~loaded[:-1]]
         dumps = ~loaded[1:] & loaded[:-1]
         if not dumps.any():

@@ -73,7 +73,7 @@ class JointFitInputs:
         noise = CachedNoise(noise)
         uneven_1_s = 0.0 if before is None else before.found.uneven_1_s
         known = None if before is None else before.kinematics
-        wheels = _wheel_kinematics(motion, noise, priors, known)
+        wheels = _find_wheel_kinematics(motion, noise, priors, known)
         return cls(motion, noise, priors, wheels, uneven_1_s)
 
 
@@ -116,7 +116,9 @@ def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> Joint
     )
     whole = _take_slip_on_ground(inputs, whole, best)
     chosen = _fit_whole(whole, best.mean_samples)
-    share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
+    share = _relative_averaging_effect(
+        first, next(k for k, found in enumerate(first) if found is best)
+    )
     transient = rows_in_duration(LIMITS.transient_mean_s, motion.rate_hz)
     misfit = chosen.fit.misfit_ratio
     swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
@@ -124,7 +126,7 @@ def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> Joint
         # what all starts have in common and no term describes averages out over a longer mean
         longer = _fit_whole(whole, transient)
         if longer.fit.misfit_ratio < misfit:
-            share, chosen = _averaging_share([chosen, longer], 1), longer
+            share, chosen = _relative_averaging_effect([chosen, longer], 1), longer
     return replace(chosen, averaging_share=share)
 
 
@@ -144,7 +146,7 @@ def _take_slip_on_ground(inputs: JointFitInputs, task: FitTask, pilot: JointFit)
     # slip is of the force on the ground at that moment
     in_time = inputs.motion.shift_force(pilot.lag_s)
     acting = replace(in_time, force=pilot.found.ground_force(in_time))
-    wheels = _wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
+    wheels = _find_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
     return replace(task, wheels=wheels)
 
 
@@ -161,7 +163,7 @@ def _fit_whole(task: FitTask, samples: int) -> JointFit:
     return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
 
 
-def _wheel_kinematics(
+def _find_wheel_kinematics(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -176,7 +178,7 @@ def _wheel_kinematics(
     return None if found is None else found.apply_learnt_priors(priors)
 
 
-def _averaging_share(by_length: list[JointFit], place: int) -> float:
+def _relative_averaging_effect(by_length: list[JointFit], place: int) -> float:
     """Relative effect of the mean's length on the mass; 0 if it may be noise."""
     best, longer = by_length[place], by_length[place + 1 :]
     if best.mass_kg == 0.0:

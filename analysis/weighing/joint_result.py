@@ -345,7 +345,7 @@ class JointFit:
         if wheels is not None and self.corrects_gain:
             gain = wheels.gain_by_prior[0]
         masses = self.theta[: self.count]
-        by_load = 1.0 if self.squat is None else self.squat.factor
+        by_load = 1.0 if self.squat is None else self.squat.mass_overestimation
         return (masses - self.resistance_slope * late) / (1.0 + gain) / by_load
 
     @property

@@ -283,7 +283,7 @@ def find_load_states(
     )
     best = found.best if _is_partition_credible(found, repeatability_kg) else found.single
     other = found.several if best.states == 1 else found.single
-    states = _states_of_partition(units, manoeuvre_ids, best)
+    states = _make_load_states(units, manoeuvre_ids, best)
     if repeatability_kg is not None:
         states = replace(states, scatter_kg=repeatability_kg, freedom=np.inf)
     probability = found.single_probability if best.states > 1 else 1.0 - found.single_probability
@@ -309,13 +309,13 @@ def states_of_partition(
     typical_kg = _typical_mass_kg(units)
     posterior = PartitionPosterior(units, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
     partition = posterior.evaluate(Stretches.from_boundaries(membership, units.kind))
-    states = _states_of_partition(units, manoeuvre_ids, partition)
+    states = _make_load_states(units, manoeuvre_ids, partition)
     if not usual_scatter:
         return states
     return replace(states, scatter_kg=LIMITS.repeatability_fraction * typical_kg, freedom=np.inf)
 
 
-def _states_of_partition(units: GroupEffects, manoeuvre_ids: Ints, best: Partition) -> LoadStates:
+def _make_load_states(units: GroupEffects, manoeuvre_ids: Ints, best: Partition) -> LoadStates:
     level_kg = units.y - units.x @ best.effects
     return LoadStates(
         manoeuvre_ids,

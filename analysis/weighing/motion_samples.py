@@ -356,7 +356,7 @@ def motion_samples(
         *path_positions(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
-        _empty_weight(machine, acceleration, force, group >= 0),
+        _empty_machine_weight(machine, acceleration, force, group >= 0),
         tuple(column_values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         samples_named_empty(aligned, machine),
@@ -372,7 +372,9 @@ def ground_speed_ratio(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
     return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
 
 
-def _empty_weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:
+def _empty_machine_weight(
+    machine: Machine, acceleration: Floats, force: Floats, used: Bools
+) -> float:
     """Weight of the empty machine in N, estimated from force over acceleration if not stated."""
     body = machine.machine
     if body.empty_mass_kg is not None or not used.any():

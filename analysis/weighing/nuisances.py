@@ -190,7 +190,7 @@ def weight_const_prior_std(motion: MotionSamples, priors: PriorSettings) -> floa
     return float(np.hypot(split_const_by_weight(motion, priors).std_N, sags))
 
 
-def _warming_term(name: str) -> Nuisance:
+def _make_warming_term(name: str) -> Nuisance:
     """Term of viscous friction that changes as the machine warms."""
     shape = WARMING[name]
     return Nuisance(
@@ -302,7 +302,7 @@ NUISANCES: Final = (
         by_speed=lambda m: -m.slip_s_m * np.sign(m.speed),
         by_acceleration=lambda m: np.full(m.speed.size, -m.transfer_s2_m),
     ),
-    *map(_warming_term, WARMING),
+    *map(_make_warming_term, WARMING),
     Nuisance(
         "gain_drift",
         "1",

@@ -58,7 +58,7 @@ def refit_with_wheel_or_imu_motion(
     if motion.specific_force is None:
         return None
     by_wheels = motion.by_accelerometer
-    acceleration = _wheel_motion(motion) if by_wheels else motion.specific_force
+    acceleration = _wheel_acceleration(motion) if by_wheels else motion.specific_force
     other = replace(
         motion,
         acceleration=acceleration,
@@ -72,7 +72,7 @@ def refit_with_wheel_or_imu_motion(
     return AlternativeMotion(found.mass_kg - fit.mass_kg, float(np.hypot(found.u_kg, fit.u_kg)))
 
 
-def _wheel_motion(motion: MotionSamples) -> Floats:
+def _wheel_acceleration(motion: MotionSamples) -> Floats:
     """Acceleration from the wheels, plus gravity by the pitch if measured, (n,) in m/s²."""
     rate_m_s2 = np.gradient(motion.speed) * motion.rate_hz
     if motion.specific_force is None or motion.without_gravity is None:

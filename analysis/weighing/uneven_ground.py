@@ -52,15 +52,19 @@ class _DrivingDirection:
     def terms(self) -> list[Nuisance]:
         """Terms at the loading places, then along the way: for all loads, and by load."""
         places = list(pairwise(_PLACES_M))
-        found = [self._by_load("", lambda m: np.ones(m.speed.size), self._loading_place_std)]
+        found = [
+            self._make_load_difference_term(
+                "", lambda m: np.ones(m.speed.size), self._loading_place_std
+            )
+        ]
         for begin_m, end_m in places:
-            name, column = f"_{begin_m:.0f}_{end_m:.0f}m", _fraction_between(begin_m, end_m)
+            name, column = f"_{begin_m:.0f}_{end_m:.0f}m", _make_ramp_between(begin_m, end_m)
             width = _make_random_walk_prior(end_m - begin_m)
             found.append(self._term(name, column, width, "how the ground's force changes along it"))
-            found.append(self._by_load(name, column, width))
+            found.append(self._make_load_difference_term(name, column, width))
         return found
 
-    def _by_load(
+    def _make_load_difference_term(
         self,
         name: str,
         column: Callable[[ColumnInputs], Floats],
@@ -100,7 +104,7 @@ class _DrivingDirection:
         )
 
 
-def _fraction_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs], Floats]:
+def _make_ramp_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs], Floats]:
     """Function that rises from 0 to 1 between two travelled distances."""
     return lambda m: _clipped_ramp(m.travelled_m, begin_m, end_m)
 

@@ -68,7 +68,7 @@ def compare_wheels(
     Returns:
         None without an accelerometer or without a long enough stretch.
     """
-    found = _compare_bodies(motion, noise, priors, earlier)
+    found = _compare_wheels_and_accelerometer(motion, noise, priors, earlier)
     if found is None or not found.squat[0] > 0.0 or motion.specific_force is None:
         return found
     level = motion.without_gravity
@@ -77,14 +77,14 @@ def compare_wheels(
     swing = None if springs is None else estimate_swing(measured, motion, springs)
     if swing is None:
         return replace(found, springs=springs)
-    still = _compare_bodies(subtract_swing(motion, swing), noise, priors, earlier)
+    still = _compare_wheels_and_accelerometer(subtract_swing(motion, swing), noise, priors, earlier)
     if still is None:
         return None
     swing = swing if level is None else swing.with_gravity(still.squat[0])
     return replace(still, swing=swing, springs=springs)
 
 
-def _compare_bodies(
+def _compare_wheels_and_accelerometer(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -213,7 +213,7 @@ def _fit_comparison(
     std = prior_stds(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solve_rows(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
-    least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)
+    least = _min_std_from_noise(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.std, 1.0)
     covariance = found.covariance * np.outer(widened, widened)
     values = list(
@@ -246,7 +246,9 @@ def is_gain_significant(fit: prior_fit.MapFit, noise_m_s: float) -> bool:
     return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0]))
 
 
-def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float) -> Floats:
+def _min_std_from_noise(
+    rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
+) -> Floats:
     """Lower bound of the standard deviations from instrument noise alone, (4,).
 
     The accelerometer's noise accumulates over a manoeuvre and the fit follows it, so few

@@ -18,7 +18,7 @@ from estimators.numerics.reweighted import reweighted_sums
 from estimators.numerics.rolling import sum_windows, window_ends
 from estimators.numerics.sandwich import window_std
 from estimators.numerics.small_systems import lstsq
-from estimators.threads import in_chunks
+from estimators.threads import run_in_chunks
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ def solve_windows(
         theta = reweight(A, f, window, index[rows], products, options)
         out.keep(rows, products, theta, gram(products), residual_squares(products, theta))
 
-    in_chunks(solve_rows, index.size)
+    run_in_chunks(solve_rows, index.size)
     return out
 
 

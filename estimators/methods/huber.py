@@ -14,7 +14,10 @@ from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Estimate, Trace
 from estimators.interpreted import compiled_ahead
 from estimators.methods import ls
-from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.numerics.autocorrelation import (
+    pooled_autocorrelation,
+    residuals_of_disjoint_windows,
+)
 from estimators.numerics.normal_equations import gram, residual_squares, solve
 from estimators.numerics.reweighted import (
     AT_ONCE,
@@ -27,7 +30,7 @@ from estimators.numerics.reweighted import (
 from estimators.numerics.rolling import sample_products, sum_windows, window_ends
 from estimators.numerics.sandwich import window_std, window_stds
 from estimators.numerics.small_systems import lstsq, packed_index
-from estimators.threads import in_chunks
+from estimators.threads import run_in_chunks
 
 #: Iterations converge linearly; more than this many change nothing that matters.
 _MOST_STEPS = 100
@@ -238,8 +241,8 @@ def trace(
         for whole, part in zip(statistics, of_rows, strict=True):
             whole[rows] = part
 
-    in_chunks(solve_rows, index.size)
-    residual, owner = window_residuals(A, f, solved.theta, index, window)
+    run_in_chunks(solve_rows, index.size)
+    residual, owner = residuals_of_disjoint_windows(A, f, solved.theta, index, window)
     used = owner >= 0
     row = owner[used]
     limit = statistics.limit[row]

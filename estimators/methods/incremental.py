@@ -30,7 +30,12 @@ from estimators.numerics import directional_forgetting
 from estimators.numerics.mutual_information import correlation
 from estimators.numerics.normal_equations import columns_of, gram, residual_squares, solve
 from estimators.numerics.recursive import discounted_counts, feed_products, pad_entries_to_lanes
-from estimators.numerics.rolling import add_centre, centred_terms, count_lanes, suffix_sums
+from estimators.numerics.rolling import (
+    add_centre,
+    count_lanes,
+    fill_centred_terms,
+    fill_suffix_sums,
+)
 from estimators.numerics.small_systems import (
     condition_numbers,
     inverse_spd,
@@ -94,13 +99,13 @@ def step_window(state: WindowState, sample: Floats) -> WindowState:
     if since == 0:
         centre = sample.copy()
         terms = np.zeros((suffix.shape[0], window))
-        centred_terms(z, centre, window, terms)
+        fill_centred_terms(z, centre, window, terms)
         suffix = np.empty((suffix.shape[0], window))
-        suffix_sums(terms, window, suffix)
+        fill_suffix_sums(terms, window, suffix)
         prefix[:] = 0.0
     else:
         terms = np.zeros((suffix.shape[0], 1))
-        centred_terms(sample.copy().reshape(q, 1), centre, 1, terms)
+        fill_centred_terms(sample.copy().reshape(q, 1), centre, 1, terms)
         for lane in range(prefix.size):
             prefix[lane] += terms[lane, 0]
     products, moments = state.products, state.moments
@@ -126,14 +131,14 @@ def window_statistics(state: WindowState, noise: Floats | None = None) -> Window
 
 def ls(state: WindowState, mean: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
     """Ordinary least squares of the current window."""
-    A, f, end = _window_as_log(state)
+    A, f, end = _make_log_of_window(state)
     theta, _ = least_squares(A, f, f.size, end, state.products)
     return _make_window_estimate(state, theta, gram(state.products), mean)
 
 
 def fgls(state: WindowState, mean: int, options: FglsOptions) -> Estimate:
     """Feasible generalised least squares of the current window: O(window)."""
-    A, f, end = _window_as_log(state)
+    A, f, end = _make_log_of_window(state)
     theta = reweight_fgls(A, f, f.size, end, state.products, options)
     return _make_window_estimate(state, theta, gram(state.products), mean)
 
@@ -145,12 +150,12 @@ def tls(state: WindowState, mean: int, options: TlsOptions) -> Estimate:
 
 def huber(state: WindowState, mean: int, options: HuberOptions) -> Estimate:
     """Huber regression of the current window: at most a hundred steps of O(window)."""
-    A, f, end = _window_as_log(state)
+    A, f, end = _make_log_of_window(state)
     theta, residuals = reweight_huber(A, f, f.size, end, state.products, options)
     return _make_window_estimate(state, theta, gram(state.products), mean, residuals.squares)
 
 
-def _window_as_log(state: WindowState) -> tuple[Floats, Floats, Ints]:
+def _make_log_of_window(state: WindowState) -> tuple[Floats, Floats, Ints]:
     """The window as a log: A (window, p), f (window,) and its end (1,)."""
     A = np.ascontiguousarray(state.z[:-1].T)
     return A, state.z[-1].copy(), np.array([state.z.shape[1] - 1])
@@ -197,7 +202,7 @@ def _feed_newest(
     state: WindowState, past: WindowHistory, newest: int, forgetting: float
 ) -> WindowHistory:
     """Add the newest samples of the window to the history."""
-    A, f, _ = _window_as_log(state)
+    A, f, _ = _make_log_of_window(state)
     fed = np.arange(f.size - newest, f.size)
     products, squares = past.products.copy(), past.squares.copy()
     feed_products(A, f, fed, forgetting, products)
@@ -236,19 +241,19 @@ def rls(
     """
     if options.directional:
         assert not isinstance(past, WindowHistory)
-        return _directional_rls(state, past, newest, mean, options)
+        return _step_directional_rls(state, past, newest, mean, options)
     assert not isinstance(past, RlsState)
-    return _exponential_rls(state, past, newest, mean, options)
+    return _step_exponential_rls(state, past, newest, mean, options)
 
 
-def _exponential_rls(
+def _step_exponential_rls(
     state: WindowState, past: WindowHistory | None, newest: int, mean: int, options: RlsOptions
 ) -> tuple[WindowHistory, Estimate]:
     """One step of RLS with exponential forgetting; the first starts from the window."""
     p = len(state.z) - 1
     entries = len(state.products)
     if past is None:
-        A, f, _ = _window_as_log(state)
+        A, f, _ = _make_log_of_window(state)
         begin = recursion.start(A, f, options)
         R, G = np.diag(1.0 / np.diagonal(begin.P)), unpack(state.products[:, 0], p + 1, p)
         squares = np.zeros((p + 1, p + 1))
@@ -271,11 +276,11 @@ def _exponential_rls(
     return past, _recursive_estimate(theta, past, R, rss, mean, condition)
 
 
-def _directional_rls(
+def _step_directional_rls(
     state: WindowState, past: RlsState | None, newest: int, mean: int, options: RlsOptions
 ) -> tuple[RlsState, Estimate]:
     """One step of RLS with directional forgetting; the first starts from the window."""
-    A, f, _ = _window_as_log(state)
+    A, f, _ = _make_log_of_window(state)
     if past is None:
         past = recursion.start(A, f, options)
         p = past.theta.size
@@ -298,7 +303,7 @@ def rtls(
     """Recursive total least squares; the arguments are those of `rls`."""
     p, entries = len(state.z) - 1, len(state.products)
     if past is None:
-        A, f, _ = _window_as_log(state)
+        A, f, _ = _make_log_of_window(state)
         begin = total_recursion.start(A, f, options)
         products = pad_entries_to_lanes(pack(total_recursion.unscale_gram(begin, options)))
         past = WindowHistory(products, pad_entries_to_lanes(state.products[:, 0]), begin.weight)

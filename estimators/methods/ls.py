@@ -8,7 +8,10 @@ import numpy as np
 from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Estimate, Trace
 from estimators.interpreted import compiled_ahead
-from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.numerics.autocorrelation import (
+    pooled_autocorrelation,
+    residuals_of_disjoint_windows,
+)
 from estimators.numerics.mutual_information import correlated_sums
 from estimators.numerics.normal_equations import gram, solve
 from estimators.numerics.rolling import sum_windows, window_ends
@@ -19,7 +22,7 @@ from estimators.numerics.small_systems import (
     scaled_condition_from_gram,
     substitute,
 )
-from estimators.threads import in_chunks
+from estimators.threads import run_in_chunks
 
 #: Beyond this condition the normal equations keep fewer than about eleven digits.
 _POORLY_CONDITIONED = 50.0
@@ -102,7 +105,7 @@ def solve_windows(A: Floats, f: Floats, window: int, index: Ints) -> Windows:
         theta, rss = least_squares(A, f, window, index[rows], products)
         out.keep(rows, products, theta, gram(products), rss)
 
-    in_chunks(solve_rows, index.size)
+    run_in_chunks(solve_rows, index.size)
     return out
 
 
@@ -183,7 +186,7 @@ def window_statistics(
         ):
             whole[rows] = part
 
-    in_chunks(fill_rows, index.size)
+    run_in_chunks(fill_rows, index.size)
     return out
 
 
@@ -278,7 +281,7 @@ def trace(
 def estimate_window_stds(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
     """Standard deviations of solved windows, from the log's residual autocorrelation."""
     theta, grams, rss, condition = solved
-    residual, owner = window_residuals(A, f, theta, index, window)
+    residual, owner = residuals_of_disjoint_windows(A, f, theta, index, window)
     correlation, _ = pooled_autocorrelation(residual, owner, A)
     std = window_stds(A, grams, rss, index, window, correlation)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

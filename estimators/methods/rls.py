@@ -14,7 +14,10 @@ from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Trace
 from estimators.methods.ls import solve_windows
 from estimators.numerics import directional_forgetting as directional
-from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.numerics.autocorrelation import (
+    pooled_autocorrelation,
+    residuals_of_disjoint_windows,
+)
 from estimators.numerics.normal_equations import solve
 from estimators.numerics.recursive import (
     discounted_counts,
@@ -172,7 +175,7 @@ def _estimate_window_autocorrelation(
     The autocorrelation of the recursion itself is unknown.
     """
     least = solve_windows(A, f, window, index).theta
-    return pooled_autocorrelation(*window_residuals(A, f, least, index, window), A)
+    return pooled_autocorrelation(*residuals_of_disjoint_windows(A, f, least, index, window), A)
 
 
 def information(state: RlsState) -> Floats:

@@ -26,7 +26,7 @@ from estimators.numerics.small_systems import (
     solve_spd,
     substitute,
 )
-from estimators.threads import in_chunks
+from estimators.threads import run_in_chunks
 
 #: Newton settles in three or four; halving a bracket to working precision takes fifty.
 _MOST_STEPS = 100
@@ -164,7 +164,7 @@ def solve_windows(
         theta, clean = solve_scaled(products, options)
         out.keep(rows, products, theta, clean, residual_squares(products, theta))
 
-    in_chunks(solve_rows, index.size)
+    run_in_chunks(solve_rows, index.size)
     return out
 
 

@@ -11,7 +11,10 @@ import numpy as np
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
 from estimators.methods.ls import solve_windows
-from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.numerics.autocorrelation import (
+    pooled_autocorrelation,
+    residuals_of_disjoint_windows,
+)
 from estimators.numerics.sandwich import meat
 from estimators.numerics.small_systems import factor, invert
 
@@ -88,7 +91,7 @@ def mean_estimate(
     breads = invert(*factor(grams, A.shape[1], A.shape[1])) * share
     weights, inside = mean_weights(A, breads, index, window)
     # the residuals' own correlation, which a window where TLS is wild would hide
-    residual, owner = window_residuals(A, f, least.theta, index, window)
+    residual, owner = residuals_of_disjoint_windows(A, f, least.theta, index, window)
     correlation, variance = pooled_autocorrelation(residual, owner, A)
     cover = meat(weights, inside, 0, 0, f.size - 1, correlation)
     white = meat(weights, inside, 0, 0, f.size - 1, np.ones(1))

@@ -207,7 +207,7 @@ def restore_lost_covariance(found: Floats, loss: Floats, taper: Floats) -> Float
     return restored
 
 
-def window_residuals(
+def residuals_of_disjoint_windows(
     A: Floats, f: Floats, theta: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:
     """Select disjoint windows that cover the solved ones, and compute their residuals.

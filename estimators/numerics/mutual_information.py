@@ -6,7 +6,7 @@ from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
 from estimators.numerics.rolling import add_centre, make_workspace, pairs_of_blocks, sum_pair
 from estimators.numerics.small_systems import packed_index
-from estimators.threads import in_chunks
+from estimators.threads import run_in_chunks
 
 #: A smaller share of Σx² than this is rounding, not variance.
 _NO_SPREAD = 1e-24
@@ -35,7 +35,7 @@ def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Float
         ends = np.arange(rows.start, rows.stop) + window - 1
         _, rho[ends], spread[ends] = correlated_sums(A, y, window, ends)
 
-    in_chunks(fill_rows, max(x.size - window + 1, 0))
+    run_in_chunks(fill_rows, max(x.size - window + 1, 0))
     return rho, spread
 
 

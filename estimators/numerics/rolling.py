@@ -65,7 +65,7 @@ def _sum_suffixes_by_arrays(terms: Floats, count: int, sums: Floats) -> None:
 
 
 @compiled_beside(_sum_suffixes_by_arrays)
-def suffix_sums(terms: Floats, count: int, sums: Floats) -> None:
+def fill_suffix_sums(terms: Floats, count: int, sums: Floats) -> None:
     """Sums (lanes, ≥ count) of terms (lanes, ≥ count) from each term to the last of `count`."""
     for lane in range(0, sums.shape[0], 3):
         a, b, c = terms[lane, :count], terms[lane + 1, :count], terms[lane + 2, :count]
@@ -120,7 +120,7 @@ def _centre_by_arrays(z: Floats, centre: Floats, count: int, terms: Floats) -> N
 
 
 @compiled_beside(_centre_by_arrays)
-def centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
+def fill_centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
     """Deviations of `count` samples from the centre, and their products."""
     q = z.shape[0]
     for i in range(q):
@@ -222,8 +222,8 @@ def sum_pair(
     left = window - start % window
     for c in range(p + 1):
         work.centre[c] = work.z[c, left - 1]
-    centred_terms(work.z, work.centre, samples, work.terms)
-    suffix_sums(work.terms, left, work.moments)
+    fill_centred_terms(work.z, work.centre, samples, work.terms)
+    fill_suffix_sums(work.terms, left, work.moments)
     add_prefix_sums(work.terms, left, window - left, samples - window + 1, work.moments)
     keep_rows(work.moments, index, row, end)
 

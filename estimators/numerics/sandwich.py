@@ -15,13 +15,13 @@ from estimators.numerics.normal_equations import columns_of
 from estimators.numerics.rolling import (
     add_prefix_sums,
     count_lanes,
+    fill_suffix_sums,
     keep_rows,
     load_columns,
     pairs_of_blocks,
-    suffix_sums,
 )
 from estimators.numerics.small_systems import factor, invert, pack, packed_index
-from estimators.threads import in_chunks
+from estimators.threads import run_in_chunks
 
 #: Rows at once, which stay in the nearest cache.
 _MEAT_ROWS = 1024
@@ -154,7 +154,7 @@ def window_stds(
             invert_packed(grams[rows]), meats, rss[rows], window
         ).T
 
-    in_chunks(fill_rows, index.size)
+    run_in_chunks(fill_rows, index.size)
     return out * scale_widening(window, correlation)
 
 
@@ -243,7 +243,7 @@ def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Fl
                         )
                         for k in range(samples):
                             term[k] = x[k] * y[k] + (x[k] * v[k] + u[k] * y[k])
-                suffix_sums(terms, left, sums)
+                fill_suffix_sums(terms, left, sums)
                 add_prefix_sums(terms, left, window - left, samples - window + 1, sums)
                 keep_rows(sums, index, begin, stop)
                 for entry in range(entries):

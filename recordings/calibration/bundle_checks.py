@@ -37,7 +37,7 @@ from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import (
     CheckedBundle,
     content_in_memory,
-    fault_without_name,
+    remove_file_name_from_fault,
 )
 from recordings.calibration.evidence_document import (
     EvidenceDocument,
@@ -121,7 +121,7 @@ def _check_without_earlier(
     except EvidenceError as fault:
         strange = isinstance(fault, UnknownFormatError)
         outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
-        checked.add(outcome, EVIDENCE, fault_without_name(EVIDENCE, fault))
+        checked.add(outcome, EVIDENCE, remove_file_name_from_fault(EVIDENCE, fault))
         check_signature(checked, held, digests, None, key, keyring)
         return checked
     checked.document = document
@@ -162,7 +162,7 @@ def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, Bundle
         try:
             held[name] = read_file(folder, name)
         except EvidenceError as fault:
-            checked.add(BundleOutcome.TAMPERED, name, fault_without_name(name, fault))
+            checked.add(BundleOutcome.TAMPERED, name, remove_file_name_from_fault(name, fault))
     for name in (*REQUIRED, SUMS):
         if name not in names:
             checked.add(BundleOutcome.INCOMPLETE, name, "is missing")
@@ -171,7 +171,7 @@ def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, Bundle
         try:
             _check_file_sums(checked, names, held, parse_sums(checked.sums))
         except EvidenceError as fault:
-            checked.add(BundleOutcome.TAMPERED, SUMS, fault_without_name(SUMS, fault))
+            checked.add(BundleOutcome.TAMPERED, SUMS, remove_file_name_from_fault(SUMS, fault))
     return held
 
 
@@ -257,7 +257,9 @@ def check_signature(
         signed = parse_envelope(content_in_memory(files, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.from_text(named.public_key)
     except EvidenceError as fault:
-        checked.add(BundleOutcome.TAMPERED, STATEMENT, fault_without_name(STATEMENT, fault))
+        checked.add(
+            BundleOutcome.TAMPERED, STATEMENT, remove_file_name_from_fault(STATEMENT, fault)
+        )
         return
     before = len(checked.findings)
     if document is not None:

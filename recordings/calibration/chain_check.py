@@ -119,10 +119,10 @@ def chain_findings(bundles: Sequence[CheckedBundle]) -> tuple[list[BundleFinding
                     f"is missing between {last.id} and {document.id}",
                 )
             )
-    return found, list(_signer_sentences(ordered))
+    return found, list(_chain_sentences(ordered))
 
 
-def _signer_sentences(ordered: Sequence[tuple[EvidenceDocument, CheckedBundle]]) -> Iterator[str]:
+def _chain_sentences(ordered: Sequence[tuple[EvidenceDocument, CheckedBundle]]) -> Iterator[str]:
     """Sentences on the signer of each, and the begin of the chain."""
     if not ordered:
         return

@@ -66,7 +66,7 @@ class BundleFinding:
         return f"{self.kind}: {self.item}: {self.what}"
 
 
-def worst_outcome(findings: Sequence[BundleFinding]) -> BundleOutcome | None:
+def most_severe_outcome(findings: Sequence[BundleFinding]) -> BundleOutcome | None:
     """Outcome for the exit status; None without findings."""
     found = {each.outcome for each in findings}
     return next((outcome for outcome in ORDER if outcome in found), None)
@@ -80,7 +80,7 @@ def verdict_text(place: Path, findings: Sequence[BundleFinding], holds: str) -> 
         findings: the findings.
         holds: text for no findings.
     """
-    outcome = worst_outcome(findings)
+    outcome = most_severe_outcome(findings)
     if outcome is None:
         return f"{place}: {holds}"
     return f"{place}: {_NAMES[outcome].upper()} ({counted(len(findings), 'finding')})"

@@ -56,6 +56,6 @@ def content_in_memory(files: Mapping[str, BundleFile], name: str) -> bytes:
     return data
 
 
-def fault_without_name(name: str, fault: EvidenceError) -> str:
+def remove_file_name_from_fault(name: str, fault: EvidenceError) -> str:
     """Error text without the file name that the finding already has."""
     return str(fault).removeprefix(f"{name}: ")

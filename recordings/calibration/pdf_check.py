@@ -22,7 +22,7 @@ _BEFORE: Final = 12
 _NUMBER: Final = re.compile(r"[-+−±]?\d[\d,.]*")
 
 
-def pdf_fault(folder: Path, sha256: str, html: str) -> tuple[str, str]:
+def find_pdf_fault(folder: Path, sha256: str, html: str) -> tuple[str, str]:
     """Compare the PDF of a bundle with one made from its page.
 
     With other fonts or another WeasyPrint, pages break elsewhere and parts may be in another order:

@@ -227,7 +227,7 @@ def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
         if run is None:
             yield BundleFinding(BundleOutcome.TAMPERED, item, "belongs to no run of the campaign")
             continue
-        for what in _run_faults(row, run, seen[name], weighs.get(run.log, False)):
+        for what in _find_run_faults(row, run, seen[name], weighs.get(run.log, False)):
             yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)
         if not row["used"] and not row["reason"]:
             yield BundleFinding(BundleOutcome.INCOMPLETE, item, "is left out without a reason")
@@ -236,7 +236,7 @@ def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
             yield BundleFinding(BundleOutcome.INCOMPLETE, f"{READINGS}: run '{name}'", "is missing")
 
 
-def _run_faults(
+def _find_run_faults(
     row: dict[str, Any], run: CampaignRun, reading_number: int, weighs: bool
 ) -> Iterator[str]:
     """Yield contradictions between a reading and its run."""

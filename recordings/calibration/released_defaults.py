@@ -54,7 +54,7 @@ def model_of_field(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
     return None, False
 
 
-def present_defaults() -> dict[str, Any]:
+def defaults_of_this_version() -> dict[str, Any]:
     """Defaults of this version, by dotted name."""
     return {name: value for at, part in PARTS.items() for name, value in model_defaults(part, at)}
 
@@ -100,21 +100,21 @@ def find_absent_settings(kept: BaseModel, at: str = "") -> dict[str, Any]:
         at: prefix of the names.
     """
     there = kept.model_dump(mode="json", exclude_unset=True)
-    return dict(_find_absent(kept.model_dump(mode="json"), there, at))
+    return dict(_find_absent_values(kept.model_dump(mode="json"), there, at))
 
 
-def _find_absent(whole: Any, there: Any, at: str) -> Iterator[tuple[str, Any]]:
+def _find_absent_values(whole: Any, there: Any, at: str) -> Iterator[tuple[str, Any]]:
     """Yield dotted names that the evidence lacks, with their values."""
     if isinstance(whole, list) and isinstance(there, list):
         for number, (value, own) in enumerate(zip(whole, there, strict=True)):
-            yield from _find_absent(value, own, f"{at}{number}.")
+            yield from _find_absent_values(value, own, f"{at}{number}.")
     if not isinstance(whole, dict) or not isinstance(there, dict):
         return
     for name, value in whole.items():
         if name not in there:
             yield f"{at}{name}", value
         else:
-            yield from _find_absent(value, there[name], f"{at}{name}.")
+            yield from _find_absent_values(value, there[name], f"{at}{name}.")
 
 
 def changed_defaults(
@@ -160,7 +160,7 @@ def insert_dotted_values(values: Mapping[str, Any], changed: Mapping[str, Any]) 
 
 
 def remove_dotted_values(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
-    """Values without some existing ones, by dotted name."""
+    """Remove some existing values, by dotted name, and return the same table."""
     for name in names:
         inside, last = locate_value(values, name)
         del inside[last]
@@ -176,5 +176,5 @@ def locate_value(values: Any, name: str) -> tuple[Any, str]:
 
 
 if __name__ == "__main__":
-    shown = {**released_defaults(), version("payscope"): present_defaults()}
+    shown = {**released_defaults(), version("payscope"): defaults_of_this_version()}
     sys.stdout.write(json.dumps(shown, indent=1, ensure_ascii=False) + "\n")

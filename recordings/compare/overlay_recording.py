@@ -152,13 +152,17 @@ def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | 
     mine, theirs = a.columns_drawn_in_view(view), b.columns_drawn_in_view(view)
     if not (mine or theirs):
         return None
-    lone = max(count_named_lines(mine), count_named_lines(theirs)) == 1
-    alike = set() if view.kind is ViewKind.STATES else _shared_labels(mine, theirs, lone=lone)
+    one_line_each = max(count_named_lines(mine), count_named_lines(theirs)) == 1
+    alike = (
+        set()
+        if view.kind is ViewKind.STATES
+        else _labels_without_run_name(mine, theirs, one_line_each=one_line_each)
+    )
     drawn = [
-        *_style_lines_of_run(mine, _A, alike, lone=lone),
-        *_style_lines_of_run(theirs, _B, alike, lone=lone),
+        *_style_lines_of_run(mine, _A, alike, one_line_each=one_line_each),
+        *_style_lines_of_run(theirs, _B, alike, one_line_each=one_line_each),
     ]
-    title = f"{view.title}: A strong, B pale" if alike and not lone else view.title
+    title = f"{view.title}: A strong, B pale" if alike and not one_line_each else view.title
     if view.kind is ViewKind.STATES:
         drawn = sorted(drawn, key=lambda each: each.label)
     ends = [each for side in (a, b) if (each := axis_range(view, side.run)) is not None]
@@ -166,12 +170,12 @@ def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | 
     return Panel(title, view.kind, tuple(drawn), bulk)
 
 
-def _shared_labels(
-    own: Sequence[DisplayColumn], others: Sequence[DisplayColumn], *, lone: bool
+def _labels_without_run_name(
+    own: Sequence[DisplayColumn], others: Sequence[DisplayColumn], *, one_line_each: bool
 ) -> set[str]:
     """Labels common to A and B, which are shown without the name of the run."""
     both = {each.label for each in own} & {each.label for each in others}
-    return {each.label for each in own if not lone or each.column == "threshold"} & both
+    return {each.label for each in own if not one_line_each or each.column == "threshold"} & both
 
 
 def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Panel | None:
@@ -205,14 +209,18 @@ def count_named_lines(display_columns: Sequence[DisplayColumn]) -> int:
 
 
 def _style_lines_of_run(
-    display_columns: Sequence[DisplayColumn], side: str, common_labels: set[str], *, lone: bool
+    display_columns: Sequence[DisplayColumn],
+    side: str,
+    common_labels: set[str],
+    *,
+    one_line_each: bool,
 ) -> list[DisplayColumn]:
     """Style A with usual colours and wide lines, visible under B; B with other or paler colours."""
     found: list[DisplayColumn] = []
     for each in display_columns:
         colour = each.colour
         if side == _B and colour:
-            other = lone and each.column != "threshold"
+            other = one_line_each and each.column != "threshold"
             colour = colours.line_colour(1) if other else colours.lighten_colour(colour)
         found.append(
             replace(

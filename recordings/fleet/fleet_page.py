@@ -75,7 +75,8 @@ def fleet_html(page: FleetPage) -> str:
     machines = sum_results(page.results, ["machine"])
     total = sum_machines(machines)
     flagged = sorted(
-        (chart for chart in page.charts if chart.chart.flagged is not None), key=_significance_order
+        (chart for chart in page.charts if chart.chart.flagged is not None),
+        key=_significance_sort_key,
     )
     by_week = _weekly_tonnes_of_fleet(page.weeks)
     drawn = [tonnes_picture(by_week)] if by_week.height else []
@@ -213,7 +214,7 @@ def format_cell(value: float | None, form: str) -> tuple[str, str]:
     return f"{value:{form}}", f"{value:.6g}"
 
 
-def _significance_order(chart: MachineChart) -> tuple[float, str, str]:
+def _significance_sort_key(chart: MachineChart) -> tuple[float, str, str]:
     """Sorting key that puts the change with the largest ratio to its deviation first."""
     change, std = abs(chart.change), chart.change_std
     known = math.isfinite(change) and std > 0.0

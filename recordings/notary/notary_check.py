@@ -103,7 +103,7 @@ def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
         return checked
     checked.lines = lines[1:]
     _check_chain(checked, lines, first)
-    checked.faults += _time_faults(checked.entries, now)
+    checked.faults += _find_time_faults(checked.entries, now)
     checked.notes += list_notes(checked.entries)
     return checked
 
@@ -159,7 +159,7 @@ def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) 
             )
 
 
-def _time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[ListFault]:
+def _find_time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[ListFault]:
     """Yield contradictions between clocks and times."""
     clock = dt.timedelta(seconds=CLOCK_S)
     latest: NotaryEntry | None = None

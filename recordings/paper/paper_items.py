@@ -83,7 +83,7 @@ def compute_item(item: Item[N], extracts: Extracts) -> ItemResult:
     return ItemResult(item, item.frame(numbers), item.said(numbers))
 
 
-def _take_extract(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
+def _make_extract_getter(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
     """Function that returns the extract of a single simulation as an item's numbers."""
     return lambda extracts: extracts.single_result(extract)
 
@@ -126,7 +126,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "fig2",
         "Figure 2: force, acceleration and speed under the triangular force",
         (excitation_figures.FIGURE_2,),
-        _take_extract(excitation_figures.FIGURE_2),
+        _make_extract_getter(excitation_figures.FIGURE_2),
         item_sentences.excitation_figure_sentences,
         picture=paper_pictures.FIGURE_2,
     ),
@@ -134,7 +134,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "fig3",
         "Figure 3: mass and friction in a linear motion, window of 10 s",
         (excitation_figures.FIGURE_3,),
-        _take_extract(excitation_figures.FIGURE_3),
+        _make_extract_getter(excitation_figures.FIGURE_3),
         item_sentences.convergence_figure_sentences,
         picture=paper_pictures.FIGURE_3,
     ),
@@ -142,7 +142,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "fig4",
         "Figure 4: yaw inertia and friction in a rotational motion, window of 10 s",
         (excitation_figures.FIGURE_4,),
-        _take_extract(excitation_figures.FIGURE_4),
+        _make_extract_getter(excitation_figures.FIGURE_4),
         item_sentences.spin_figure_sentences,
         picture=paper_pictures.FIGURE_4,
     ),
@@ -150,7 +150,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "fig5",
         "Figure 5: force, acceleration, speed and index of a start and stop",
         (campaign_figures.FIGURE_5,),
-        _take_extract(campaign_figures.FIGURE_5),
+        _make_extract_getter(campaign_figures.FIGURE_5),
         item_sentences.gate_figure_sentences,
         picture=paper_pictures.FIGURE_5,
     ),

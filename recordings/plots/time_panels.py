@@ -209,7 +209,7 @@ def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], botto
     for state in [name for name in colours.state_colours() if name in set(names)]:
         chosen = names == state
         # time in the state before each edge, whose differences are the time in each bin
-        inside = _time_before(starts[chosen], ends[chosen], edges)
+        inside = _total_time_before(starts[chosen], ends[chosen], edges)
         share = 0.84 * np.diff(inside) / width
         axes.bar(
             edges[:-1] / NS_PER_S,
@@ -223,7 +223,7 @@ def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], botto
         base = base + share
 
 
-def _time_before(starts: np.ndarray, ends: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def _total_time_before(starts: np.ndarray, ends: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Total time of the ordered, disjoint stretches before each edge."""
     before = np.concatenate([[0], np.cumsum(ends - starts)])
     number = np.searchsorted(starts, edges, side="right")

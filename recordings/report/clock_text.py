@@ -21,7 +21,7 @@ _MOST_TICKS: Final = 6
 
 @dataclass(frozen=True)
 class ShiftClock:
-    """The clock of a shift.
+    """Converts times since the first sample of a shift to local times of its machine.
 
     Attributes:
         zone: name of the machine's time zone.

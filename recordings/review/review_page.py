@@ -32,7 +32,7 @@ from recordings.review.shift_facts import (
     reason_for_no_tonnes,
     scale_text,
     summarise_shift,
-    torn_sentences,
+    torn_log_sentences,
     warn_of_two_machines,
 )
 from recordings.review.shift_ledger import cycles_of_ledger, remark_on_cycle
@@ -288,7 +288,7 @@ def _make_total_rows(totals: Sequence[LabelTotal]) -> list[tuple[str, str, str]]
 def _list_warnings(page: ReviewPage) -> list[str]:
     state = page.state
     found = missing_load_sentences(page.shift)
-    found += torn_sentences(state)
+    found += torn_log_sentences(state)
     if losses := losses_besides_torn_ends(state):
         found.append(f"Damaged or incomplete: {counted(len(losses), 'loss')}, listed below.")
     widened = [c.check for c in state.failed if c.consequence == "widen"]

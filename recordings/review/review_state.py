@@ -17,7 +17,7 @@ from analysis.cycles.cycle_parts import (
 )
 from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
 from analysis.cycles.friction_trend import FrictionPart, friction_parts
-from analysis.model.check_names import present_check_names, present_names_in_evidence
+from analysis.model.check_names import replace_former_check_names, replace_former_names_in_evidence
 from analysis.model.physical_units import NS
 from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
@@ -35,8 +35,8 @@ FORMAT: Final = 9
 #: A message is late when it comes after so many periods.
 _LATE: Final = 1.5
 #: Names of checks, and evidence with them: a state of an earlier version has former ones.
-_CheckNames: TypeAlias = Annotated[str, AfterValidator(present_check_names)]
-_Evidence: TypeAlias = Annotated[str, AfterValidator(present_names_in_evidence)]
+_CheckNames: TypeAlias = Annotated[str, AfterValidator(replace_former_check_names)]
+_Evidence: TypeAlias = Annotated[str, AfterValidator(replace_former_names_in_evidence)]
 
 
 class TopicSampling(BaseModel):
@@ -183,7 +183,7 @@ def collect_review_state(
         gate_shares={name: share for name, share in shares.iter_rows() if name is not None},
         gaps_s=tuple((start / NS, end / NS) for start, end in gaps),
         sampling=tuple(
-            _topic_sampling(name.removeprefix("raw/"), frame)
+            _summarise_topic_sampling(name.removeprefix("raw/"), frame)
             for name, frame in frames.items()
             if name.startswith("raw/")
         ),
@@ -257,7 +257,7 @@ def reason_for_no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
     return f"none of {loads.height} load states can be identified as loaded or empty"
 
 
-def _topic_sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:
+def _summarise_topic_sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:
     """Rate, longest step and late fraction of a topic's messages."""
     steps = np.diff(frame["log_time_ns"].to_numpy()) / NS
     middle = float(np.median(steps)) if steps.size else 0.0

@@ -108,7 +108,7 @@ def long_gap_spans_text(state: ReviewState) -> str:
     )
 
 
-def torn_sentences(state: ReviewState) -> list[str]:
+def torn_log_sentences(state: ReviewState) -> list[str]:
     """Sentences about torn logs and the minutes they lack."""
     return [each.sentence(state.clock) for each in state.torn]
 
@@ -159,7 +159,7 @@ def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tup
         numbers = ", ".join(map(str, doubted))
         found.append(("worth a second look", f"{counted(len(doubted), 'load')}: {numbers}"))
     if shift["cycles_counted"]:
-        found.append(("a load", _mean_load(shift)))
+        found.append(("a load", _mean_payload_text(shift)))
     back_kg, back_u_kg = shift["carry_back_mean_kg"], K * (shift["carry_back_u_kg"] or 0.0)
     # an interval that holds zero says nothing about what stays in the bucket
     if back_kg is not None and abs(back_kg) > back_u_kg:
@@ -167,7 +167,7 @@ def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tup
     return found
 
 
-def _mean_load(shift: Mapping[str, Any]) -> str:
+def _mean_payload_text(shift: Mapping[str, Any]) -> str:
     """Mean payload and its standard deviation, as text."""
     mean = f"{shift['payload_mean_kg']:,.0f} kg"
     if shift["cycles_counted"] == 1:

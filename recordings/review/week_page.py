@@ -93,7 +93,7 @@ def week_html(
         ],
         missing=[(shift.begins, text) for shift in shifts for text in shift.missing],
         trends=trend_sentences(trends),
-        pictures=_friction_pictures(shifts, trends),
+        pictures=_draw_friction_pictures(shifts, trends),
     )
 
 
@@ -129,18 +129,18 @@ def _make_shift_row(
     return shift.begins, page, (shift.machine, *cells)
 
 
-def _friction_pictures(
+def _draw_friction_pictures(
     shifts: Sequence[WeekShift], trends: Mapping[str, FrictionTrend]
 ) -> list[Drawing]:
     """Pictures of the friction of machines with more than one shift."""
     return [
-        _friction_picture(number, machine, days, trends.get(machine))
+        _draw_friction_picture(number, machine, days, trends.get(machine))
         for number, (machine, days) in enumerate(sorted(friction_by_machine(shifts).items()))
         if len(days) > 1
     ]
 
 
-def _friction_picture(
+def _draw_friction_picture(
     picture_number: int, machine: str, days: Sequence[FrictionDay], trend: FrictionTrend | None
 ) -> Drawing:
     limit = None if trend is None else trend.limit_N_s_m

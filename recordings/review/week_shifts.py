@@ -13,7 +13,7 @@ from recordings.review.review_state import ReviewState, read_state
 from recordings.review.shift_facts import (
     long_gap_spans_text,
     losses_besides_torn_ends,
-    torn_sentences,
+    torn_log_sentences,
     warn_of_two_machines,
 )
 from recordings.review.week_totals import machine_title
@@ -23,7 +23,7 @@ _DAY_S: Final = 86_400.0
 
 
 class WeekShift(NamedTuple):
-    """Reviewed shift.
+    """A reviewed shift of the week, as its review folder states it.
 
     Attributes:
         folder: folder of its review.
@@ -61,7 +61,7 @@ def _list_missing_parts(state: ReviewState) -> Iterable[str]:
         yield warn_of_two_machines(state)
     if gaps := long_gap_spans_text(state):
         yield f"Nothing was recorded {gaps}."
-    yield from torn_sentences(state)
+    yield from torn_log_sentences(state)
     yield from losses_besides_torn_ends(state)
 
 

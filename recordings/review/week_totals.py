@@ -192,15 +192,15 @@ def sum_by_group(parts: Sequence[WeekPart], group: str) -> list[WeekTotal]:
     members: dict[str, list[WeekPart]] = defaultdict(list)
     for part in parts:
         members[getattr(part, group)].append(part)
-    return [_total_of_parts(name, members[name]) for name in sorted(members)]
+    return [_sum_parts(name, members[name]) for name in sorted(members)]
 
 
 def sum_week(parts: Sequence[WeekPart]) -> WeekTotal:
     """Totals of the whole week."""
-    return _total_of_parts("all", parts)
+    return _sum_parts("all", parts)
 
 
-def _total_of_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
+def _sum_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
     """Total of several parts; common errors add up within a machine."""
     common_kg: dict[str, float] = defaultdict(float)
     for part in parts:

@@ -232,7 +232,9 @@ def _make_tab(page: Page, span: tuple[int, int] | None, under: str) -> "rrb.Cont
 
     has_legend = any(panel.has_legend for row in page.rows for panel in row)
     axis = _make_time_axis(span, (_BESIDE if page.texts else _ROOM) if has_legend else 0.0)
-    plots = [_side_by_side([_make_view(panel, axis, under) for panel in row]) for row in page.rows]
+    plots = [
+        _place_side_by_side([_make_view(panel, axis, under) for panel in row]) for row in page.rows
+    ]
     if page.events:
         plots.append(rrb.TextLogView(origin=events_entity(under), name="Events"))
     left, top, right, bottom = BOUNDS
@@ -247,22 +249,22 @@ def _make_tab(page: Page, span: tuple[int, int] | None, under: str) -> "rrb.Cont
     ]
     column = [*plots, *pictures]
     if column and documents:
-        beside = rrb.Vertical(*column, row_shares=_height_shares(page))
+        beside = rrb.Vertical(*column, row_shares=_relative_panel_heights(page))
         # tables beside pictures are wide
         shares = [1, 1] if pictures else [2, 3]
         return rrb.Horizontal(*documents, beside, column_shares=shares, name=page.name)
     if column:
-        return rrb.Vertical(*column, row_shares=_height_shares(page), name=page.name)
+        return rrb.Vertical(*column, row_shares=_relative_panel_heights(page), name=page.name)
     return rrb.Horizontal(*documents, name=page.name) if documents else None
 
 
-def _side_by_side(views: "list[rrb.View]") -> "rrb.View | rrb.Container":
+def _place_side_by_side(views: "list[rrb.View]") -> "rrb.View | rrb.Container":
     import rerun.blueprint as rrb
 
     return views[0] if len(views) == 1 else rrb.Horizontal(*views)
 
 
-def _height_shares(page: Page) -> list[float]:
+def _relative_panel_heights(page: Page) -> list[float]:
     """Relative heights of a page's panels, events and pictures.
 
     Lanes get the height they need; the other panels are equal, except for tall legends.

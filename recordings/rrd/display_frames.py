@@ -98,7 +98,7 @@ def drawn_columns_of_view(
     drawn: list[DisplayColumn] = []
     for number, (series, name) in enumerate(series_of_view(view, run)):
         if view.kind is ViewKind.STATES:
-            drawn.append(DisplayColumn(_lane_entity(series), STATE, series.label))
+            drawn.append(DisplayColumn(_lane_entity_path(series), STATE, series.label))
             continue
         method = entity_parts(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
@@ -118,7 +118,7 @@ def drawn_columns_of_view(
     if drawn and view.threshold is not None:
         unit = "" if view.unit == "1" else f" {view.unit}"
         label = f"threshold {_threshold_of_view(run, view):g}{unit}"
-        drawn.append(DisplayColumn(_threshold_frame(view), "threshold", label, "#d55e00"))
+        drawn.append(DisplayColumn(_threshold_frame_name(view), "threshold", label, "#d55e00"))
     return tuple(drawn)
 
 
@@ -137,7 +137,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
             if series.frame == "findings":
                 frame = shortest_findings_first(frame, span_ns(run))
             if view.kind is ViewKind.STATES:
-                frames[_lane_entity(series)] = state_changes(series, frame, _period_ns(run))
+                frames[_lane_entity_path(series)] = state_changes(series, frame, _period_ns(run))
             elif series.frame in _HELD:
                 frames[_display_column_name(name)] = _hold_rows_to_their_end(
                     numbers_to_draw(name, frame), frame["end_t_ns"]
@@ -146,7 +146,9 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
                 asked.setdefault(name, {}).update(bin_expressions(view.kind, series))
             if view.threshold is not None and (span := span_ns(run)) is not None:
                 level = [_threshold_of_view(run, view)] * 2
-                frames[_threshold_frame(view)] = pl.DataFrame({"t_ns": span, "threshold": level})
+                frames[_threshold_frame_name(view)] = pl.DataFrame(
+                    {"t_ns": span, "threshold": level}
+                )
     for name, wanted in asked.items():
         if decimate and is_long(run):
             frames[_display_column_name(name)] = _decimate_frame(run, name, list(wanted.values()))
@@ -184,11 +186,11 @@ def _display_column_name(name: str) -> str:
     return f"{ROOT}/{name}"
 
 
-def _lane_entity(series: ViewSeries) -> str:
+def _lane_entity_path(series: ViewSeries) -> str:
     return f"{LANES}/{series.label}"
 
 
-def _threshold_frame(view: View) -> str:
+def _threshold_frame_name(view: View) -> str:
     return f"{ROOT}/threshold/{view.threshold}"
 
 

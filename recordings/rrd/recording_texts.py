@@ -202,7 +202,7 @@ def format_answer(run: Run) -> str:
         parts.append(
             "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
         )
-    parts += _describe_worth(said, _make_cycle_lines(run) if is_shift(said) else [])
+    parts += _describe_reliability(said, _make_cycle_lines(run) if is_shift(said) else [])
     if len(said.loads) > 1:
         parts.append("The paper's methods give one mass per log, and are not shown.")
     else:
@@ -305,7 +305,7 @@ def _make_mass_cells(row: AnswerRow) -> list[str]:
     ]
 
 
-def _describe_worth(answer: Answer, cycles: list[str]) -> list[str]:
+def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
     """Lines about the answer: prior sensitivity, budget, priors and posteriors.
 
     Sentences are lists, since the viewer wraps them but not tables.

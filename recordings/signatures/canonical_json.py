@@ -46,14 +46,14 @@ def parse(data: bytes, what: str) -> Any:
     """
     if len(data) > MOST_BYTES:
         raise EvidenceError(f"{what}: {len(data)} bytes are more than the {MOST_BYTES} allowed")
-    _refuse_depth(data, what)
+    _refuse_deep_nesting(data, what)
     try:
         value = json.loads(
             data.decode("utf-8"),
             parse_int=_parse_integer,
             parse_float=_parse_float,
             parse_constant=_refuse_constant,
-            object_pairs_hook=_object_of_unique_keys,
+            object_pairs_hook=_make_object_of_unique_names,
         )
     except (ValueError, RecursionError) as error:
         raise EvidenceError(f"{what}: is not valid JSON for evidence: {error}") from None
@@ -62,7 +62,7 @@ def parse(data: bytes, what: str) -> Any:
     return value
 
 
-def _refuse_depth(data: bytes, what: str) -> None:
+def _refuse_deep_nesting(data: bytes, what: str) -> None:
     """Refuse data nested too deeply, by counting brackets outside of texts."""
     depth, quoted, escaped = 0, False, False
     for byte in data:
@@ -104,7 +104,7 @@ def _refuse_constant(text: str) -> float:
     raise ValueError(f"the number {text}")
 
 
-def _object_of_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _make_object_of_unique_names(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """JSON object; an error if it repeats a name."""
     found = dict(pairs)
     if len(found) != len(pairs):

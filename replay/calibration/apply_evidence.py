@@ -25,7 +25,7 @@ from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyri
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import public_key
 from replay.calibration.campaign_file import machine_with_campaign_mass
-from replay.inputs.machine_identity import logged_id
+from replay.inputs.machine_identity import common_machine_id
 from replay.logs import Log
 
 #: Of settings that differ, so many are named.
@@ -176,7 +176,7 @@ class MachineCalibration:
             EvidenceError: the evidence expired.
             LogError: a log is of another machine.
         """
-        logged = logged_id(logs, self.machine_id)
+        logged = common_machine_id(logs, self.machine_id)
         starts = [log.topics()["start_ns"].min() for log in logs]
         known = [start for start in starts if isinstance(start, int)]
         self.refuse_after_expiry(

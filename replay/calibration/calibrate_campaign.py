@@ -369,7 +369,7 @@ def _make_document(
         replay_tolerance_kg=TOLERANCE_KG,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
         chain=_make_next_link(before),
-        signer=None if key is None else _signer_of_campaign(campaign, key),
+        signer=None if key is None else _make_signer(campaign, key),
         software=software_versions(),
     )
     return document.with_all_settings
@@ -380,7 +380,7 @@ def estimator_of_this_version(last: EvidenceDocument | None) -> Estimator | None
     return None if last is None else estimator_with_digest(last.campaign, last.weighing)
 
 
-def _signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
+def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
     name = campaign.campaign.signer
     return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
 

@@ -140,12 +140,12 @@ def add_certified_masses(source: Path, content: dict[str, Any]) -> dict[str, Any
         if not isinstance(block, dict) or not isinstance(block.get("dcc"), str):
             found.append(block)
             continue
-        keys = _weight_keys(source, content) if keys is None else keys
+        keys = _trusted_certificate_keys(source, content) if keys is None else keys
         found += _read_mass_tables(source, block, keys)
     return content if keys is None else {**content, "masses": found}
 
 
-def _weight_keys(source: Path, content: dict[str, Any]) -> list[str]:
+def _trusted_certificate_keys(source: Path, content: dict[str, Any]) -> list[str]:
     """Ids of the keys that the campaign file trusts for certificates."""
     from recordings.dcc.dcc_signature import trusted_key_id
 

@@ -9,7 +9,7 @@ from typing import Final
 import polars as pl
 
 from analysis.calibration.use.learnt_priors import TermOfLog
-from analysis.model.check_names import present_check_names
+from analysis.model.check_names import replace_former_check_names
 from estimators.errors import EvidenceError, PayscopeError
 from estimators.file_digest import file_sha256
 from recordings.calibration.bundle_folder import EVIDENCE, READINGS
@@ -87,7 +87,7 @@ def _compare_log(
 ) -> None:
     """Compare everything that evidence records about a log."""
     item = f"{EVIDENCE}: logs: {evidence_log.log}"
-    failed_checks = tuple(map(present_check_names, evidence_log.failed_checks))
+    failed_checks = tuple(map(replace_former_check_names, evidence_log.failed_checks))
     if (evidence_log.can_weigh, failed_checks) != (replayed.can_weigh, replayed.failed_checks):
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives a different verdict")
     if any(name.startswith("machine.") for name in document.settings_at_default):
@@ -167,7 +167,7 @@ def compare_readings(
     tolerance = document.replay_tolerance_kg
     wrong = 0
     for kept, now in zip(stored.iter_rows(named=True), replayed.iter_rows(named=True), strict=True):
-        reason = kept["reason"] and present_check_names(kept["reason"])
+        reason = kept["reason"] and replace_former_check_names(kept["reason"])
         present = {**kept, "reason": reason}
         differing = [name for name in _TEXTS if present[name] != now[name]]
         differing += [

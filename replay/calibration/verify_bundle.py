@@ -23,12 +23,12 @@ from recordings.calibration.calibration_text import undetectable_faults
 from recordings.calibration.check_outcomes import (
     BundleFinding,
     BundleOutcome,
+    most_severe_outcome,
     verdict_text,
-    worst_outcome,
 )
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
-from recordings.calibration.pdf_check import pdf_fault
+from recordings.calibration.pdf_check import find_pdf_fault
 from recordings.calibration.strange_files import RecordingDigests, recording_digests
 from recordings.calibration.timestamp import authority_certificates
 from recordings.signatures.keyring import load_keyring
@@ -68,7 +68,7 @@ class Verification:
     @property
     def outcome(self) -> BundleOutcome | None:
         """Worst outcome of the findings, which sets the exit status; None if nothing is wrong."""
-        return worst_outcome(self.findings)
+        return most_severe_outcome(self.findings)
 
     @property
     def verdict(self) -> str:
@@ -131,7 +131,7 @@ def verify_bundle(
     done = list_checks_done(checked, previous is not None)
     files = FilesCheck()
     if document is not None:
-        files = compare_files(checked, document, folder, whole=logs is not None)
+        files = compare_with_fingerprints(checked, document, folder, whole=logs is not None)
     if logs is not None and document is not None and checked.readings is not None:
         replay_and_compare_logs(checked, document, checked.readings, logs)
         done.append(
@@ -210,7 +210,7 @@ class FilesCheck:
     unseen: tuple[str, ...] = ()
 
 
-def compare_files(
+def compare_with_fingerprints(
     checked: CheckedBundle, document: EvidenceDocument, folder: Path, *, whole: bool
 ) -> FilesCheck:
     """Compare recordings of runs with their fingerprints, and optionally slower items.
@@ -234,11 +234,11 @@ def compare_files(
     ]
     found = recording_digests(folder, {name: sums[name] for name in names})
     for log in runs:
-        _compare_run(checked, log, found[log.recording])
+        _compare_run_recording(checked, log, found[log.recording])
     if runs:
         done.append("the frames of each run's recording, by their fingerprint")
     if whole and RECORDING in sums:
-        _compare_calibration(checked, document, found[RECORDING])
+        _compare_calibration_recording(checked, document, found[RECORDING])
         done.append(f"the frames of {RECORDING}, recomputed")
     elif not whole:
         unseen.append(
@@ -255,7 +255,9 @@ def compare_files(
     return FilesCheck(tuple(done), tuple(unseen))
 
 
-def _compare_run(checked: CheckedBundle, log: EvidenceLog, found: RecordingDigests | str) -> None:
+def _compare_run_recording(
+    checked: CheckedBundle, log: EvidenceLog, found: RecordingDigests | str
+) -> None:
     """Check that a recording matches the replay's fingerprint in the evidence."""
     if isinstance(found, str):
         checked.add(BundleOutcome.TAMPERED, log.recording, found)
@@ -275,7 +277,7 @@ def _compare_run(checked: CheckedBundle, log: EvidenceLog, found: RecordingDiges
             )
 
 
-def _compare_calibration(
+def _compare_calibration_recording(
     checked: CheckedBundle, document: EvidenceDocument, found: RecordingDigests | str
 ) -> None:
     """Check that the bundle's recording contains the frames of the evidence."""
@@ -309,7 +311,7 @@ def _compare_pdf(
     if checked.readings is None or checked.points is None:
         return "its page could not be recomputed"
     html = report_html(document, checked.readings, checked.points)
-    fault, why = pdf_fault(folder, sums[PDF], html)
+    fault, why = find_pdf_fault(folder, sums[PDF], html)
     if fault:
         checked.add(BundleOutcome.TAMPERED, PDF, fault)
     return why

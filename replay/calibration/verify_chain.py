@@ -8,7 +8,7 @@ from typing import Any
 
 from estimators.errors import counted
 from recordings.calibration.chain_check import chain_findings
-from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, worst_outcome
+from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, most_severe_outcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from replay.calibration.verify_bundle import Verification, verify_bundle
 
@@ -30,7 +30,7 @@ class VerifiedChain:
     @property
     def outcome(self) -> BundleOutcome | None:
         """Exit status for all bundles; None if nothing is wrong."""
-        return worst_outcome(
+        return most_severe_outcome(
             [*self.findings, *(each for made in self.bundles for each in made.findings)]
         )
 
@@ -100,7 +100,9 @@ def verify_chain(
         notes += said
     last = {machine: max(map(_chain_counter, bundles)) for machine, bundles in by_machine.items()}
     return VerifiedChain(
-        tuple(each if _is_last(each, last) else _drop_expiry_finding(each) for each in made),
+        tuple(
+            each if _is_latest_bundle(each, last) else _drop_expiry_finding(each) for each in made
+        ),
         tuple(findings),
         tuple(notes),
     )
@@ -110,7 +112,7 @@ def _chain_counter(checked: CheckedBundle) -> int:
     return 0 if checked.document is None else checked.document.chain.counter
 
 
-def _is_last(verification: Verification, last: Mapping[str, int]) -> bool:
+def _is_latest_bundle(verification: Verification, last: Mapping[str, int]) -> bool:
     """Whether a bundle is its machine's latest, or names no machine."""
     document = verification.checked.document
     return document is None or document.chain.counter == last[document.campaign.machine.id]

@@ -74,7 +74,7 @@ def read_calibration(
         return None
     from replay.calibration.apply_evidence import CalibrationRequest
 
-    return CalibrationRequest(folder, key, signed, owner_question())
+    return CalibrationRequest(folder, key, signed, make_owner_prompt())
 
 
 #: What a person says of a table where there is no machine file yet.
@@ -118,13 +118,13 @@ def time_axis_from_options(
     return table_axis(validate(Path("--set log"), content["log"], LogSection, MachineError))
 
 
-def owner_question() -> "Callable[[SignedBy], str] | None":
+def make_owner_prompt() -> "Callable[[SignedBy], str] | None":
     """Function that asks the user about an unknown key; None without a terminal."""
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty()
-    return ask_for_owner if at_terminal else None
+    return ask_for_key_owner if at_terminal else None
 
 
-def ask_for_owner(signature: "SignedBy") -> str:
+def ask_for_key_owner(signature: "SignedBy") -> str:
     """Ask for the owner of a key; "" if the key is not trusted."""
     from estimators.errors import one_line
 

@@ -31,12 +31,12 @@ def command(
         print_json(result.to_dict())
     else:
         screen = stdout_console()
-        screen.print(_print_demo(result))
+        screen.print(_render_demo(result))
         screen.print("\nA shift of that machine, reviewed under that evidence:")
         print_review(screen, result.reviewed)
 
 
-def _print_demo(result: "DemoResults") -> "RenderableType":
+def _render_demo(result: "DemoResults") -> "RenderableType":
     """Tables and notes of the demo for the terminal."""
     import polars as pl
     from rich.console import Group

@@ -68,7 +68,7 @@ def command(
     if as_json:
         print_json(made.to_dict())
     else:
-        stdout_console().print(_print_design(made))
+        stdout_console().print(_render_design(made))
     if output and made.best:
         write_scenario(made.to_scenario(base), output, force=force)
         typer.echo(str(output), err=as_json)
@@ -88,7 +88,7 @@ def _parse_share(text: str) -> float:
     return value
 
 
-def _print_design(design: ExcitationDesign) -> RenderableType:
+def _render_design(design: ExcitationDesign) -> RenderableType:
     """Table and notes of a design for the terminal."""
     from rich.console import Group
 

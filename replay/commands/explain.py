@@ -1,4 +1,4 @@
-"""`payscope explain`: why an estimate is bad, and what would mend it."""
+"""`payscope explain`: why an estimate is bad, and what would correct it."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final

@@ -91,13 +91,13 @@ def run_command(
     from replay.commands.print_tables import print_json
     from replay.fleet.fleet_file import load_fleet
     from replay.fleet.log_sources import list_fleet_logs
-    from replay.fleet.run_fleet import fleet_run
+    from replay.fleet.run_fleet import replay_fleet
 
     fleet = load_fleet(machines, tuple(overrides or ()))
     with FleetProgress() as shown:
         logs = list_fleet_logs(sources)
         shown.begin(logs)
-        did = fleet_run(
+        did = replay_fleet(
             logs,
             fleet,
             output,
@@ -125,12 +125,12 @@ def query_command(
     """Query all results by SQL; the rows are always in the same order."""
     from recordings.report.atomic_output import require_writable_output
     from replay.commands.frame_output import choose_format, frame_text, print_frame
-    from replay.fleet.gathered_tables import fleet_query, fleet_results
+    from replay.fleet.gathered_tables import open_fleet_results, query_fleet
 
     chosen = choose_format(output_format and output_format.value, output)
     if output is not None:
         require_writable_output(output, force=force)
-    rows = fleet_query(fleet_results(destination), sql)
+    rows = query_fleet(open_fleet_results(destination), sql)
     if chosen == "table" and output is None and rows.height > _ROWS_SHOWN:
         typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
         typer.echo(f"{rows.height} rows, {_ROWS_SHOWN} shown; --format csv gives all", err=True)
@@ -149,11 +149,11 @@ def report_command(
     """Write one page over machines and weeks: tonnes, drift, what needs a look."""
     from recordings.fleet.fleet_page import summarise_fleet
     from replay.commands.print_tables import print_json, print_line, stdout_console
-    from replay.fleet.gathered_tables import fleet_results
-    from replay.fleet.write_fleet_page import fleet_report
+    from replay.fleet.gathered_tables import open_fleet_results
+    from replay.fleet.write_fleet_page import write_fleet_report
 
-    results = fleet_results(destination)
-    made = fleet_report(
+    results = open_fleet_results(destination)
+    made = write_fleet_report(
         results,
         destination,
         results.last_run.fleet,
@@ -212,22 +212,22 @@ def compare_command(
     Exit status 1 if they would have.
     """
     from replay.commands.print_tables import print_json
-    from replay.fleet.compare_results import fleet_compare
-    from replay.fleet.gathered_tables import fleet_results
+    from replay.fleet.compare_results import compare_fleets
+    from replay.fleet.gathered_tables import open_fleet_results
 
     if (b is None) == (not overrides):
         raise typer.BadParameter(
             "give either other results (B) or other settings (--set), but not both"
         )
     days = _parse_days(first, last)
-    results = fleet_results(a)
+    results = open_fleet_results(a)
     if b is None:
         other = _replay_with_other_settings(
             results, overrides or [], days, _make_engine(address, workers)
         )
     else:
-        other = fleet_results(b)
-    found = fleet_compare(results, other, days)
+        other = open_fleet_results(b)
+    found = compare_fleets(results, other, days)
     if as_json:
         print_json(
             {
@@ -261,11 +261,11 @@ def open_command(
     import shutil
 
     from recordings.report.atomic_output import atomic_file
-    from replay.fleet.gathered_tables import fleet_results
+    from replay.fleet.gathered_tables import open_fleet_results
     from replay.fleet.open_recording import recording_of_result
     from replay.recording.view_recording import view_recording
 
-    with recording_of_result(fleet_results(destination), key) as recording:
+    with recording_of_result(open_fleet_results(destination), key) as recording:
         if output is None:
             view_recording(recording, at_s=at_s)
             return

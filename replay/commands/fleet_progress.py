@@ -72,13 +72,13 @@ class TimeLeft:
     """Estimate of the time left, from the seconds per size of finished recordings."""
 
     def __init__(self, sizes_bytes: list[int]) -> None:
-        self._left = sum(map(_size_weight, sizes_bytes))
-        self._squares = sum(_size_weight(size) ** 2 for size in sizes_bytes)
+        self._left = sum(map(_progress_weight, sizes_bytes))
+        self._squares = sum(_progress_weight(size) ** 2 for size in sizes_bytes)
         self._done: list[tuple[float, float]] = []
 
     def add_recording(self, size_bytes: int, seconds: float | None) -> None:
         """Add a finished recording and its seconds on the node; None if it already existed."""
-        weight = _size_weight(size_bytes)
+        weight = _progress_weight(size_bytes)
         self._left -= weight
         self._squares -= weight**2
         if seconds is not None:
@@ -101,7 +101,7 @@ class TimeLeft:
         return low / slots, high / slots
 
 
-def _size_weight(size_bytes: int) -> float:
+def _progress_weight(size_bytes: int) -> float:
     """Weight of a recording in the progress: its size plus a constant."""
     return float(size_bytes + _BASE_BYTES)
 

@@ -105,7 +105,7 @@ def show(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:
         print_line(screen, f"note: {note}")
     for mark, line in _make_verdict_lines(info):
         print_line(screen, line, mark)
-    for line in _describe_trouble(info):
+    for line in _describe_problems(info):
         print_line(screen, line, "[yellow]![/] ")
 
 
@@ -191,7 +191,7 @@ def _make_field_rows(info: "LogInfo") -> list[tuple[str, ...]]:
     return rows
 
 
-def _describe_trouble(info: "LogInfo") -> Iterator[str]:
+def _describe_problems(info: "LogInfo") -> Iterator[str]:
     told = {loss.topic for loss in info.losses}
     for loss in info.losses:
         # whose topic it is needs no saying but of a part of a log

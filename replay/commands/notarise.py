@@ -59,14 +59,14 @@ def command(
         if as_json:
             print_json(made.to_dict())
         else:
-            _print_pass(made)
+            _print_notarised_logs(made)
         if every is None:
             return
         stdout_console().file.flush()
         time.sleep(every)
 
 
-def _print_pass(notarised_folder: "NotarisedFolder") -> None:
+def _print_notarised_logs(notarised_folder: "NotarisedFolder") -> None:
     from replay.commands.print_tables import print_line, stdout_console
 
     screen = stdout_console()

@@ -273,7 +273,7 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
         losses_besides_torn_ends,
         missing_load_sentences,
         summarise_shift,
-        torn_sentences,
+        torn_log_sentences,
         warn_of_two_machines,
     )
     from replay.commands.print_tables import print_line
@@ -287,7 +287,7 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
     for sentence in (
         *filter(None, [holes]),
         *missing_load_sentences(review.shift),
-        *torn_sentences(state),
+        *torn_log_sentences(state),
     ):
         print_line(screen, sentence)
     for name, value in list_shift_facts(review.shift, review.ledger, state, review.target):

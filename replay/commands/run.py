@@ -188,7 +188,7 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
     """
     screen = print_tables.stdout_console()
     if answer.verdict.can_weigh:
-        _print_worth(screen, answer, verbose)
+        _print_masses_with_uncertainty(screen, answer, verbose)
     else:
         _print_verdict(screen, answer, verbose)
     for line in further_lines(answer, goal, verbose):
@@ -207,7 +207,7 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
         screen.print("-v: budget and methods; -vv: every check")
 
 
-def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
+def _print_masses_with_uncertainty(screen: "Console", answer: "Answer", verbose: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
     from recordings.report.worth_text import (
         answer_lines,

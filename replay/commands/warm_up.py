@@ -1,4 +1,4 @@
-"""`payscope warm-up`: everything compiled before the first log."""
+"""`payscope warm-up`: compile the numerical code before the first log."""
 
 from typing import Annotated
 

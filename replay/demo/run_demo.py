@@ -177,7 +177,7 @@ def run_demo(
     on_stage("simulate")
     logs = simulate_scenario(scenario, folder / "campaign.bag", force=force)
     with atomic_file(campaign_file, force=force) as partial:
-        partial.write_text(demo_campaign(scenario, logs, machine_file.name), encoding="utf-8")
+        partial.write_text(demo_campaign_text(scenario, logs, machine_file.name), encoding="utf-8")
     for path, half in zip(keys, make_key_pair(), strict=True):
         with atomic_file(path, force=force) as partial:
             partial.touch(mode=0o600)
@@ -233,7 +233,7 @@ def replay_campaign(
     return replace(replayed, frames=frames).with_fingerprint()
 
 
-def demo_campaign(scenario: Scenario, logs: Sequence[Path], machine: str) -> str:
+def demo_campaign_text(scenario: Scenario, logs: Sequence[Path], machine: str) -> str:
     """Text of the campaign file for simulated logs with ascending masses.
 
     Args:

@@ -67,7 +67,7 @@ def explain_run(
         PayscopeError: the input is wrong; nothing has been written then.
     """
     _check_request(request)
-    whole = frames_to_explain(request, on_stage)
+    whole = load_frames_to_explain(request, on_stage)
     _check_moment(request, whole)
     explained = explain(whole, request.at_s)
     if request.picture is not None:
@@ -115,7 +115,7 @@ def _check_moment(request: ExplainRequest, run: Run) -> None:
         )
 
 
-def frames_to_explain(request: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
+def load_frames_to_explain(request: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
     """The frames to explain, from the recording or from a replay."""
     if request.machine_file is None:
         with open_recording(request.path) as held:

@@ -82,7 +82,7 @@ class ProposalTrial:
             off, now_off = abs(one[0] - empty_kg), abs(other[0] - empty_kg)
             nearer = now_off < off
             if off <= _COVERAGE * one[1] and now_off > max(off, _COVERAGE * other[1]):
-                return "the mass agrees with that of the empty machine, but would no longer"
+                return "the mass agrees with the empty machine's, but would not with this proposal"
         if empty_kg and other is not None and self.finding.cause == "wrong_unit":
             below_kg = max(_COVERAGE * other[1], _LIGHTER_1 * empty_kg)
             if empty_kg - other[0] > below_kg:

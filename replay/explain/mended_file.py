@@ -99,7 +99,7 @@ def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
             new = tomlkit.item(change.value)
             # within braces, TOML has no comments
             if not isinstance(place, InlineTable):
-                new.comment(_change_comment(place, name, change.comment))
+                new.comment(_comment_on_change(place, name, change.comment))
             place[name] = new
         return tomlkit.dumps(document)
     except BothNamesError as error:
@@ -108,7 +108,7 @@ def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
         raise MachineError(f"{path}: is not TOML: {one_line(str(error))}") from None
 
 
-def _change_comment(place: Any, name: str, why: str) -> str:
+def _comment_on_change(place: Any, name: str, why: str) -> str:
     """Comment of a changed key: the user's comment, the reason, and the old value."""
     import tomlkit
     from tomlkit.items import Table

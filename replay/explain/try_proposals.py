@@ -183,10 +183,10 @@ def mend_machine_file(
             before, ProposalReplays(CachedLog(opened), text, load_trial_machine, file, on_stage)
         )
     if not progress.changes:
-        return _mended_machine(None, progress, before)
+        return _make_mended_machine(None, progress, before)
     with atomic_file(output[0], force=output[1]) as partial:
         partial.write_text(write_proposals(text, progress.changes, file), encoding="utf-8")
-    return _mended_machine(output[0], progress, before)
+    return _make_mended_machine(output[0], progress, before)
 
 
 def try_all_proposals(before: Run, replays: ProposalReplays) -> ProposalProgress:
@@ -206,7 +206,7 @@ def try_all_proposals(before: Run, replays: ProposalReplays) -> ProposalProgress
     tried.taken_back += [
         RejectedProposal(
             proposals_of_finding(each)[0],
-            f"{cause_name(behind[each.cause])} explains this finding, and remains",
+            f"{cause_name(behind[each.cause])} explains this finding and is still present",
         )
         for each in list_untried(tried)
         if each.cause in behind
@@ -320,7 +320,9 @@ def try_proposal(progress: ProposalProgress, finding: Finding, replays: Proposal
     progress.taken_back.append(RejectedProposal(changes[0], why))
 
 
-def _mended_machine(path: Path | None, progress: ProposalProgress, before: Run) -> MendedMachine:
+def _make_mended_machine(
+    path: Path | None, progress: ProposalProgress, before: Run
+) -> MendedMachine:
     return MendedMachine(
         path,
         tuple(progress.changes),

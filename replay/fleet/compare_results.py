@@ -13,11 +13,11 @@ import polars as pl
 from analysis.fleet.daily_figures import UNDATED
 from analysis.fleet.results_comparison import FleetComparison, compare_results
 from estimators.errors import FleetError
-from replay.fleet.gathered_tables import FleetResults, fleet_results
+from replay.fleet.gathered_tables import FleetResults, open_fleet_results
 from replay.fleet.last_run import LastRun, NamedFiles, TaskLimits
 from replay.fleet.log_sources import FleetLog, list_fleet_logs
 from replay.fleet.machine_setups import MachineSetup, machine_setups
-from replay.fleet.run_fleet import FleetRun, OnDone, fleet_run
+from replay.fleet.run_fleet import FleetRun, OnDone, replay_fleet
 from replay.fleet.task_engine import TaskEngine
 
 WHAT_IF: Final = "what-if"
@@ -88,18 +88,18 @@ class OtherSettings:
             raise FleetError(f"{log}: the last run has no machine '{machine}'; run the fleet again")
         files = self.last.machines[machine].files
         overrides = (*files.overrides, *self.overrides)
-        return _lenient_machine_setups(
+        return _read_setups_leniently(
             machine, NamedFiles(files.file, overrides, files.calibrations)
         )
 
 
 @cache
-def _lenient_machine_setups(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+def _read_setups_leniently(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
     """Setups of a machine, read once; evidence made with other settings is skipped."""
     return machine_setups(machine, files, lenient=True)
 
 
-def fleet_compare(a: FleetResults, b: FleetResults, days: DayRange) -> FleetComparison:
+def compare_fleets(a: FleetResults, b: FleetResults, days: DayRange) -> FleetComparison:
     """Compare the results in a range of days.
 
     Raises:
@@ -153,5 +153,5 @@ def replay_with_settings(
     digest = hashlib.sha256("\n".join(overrides).encode()).hexdigest()[:_DIGITS]
     place = results.store.full_name(f"{WHAT_IF}/{digest}")
     callbacks.logs(logs)
-    did = fleet_run(logs, plan, place, engine, callbacks.done, callbacks.engine)
-    return fleet_results(place), did, gone
+    did = replay_fleet(logs, plan, place, engine, callbacks.done, callbacks.engine)
+    return open_fleet_results(place), did, gone

@@ -125,11 +125,11 @@ class Fleet:
             )
             folders = tuple(sorted(glob.glob(pattern)))  # noqa: PTH207 - an absolute pattern
         overrides = (*rule.overrides, *self.overrides)
-        return _setups_of_rule(name, NamedFiles(file, overrides, folders))
+        return _read_setups_of_rule(name, NamedFiles(file, overrides, folders))
 
 
 @cache
-def _setups_of_rule(name: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+def _read_setups_of_rule(name: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
     return machine_setups(name, files, lenient=False)
 
 

@@ -169,7 +169,7 @@ class FleetResults:
             self.store.write(CURRENT, now.model_dump_json(indent=1).encode())
 
 
-def fleet_results(place: str) -> FleetResults:
+def open_fleet_results(place: str) -> FleetResults:
     """Open the results at a destination.
 
     Raises:
@@ -199,7 +199,7 @@ def fleet_tables(results: FleetResults) -> Tables:
     return {name: partial(results.scan, name) for name in TABLES}
 
 
-def fleet_query(results: FleetResults, sql: str) -> pl.DataFrame:
+def query_fleet(results: FleetResults, sql: str) -> pl.DataFrame:
     """Run a query over the tables of a fleet.
 
     Args:

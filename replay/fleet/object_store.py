@@ -63,7 +63,7 @@ class ObjectStore:
         if self.folder is not None and not (self.folder / prefix).is_dir():
             return []
         batches = self._run_operation(prefix, lambda: list(self._opened_store.list(prefix or None)))
-        found = (_stored_object(each) for batch in batches for each in batch)
+        found = (_make_stored_object(each) for batch in batches for each in batch)
         return sorted(found, key=lambda each: each.name)
 
     def list_names(self, prefix: str) -> list[str]:
@@ -85,7 +85,9 @@ class ObjectStore:
     def find_object(self, name: str) -> StoredObject | None:
         """Object of this name; None if it does not exist."""
         try:
-            return _stored_object(self._run_operation(name, lambda: self._opened_store.head(name)))
+            return _make_stored_object(
+                self._run_operation(name, lambda: self._opened_store.head(name))
+            )
         except FileNotFoundError:
             return None
 
@@ -150,7 +152,7 @@ class ObjectStore:
             raise OutputError(f"{self.full_name(name)}: {first}") from None
 
 
-def _stored_object(metadata: Mapping[str, Any]) -> StoredObject:
+def _make_stored_object(metadata: Mapping[str, Any]) -> StoredObject:
     changed = str(int(metadata["last_modified"].timestamp() * 1e6))
     return StoredObject(metadata["path"], metadata["size"], metadata["e_tag"] or changed)
 

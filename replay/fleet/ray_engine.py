@@ -143,7 +143,7 @@ class RayEngine:
                 most = (1 + _AHEAD) * self.slots()
                 while waiting and len(running) < most:
                     each = waiting.popleft()
-                    too_large = self._error_if_too_large(each.memory_bytes)
+                    too_large = self._find_memory_error(each.memory_bytes)
                     if too_large:
                         yield each.task, too_large
                         continue
@@ -157,7 +157,7 @@ class RayEngine:
             for reference in running:
                 self._ray.cancel(reference, force=True)
 
-    def _error_if_too_large(self, memory_bytes: int) -> LostTask | None:
+    def _find_memory_error(self, memory_bytes: int) -> LostTask | None:
         """Error for a task that fits no node and would wait for ever; None if it fits."""
         nodes = [node for node in self._ray.nodes() if node["Alive"]]
         largest = max((node["Resources"].get("memory", 0.0) for node in nodes), default=0.0)

@@ -70,7 +70,7 @@ class _LimitWatch(threading.Thread):
 
     def run(self) -> None:
         while not self.done.wait(_LOOK_S):
-            self._reason = self._limit_exceeded()
+            self._reason = self._describe_exceeded_limit()
             if self._reason:
                 break
         if not self._reason or self.done.is_set():
@@ -84,7 +84,7 @@ class _LimitWatch(threading.Thread):
         if self._reason and not self.done.is_set():
             raise LimitError(self._reason)
 
-    def _limit_exceeded(self) -> str:
+    def _describe_exceeded_limit(self) -> str:
         """Limit of time or memory that is exceeded, in words; empty if none."""
         if time.monotonic() > self._end:
             return f"took longer than {self._seconds:g} s, its limit"

@@ -90,7 +90,7 @@ class FleetRun:
         }
 
 
-def fleet_run(
+def replay_fleet(
     logs: Sequence[FleetLog],
     plan: FleetPlan,
     destination: str,

@@ -11,7 +11,7 @@ import polars as pl
 
 from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, friction_trend
 from analysis.fleet.attention import rank_concerns
-from analysis.fleet.calibration_steps import line_changes
+from analysis.fleet.calibration_steps import find_line_changes
 from analysis.fleet.daily_figures import (
     UNDATED,
     make_daily_figures,
@@ -33,7 +33,7 @@ _DAY_NS: Final = 86_400 * 10**9
 
 @dataclass(frozen=True)
 class FleetReport:
-    """A report.
+    """The written report of a fleet.
 
     Attributes:
         page: contents of the page.
@@ -46,21 +46,21 @@ class FleetReport:
     friction: Mapping[str, FrictionTrend]
 
     def to_dict(self) -> dict[str, Any]:
-        """Sums, drifts and what needs a look, as plain JSON values."""
+        """Sums, drifts and recordings that need attention, as plain JSON values."""
         page = self.page
         machines = sum_results(page.results, ["machine"])
         return {
             "page": str(self.path),
             "sum": dict(sum_machines(machines)),
             "machines": machines.to_dicts(),
-            "drifts": [_drift_of_chart(c) for c in page.charts if c.chart.flagged is not None],
+            "drifts": [_drift_as_dict(c) for c in page.charts if c.chart.flagged is not None],
             "friction": {name: trend._asdict() for name, trend in self.friction.items()},
             "to_look_at": page.looks.to_dicts(),
             "without_a_result": dict(page.failed),
         }
 
 
-def fleet_report(
+def write_fleet_report(
     results: FleetResults,
     destination: str,
     name: str,
@@ -105,7 +105,7 @@ def report_page(results: FleetResults, destination: str, name: str) -> FleetPage
         weeks=weekly_tonnes(rows),
         charts=machine_charts(days),
         calibrations=calibrations,
-        changes=line_changes(calibrations),
+        changes=find_line_changes(calibrations),
         looks=add_commands(rank_concerns(rows, cycles, results.scan("findings")), destination),
         failed=results.failed,
         today=last if isinstance(last, dt.date) else None,
@@ -122,7 +122,7 @@ def add_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
     return looks.with_columns(pl.Series("command", commands, dtype=pl.String))
 
 
-def _drift_of_chart(chart: MachineChart) -> dict[str, Any]:
+def _drift_as_dict(chart: MachineChart) -> dict[str, Any]:
     """Flagged change of a chart as JSON-compatible values."""
     found = chart.chart
     assert found.flagged is not None

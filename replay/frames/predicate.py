@@ -100,7 +100,7 @@ def time_bound(
     slack = _rounding_ns(values, column)
     if slack is None or limit.meta.root_names():
         return TimeRange()
-    limit_ns = _constant_ns(limit)
+    limit_ns = _bracket_constant_ns(limit)
     if limit_ns is None:
         return TimeRange()
     low, high = limit_ns
@@ -124,7 +124,7 @@ def _rounding_ns(values: pl.Expr, column: str) -> int | None:
     return None
 
 
-def _constant_ns(limit: pl.Expr) -> tuple[int, int] | None:
+def _bracket_constant_ns(limit: pl.Expr) -> tuple[int, int] | None:
     """Integers just below and above a constant in ns; None if it is not a number."""
     try:
         value = pl.select(limit).to_series()

@@ -59,7 +59,7 @@ class TopicShape:
         self._own = {self.time: LOG_TIME_NS, (STAMP if is_dated else STAMP_NS): STAMP_NS}
         is_nested = options.nested == "struct"
         self._tree: dict[str, FieldBranch | LeafField] = (
-            _field_tree(leaves) if is_nested else {leaf.name: leaf for leaf in leaves}
+            _make_field_tree(leaves) if is_nested else {leaf.name: leaf for leaf in leaves}
         )
         schema: dict[str, pl.DataType] = dict.fromkeys(
             self._own, DATETIME if is_dated else pl.Int64()
@@ -138,7 +138,7 @@ class TopicShape:
         return _rebuild_lists(record, counts).cast(self._dtype_of_node(node, depth))
 
 
-def _field_tree(leaves: Sequence[LeafField]) -> dict[str, FieldBranch | LeafField]:
+def _make_field_tree(leaves: Sequence[LeafField]) -> dict[str, FieldBranch | LeafField]:
     """Tree of the leaves by the parts of their names."""
     tree: dict[str, FieldBranch | LeafField] = {}
     for leaf in leaves:

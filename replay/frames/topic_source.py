@@ -143,7 +143,7 @@ class TopicSource:
     def _frames_of_log(
         self, path: Path, needed: list[str], time_range: TimeRange
     ) -> Iterator[pl.DataFrame]:
-        log = opened_log(path, self._time)
+        log = open_or_reuse_log(path, self._time)
         told = len(self.losses)
         try:
             yield from self._iter_rows_of_log(log, needed, time_range)
@@ -204,7 +204,7 @@ class TopicSource:
     def _find_first_shape(self) -> TopicShape:
         named: dict[str, None] = {}
         for path in self._paths:
-            log = opened_log(path, self._time)
+            log = open_or_reuse_log(path, self._time)
             topics = log.topic_names()
             if self.topic in topics:
                 return TopicShape(self._list_leaf_fields(log), self._options)
@@ -237,7 +237,7 @@ def _warn_of_losses(path: Path, losses: Sequence[Loss]) -> None:
         warnings.warn(f"{path}: {losses[0]}{more}", LossWarning, stacklevel=2)
 
 
-def opened_log(path: Path, time: TimeAxis | None = None) -> Log:
+def open_or_reuse_log(path: Path, time: TimeAxis | None = None) -> Log:
     """Open a log, or reuse the open one if its files are unchanged.
 
     Args:

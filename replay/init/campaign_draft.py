@@ -125,7 +125,7 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
             continue
         try:
             with open_log(path, time=time_axis(machine) if machine else None) as log:
-                blocks += _run_blocks(log, _relative_path(output.parent, path), machine)
+                blocks += _make_run_blocks(log, _relative_path(output.parent, path), machine)
         except PayscopeError as fault:
             if (path / "metadata.yaml").exists() or path.suffix in _SUFFIXES:
                 said.append(f"left out: {fault}")
@@ -145,7 +145,7 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
     return "\n".join([head, *blocks]), said
 
 
-def _run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[str]:
+def _make_run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[str]:
     """A block for each run: the whole log, or a load state."""
     topics = log.topics()
     start_ns = topics["start_ns"].min()

@@ -169,7 +169,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
     to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_about_efforts(used, profiles)]
     lines += [f"# to answer: {sentence}" for sentence in (*to_answer, *_TO_ANSWER)]
-    rest = [*_profile_unused_columns(profiles, used), *notes_on_topics(topics, guesses)]
+    rest = [*_profile_unused_columns(profiles, used), *describe_topics(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
     return "\n".join(lines) + "\n", lacking
@@ -213,13 +213,13 @@ def _profile_unused_columns(
     return [
         "# Also in the log:",
         *(
-            f"#   {topic}{profile_line(each)}{_channel_line(each)}"
+            f"#   {topic}{profile_line(each)}{_quantity_remark(each)}"
             for topic, each in zip(topics, rest, strict=True)
         ),
     ]
 
 
-def _channel_line(each: FieldProfile) -> str:
+def _quantity_remark(each: FieldProfile) -> str:
     """Comment on the quantity of a column that no channel takes."""
     quantity = read_column_name(each.field).quantity
     return f"  ({quantity})" if quantity in ("steering", "pressure", "power") else ""
@@ -307,7 +307,7 @@ def _describe_lacking_channels(
     return lacking
 
 
-def notes_on_topics(topics: pl.DataFrame, guesses: list[ChannelGuess]) -> Iterator[str]:
+def describe_topics(topics: pl.DataFrame, guesses: list[ChannelGuess]) -> Iterator[str]:
     """Notes on list fields without a used element, and on unreadable topics."""
     used = {(guess.topic, guess.field.partition("[")[0]) for guess in guesses}
     for row in topics.iter_rows(named=True):

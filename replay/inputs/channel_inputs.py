@@ -94,7 +94,7 @@ def read_channels(
         if frame.is_empty():
             why = [f": {loss.what}" for log in holders for loss in log.losses()]
             raise LogError(f"{holders[0].path}: topic '{topic}' has no messages{''.join(why[:1])}")
-        _refuse_unknown_names(holders[0], topic, frame)
+        _refuse_unknown_element_names(holders[0], topic, frame)
         raw[topic] = frame
     for log in logs:
         losses += log.losses()
@@ -155,7 +155,7 @@ def _unknown_topic_message(topic: str, has: Mapping[Log, set[str]], machine: Mac
     )
 
 
-def _refuse_unknown_names(log: Log, topic: str, frame: pl.DataFrame) -> None:
+def _refuse_unknown_element_names(log: Log, topic: str, frame: pl.DataFrame) -> None:
     """Raise an error for an element name that no message has, with the existing names."""
     for field in frame.columns:
         named = _BY_NAME.fullmatch(field)

@@ -23,14 +23,14 @@ def identify_machine(logs: Sequence[Log], machine: Machine) -> tuple[Machine, st
     Raises:
         LogError: a log is of another machine, or two logs are of different machines.
     """
-    told = logged_id(logs, machine.machine.id)
+    told = common_machine_id(logs, machine.machine.id)
     if not told or machine.machine.id is not None or not is_serial_number(told):
         return machine, told
     body = machine.machine.model_copy(update={"id": told})
     return machine.model_copy(update={"machine": body}), told
 
 
-def logged_id(logs: Sequence[Log], known: str | None) -> str:
+def common_machine_id(logs: Sequence[Log], known: str | None) -> str:
     """Serial number common to all logs that state one; "" if none does.
 
     Args:

@@ -74,7 +74,7 @@ class MemoryLog(Log):
         return ()
 
 
-def reading_memory(machine: Machine, simulated: SimulatedLog) -> Machine:
+def machine_with_memory_channels(machine: Machine, simulated: SimulatedLog) -> Machine:
     """The machine with its channels read from the topics of a simulation."""
     topic_of = {
         name: topic

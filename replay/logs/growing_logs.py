@@ -104,28 +104,28 @@ class TailParts:
 # The libraries behind the formats are imported when a log of theirs is followed.
 
 
-def _bag_tail(path: Path) -> Tail:
+def _make_bag_tail(path: Path) -> Tail:
     from replay.logs.bag import BagTail
 
     return BagTail(path)
 
 
-def _mcap_tail(path: Path) -> Tail:
+def _make_mcap_tail(path: Path) -> Tail:
     from replay.logs.mcap import McapTail
 
     return McapTail(path)
 
 
-def _db3_tail(path: Path) -> Tail:
+def _make_db3_tail(path: Path) -> Tail:
     from replay.logs.sqlite import Db3Tail
 
     return Db3Tail(path)
 
 
 _TAILS: Final[Mapping[str, Callable[[Path], Tail]]] = {
-    ".bag": _bag_tail,
-    ".mcap": _mcap_tail,
-    ".db3": _db3_tail,
+    ".bag": _make_bag_tail,
+    ".mcap": _make_mcap_tail,
+    ".db3": _make_db3_tail,
 }
 _TABLES: Final = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc", ".prn")
 

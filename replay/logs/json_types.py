@@ -78,7 +78,7 @@ class _Schema:
         if set(properties) in _STAMPS:
             return Scalar("stamp")
         fields = (
-            (valid_text(name), self.type_of_value(inner, depth + 1))
+            (require_valid_text(name), self.type_of_value(inner, depth + 1))
             for name, inner in properties.items()
         )
         return RecordType(
@@ -111,7 +111,7 @@ def _sole_type(schema: dict[str, Any]) -> str | None:
     return kinds.pop() if len(kinds) == 1 else None
 
 
-def valid_text(value: Any) -> str:
+def require_valid_text(value: Any) -> str:
     """The value if it is a valid string; JSON can encode half of a character."""
     text = str(value)
     try:
@@ -140,7 +140,7 @@ def _require_list(values: Any) -> Sequence[Any]:
 
 def _make_converter(value: Any, kind: str) -> Any:
     if kind == "string":
-        return valid_text(value)
+        return require_valid_text(value)
     try:
         number = CONVERT.get(kind, int)(value)
     except (TypeError, ValueError, OverflowError) as error:

@@ -53,9 +53,9 @@ def _open_directory(path: Path) -> Log:
 
         return ConvertedLog(path)
     from replay.logs.message_log import MessageLog
-    from replay.logs.rosbag2 import METADATA, Rosbag2Directory, storage_files
+    from replay.logs.rosbag2 import METADATA, Rosbag2Directory, list_storage_files
 
-    if not (path / METADATA).exists() and not storage_files(path):
+    if not (path / METADATA).exists() and not list_storage_files(path):
         logs = sorted(p.name for p in path.iterdir() if p.suffix.lower() in OPENERS)
         remedy = f"; name one of its logs: {', '.join(logs)}" if logs else ""
         raise LogError(

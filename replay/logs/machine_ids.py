@@ -70,9 +70,9 @@ def machine_ids(files: Iterable[Path]) -> tuple[str, ...]:
 
 
 def _iter_ids_in_mcap(path: Path) -> Iterator[str]:
-    from replay.logs.mcap import metadata_records
+    from replay.logs.mcap import read_metadata_records
 
-    for name, texts in metadata_records(path):
+    for name, texts in read_metadata_records(path):
         if name == _ROSBAG2 and _SERIALIZED in texts:
             from replay.logs.rosbag2 import custom_data  # imports a reader of YAML
 
@@ -83,7 +83,7 @@ def _iter_ids_in_mcap(path: Path) -> Iterator[str]:
 
 def _iter_ids_in_db3(path: Path) -> Iterator[str]:
     from replay.logs.rosbag2 import custom_data
-    from replay.logs.sqlite import metadata_texts
+    from replay.logs.sqlite import read_metadata_texts
 
-    for text in metadata_texts(path):
+    for text in read_metadata_texts(path):
         yield from iter_serial_numbers(custom_data(text.encode()))

@@ -261,8 +261,8 @@ class MessageLog(Log):
             if not np.array_equal(np.sort(there), np.sort(said)):
                 self._read_losses.note(
                     self.path,
-                    f"the index lists {said.size:,} messages, {there.size:,} are there, or their "
-                    "log times differ",
+                    f"the index lists {said.size:,} messages and {there.size:,} were found; "
+                    "their number or their log times differ",
                     connection.topic,
                 )
 

@@ -37,13 +37,13 @@ def protobuf_type(name: str, descriptors: bytes) -> MessageType:
     try:
         files = FileDescriptorSet.FromString(descriptors)
     except DecodeError as error:
-        raise _unusable_error(error) from error
+        raise _make_unusable_error(error) from error
     pool = _make_descriptor_pool(files)
     try:
         descriptor = pool.FindMessageTypeByName(name)
         read = GetMessageClass(descriptor).FromString
     except (KeyError, TypeError) as error:
-        raise _unusable_error(error) from error
+        raise _make_unusable_error(error) from error
 
     def decode_message(data: bytes) -> Any:
         try:
@@ -55,7 +55,7 @@ def protobuf_type(name: str, descriptors: bytes) -> MessageType:
     return MessageType(record, ros1=False, decode=decode_message, library=PROTOBUF)
 
 
-def _unusable_error(why: object) -> BrokenBytesError:
+def _make_unusable_error(why: object) -> BrokenBytesError:
     return BrokenBytesError(f"its protobuf descriptors cannot be used: {why}")
 
 
@@ -67,12 +67,12 @@ def _make_descriptor_pool(files: FileDescriptorSet) -> DescriptorPool:
     while waiting:
         ready = [file for file in waiting if added.issuperset(file.dependency)]
         if not ready:
-            raise _unusable_error(f"{waiting[0].name} depends on files that are not there")
+            raise _make_unusable_error(f"{waiting[0].name} depends on files that are not there")
         for file in ready:
             try:
                 pool.Add(file)
             except TypeError as error:
-                raise _unusable_error(error) from error
+                raise _make_unusable_error(error) from error
             added.add(file.name)
         waiting = [file for file in waiting if file.name not in added]
     return pool

@@ -55,7 +55,7 @@ class RecordingLog(Log):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The recording."""
+        """The file of the recording."""
         return (self.path,)
 
     def topics(self) -> pl.DataFrame:

@@ -6,7 +6,7 @@ from pathlib import Path
 from analysis.model.machine import LogSection, Machine
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.settings import Settings
-from analysis.stages.signals.derive import arithmetic_in_si, unit_of_name
+from analysis.stages.signals.derive import derivation_in_si, unit_of_name
 from estimators.errors import MachineError
 from replay.logs import TableHints, TimeAxis
 from replay.machines.toml_file import read_toml, set_value, validate
@@ -42,7 +42,7 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     for name, channel in machine.channels.items():
         try:
             if channel.expression is not None:
-                arithmetic_in_si(name, machine)
+                derivation_in_si(name, machine)
             elif channel.unit is not None:
                 gain_and_offset_to_si(channel.unit, unit_of_name(name))
         except MachineError as error:

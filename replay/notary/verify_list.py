@@ -9,8 +9,8 @@ from estimators.errors import EvidenceError, counted
 from recordings.calibration.check_outcomes import (
     BundleFinding,
     BundleOutcome,
+    most_severe_outcome,
     verdict_text,
-    worst_outcome,
 )
 from recordings.notary.notary_check import check_list
 from recordings.notary.notary_list import MOST_LIST_BYTES
@@ -50,7 +50,7 @@ class VerifiedList:
     @property
     def outcome(self) -> BundleOutcome | None:
         """Exit status; None if nothing is wrong."""
-        return worst_outcome(self.findings)
+        return most_severe_outcome(self.findings)
 
     @property
     def verdict(self) -> str:

@@ -14,11 +14,11 @@ from analysis.model.check_names import rename_stored_checks
 from analysis.model.loss import Loss
 from estimators.errors import LogError, QueryError
 from recordings.review.shift_ledger import CSV, PARQUET
-from replay.fleet.gathered_tables import fleet_results, fleet_tables
+from replay.fleet.gathered_tables import fleet_tables, open_fleet_results
 from replay.fleet.results_layout import MARK
 from replay.frames.scan import lazy_frame, resolve_log_paths, topic_source
 from replay.frames.shape import LOG_TIME
-from replay.frames.topic_source import TopicSource, opened_log
+from replay.frames.topic_source import TopicSource, open_or_reuse_log
 from replay.logs import TABLE, Log, TimeAxis
 from replay.query.recording_frames import AT_S, RecordingFrame, recording_frames
 
@@ -112,7 +112,7 @@ def named_tables(
     for ledger in ledgers:
         found.add(ledger.stem, partial(_scan_ledger, ledger), str(ledger))
     for fleet in fleets:
-        for name, table in fleet_tables(fleet_results(fleet)).items():
+        for name, table in fleet_tables(open_fleet_results(fleet)).items():
             found.add(name, partial(add_opening_second, table), fleet)
     found.add_word_names()
     return found
@@ -170,14 +170,14 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
     paths, _ = resolve_log_paths(named)
     topics: dict[str, list[Path]] = {}
     for path in paths:
-        for topic in opened_log(path, options.time).topic_names():
+        for topic in open_or_reuse_log(path, options.time).topic_names():
             topics.setdefault(topic, []).append(path)
     if not topics:
         raise LogError(f"{', '.join(map(str, paths))}: no topics to query")
 
     def rows_of_topic(topic: str, of_logs: Sequence[Path]) -> pl.LazyFrame:
         chosen = named if len(paths) == 1 else of_logs
-        first = opened_log(of_logs[0], options.time)
+        first = open_or_reuse_log(of_logs[0], options.time)
         source = topic_source(
             chosen,
             topic,

@@ -90,7 +90,7 @@ def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> b
             found.ask_question(
                 "column", f"which of {names} drive the machine: their torques are added"
             )
-        reason = f"{column.field}: at the motor; needs the gear"
+        reason = f"{column.field}: measured at the motor; needs the gear ratio"
         found.sketch_source(column, name, column.unit, reason)
         found.propose_as_comment("force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason)
         found.ask_question("gear", _GEAR.format("force_x_N"))
@@ -196,7 +196,9 @@ def _recognise_motor_speed(columns: Sequence[LogColumn], found: Recognition) -> 
     if turns is None:
         return False
     pairs = " / POLE_PAIRS" if turns.quantity == "erpm" else ""
-    reason = f"{turns.field}: revolutions; needs the gear" + (" and pole pairs" if pairs else "")
+    reason = f"{turns.field}: revolutions; needs the gear ratio" + (
+        " and pole pairs" if pairs else ""
+    )
     unit = None if turns.unit in (None, "rpm") else turns.unit
     found.sketch_source(turns, "motor_rpm", unit, reason)
     found.propose_as_comment("speed_x_m_s", f"motor_rpm{pairs} / GEAR * wheel_radius_m", reason)

@@ -130,7 +130,7 @@ def review_shift(
         if by is not None:
             logged = by.check_logs(opened)
         map_in_threads(lambda log: log.digests, opened)
-        plain = _resolved_inputs(machine, options, by)
+        plain = _make_review_inputs(machine, options, by)
         key = digest_replay_inputs(opened, machine, full=options.full)
         before = read_state(folder)
         kept = read_earlier_replay(folder, before, key)
@@ -282,7 +282,7 @@ def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> st
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
 
 
-def _resolved_inputs(
+def _make_review_inputs(
     machine: Machine, options: ReviewOptions, calibration: MachineCalibration | None
 ) -> dict[str, Any]:
     """Everything but the logs that a review depends on."""

@@ -48,8 +48,8 @@ def scenario_text(scenario: Scenario) -> str:
         section.pop("manoeuvres", None)
         # a shift is one by its section alone
         if section or name == "shift":
-            blocks.append(_toml_block(f"[{name}]", section))
-    blocks += [_toml_block("[[campaign.manoeuvres]]", each) for each in manoeuvres]
+            blocks.append(_format_toml_block(f"[{name}]", section))
+    blocks += [_format_toml_block("[[campaign.manoeuvres]]", each) for each in manoeuvres]
     return "\n".join(blocks)
 
 
@@ -63,7 +63,7 @@ def write_scenario(scenario: Scenario, path: Path, *, force: bool = False) -> No
         partial.write_text(scenario_text(scenario), encoding="utf-8")
 
 
-def _toml_block(title: str, values: Mapping[str, Any]) -> str:
+def _format_toml_block(title: str, values: Mapping[str, Any]) -> str:
     return "".join(
         [f"{title}\n", *(f"{key} = {toml_value(value)}\n" for key, value in values.items())]
     )

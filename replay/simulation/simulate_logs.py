@@ -151,7 +151,7 @@ def log_paths(scenario: Scenario, output: Path) -> list[Path]:
     if len(loads) == 1:
         return [output]
     return [
-        output.with_name(f"{output.stem}_{_load_in_file_name(load)}kg{output.suffix}")
+        output.with_name(f"{output.stem}_{_format_load_for_file_name(load)}kg{output.suffix}")
         for load in loads
     ]
 
@@ -166,6 +166,6 @@ def _numbered_paths(output: Path, count: int) -> list[Path]:
     ]
 
 
-def _load_in_file_name(load_kg: float) -> str:
+def _format_load_for_file_name(load_kg: float) -> str:
     # a point would start a suffix
     return f"{load_kg:03.0f}" if load_kg.is_integer() else str(load_kg).replace(".", "_")

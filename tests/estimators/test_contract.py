@@ -9,7 +9,10 @@ import pytest
 from analysis.model.methods import METHODS, AxisNoise, FeedKind, MethodOptions
 from estimators.estimate import Trace
 from estimators.methods import fgls, ls, rls, rtls, tls
-from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.numerics.autocorrelation import (
+    pooled_autocorrelation,
+    residuals_of_disjoint_windows,
+)
 from estimators.numerics.small_systems import scaled_condition_from_gram
 
 WINDOW = 40
@@ -85,7 +88,7 @@ def repeated_steps(log, _traced, options):
     fed = list(range(first.start, first.stop))
     weights = np.linalg.pinv(log.A[first])
     alone = ls.trace(log.A, log.f, WINDOW, log.accepted)
-    residuals = window_residuals(log.A, log.f, alone.theta, ends, WINDOW)
+    residuals = residuals_of_disjoint_windows(log.A, log.f, alone.theta, ends, WINDOW)
     correlation, variance = pooled_autocorrelation(*residuals, log.A)
 
     def std():

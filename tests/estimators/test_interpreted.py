@@ -85,7 +85,7 @@ def test_groups_that_are_empty_or_have_holes(group: np.ndarray) -> None:
 @pytest.mark.parametrize("count", [0, 1, 5])
 def test_sums_of_nothing_and_of_zeros_of_either_sign(count: int) -> None:
     terms, sums = np.full((3, 10), -0.0), np.zeros((3, 5))
-    both_ways(rolling.suffix_sums, terms, count, sums)
+    both_ways(rolling.fill_suffix_sums, terms, count, sums)
     both_ways(rolling.add_prefix_sums, terms, 0, 0, count, sums)
     both_ways(rolling.add_prefix_sums, terms, 2, 3, count, sums)
 

@@ -12,8 +12,8 @@ from estimators.methods.tls import TlsOptions
 from estimators.methods.window_mean import mean_estimate
 from estimators.numerics.autocorrelation import (
     pooled_autocorrelation,
+    residuals_of_disjoint_windows,
     student_factor,
-    window_residuals,
 )
 from estimators.numerics.sandwich import meat, standard_deviations
 
@@ -218,7 +218,7 @@ def test_lags_never_join_two_groups():
 def test_windows_that_share_samples_are_thinned_to_disjoint_ones_first_come_first():
     A, f = np.ones((22, 1)), np.arange(22.0)
     index = np.array([4, 5, 9, 10, 19])
-    residual, owner = window_residuals(A, f, np.arange(5.0)[:, None], index, 5)
+    residual, owner = residuals_of_disjoint_windows(A, f, np.arange(5.0)[:, None], index, 5)
     expected = [0] * 5 + [2] * 5 + [-1] * 5 + [4] * 5 + [-1] * 2
     np.testing.assert_array_equal(owner, expected)
     np.testing.assert_array_equal(residual, np.where(owner < 0, 0.0, f - owner))

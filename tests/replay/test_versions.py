@@ -16,7 +16,7 @@ from recordings.calibration.derived_values import estimator_with_digest
 from recordings.calibration.evidence_document import parse_document
 from recordings.calibration.released_defaults import (
     changed_defaults,
-    present_defaults,
+    defaults_of_this_version,
     released_defaults,
 )
 from recordings.signatures.canonical_json import canonical_bytes
@@ -188,7 +188,7 @@ def test_a_whole_part_that_came_later_takes_the_defaults_that_it_came_with() -> 
 def test_defaults_of_this_version_are_kept_as_they_are() -> None:
     """A default that changes belongs to a new version: evidence of this one has the old one."""
     kept = released_defaults()[version("payscope")]
-    assert kept == present_defaults(), (
+    assert kept == defaults_of_this_version(), (
         "with a new version, python -P -m recordings.calibration.released_defaults prints the file"
     )
 

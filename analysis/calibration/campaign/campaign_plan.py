@@ -220,10 +220,10 @@ class CalibrationCampaign(BaseModel):
             for load in run.loads:
                 if load not in known:
                     raise ValueError(f"run '{run.id}': no mass '{load}'; {nearest(load, known)}")
-        self._check_disjoint()
+        self._refuse_overlapping_runs()
         return self
 
-    def _check_disjoint(self) -> None:
+    def _refuse_overlapping_runs(self) -> None:
         """Raise an error if two runs overlap, so that no start counts twice."""
         spans = sorted(
             (run.log, run.from_s or 0.0, np.inf if run.to_s is None else run.to_s, run.id)

@@ -51,7 +51,7 @@ def rank_next_loads(calibration: Calibration, *, same_day: bool = False) -> tupl
     used = [point for point in calibration.points if point.mean_kg is not None]
     ends = [reference.reference_kg for reference in calibration.references]
     now = inversion_with_points(calibration, used)
-    now_kg = _widest_interval_kg(calibration, now, ends)
+    now_kg = _widest_half_interval_kg(calibration, now, ends)
     found: list[NextLoad] = []
     for reference in calibration.references:
         more = replace(
@@ -70,7 +70,7 @@ def rank_next_loads(calibration: Calibration, *, same_day: bool = False) -> tupl
                 determinant_1=round(
                     _covariance_determinant(then) / _covariance_determinant(now), 9
                 ),
-                half_width_kg=_widest_interval_kg(calibration, then, ends),
+                half_width_kg=_widest_half_interval_kg(calibration, then, ends),
                 half_width_now_kg=now_kg,
             )
         )
@@ -88,7 +88,7 @@ def _covariance_determinant(inversion: Inversion) -> float:
     return float(np.linalg.det(covariance))
 
 
-def _widest_interval_kg(
+def _widest_half_interval_kg(
     calibration: Calibration, inversion: Inversion, at_kg: list[float]
 ) -> float:
     """Largest half interval of a later mass at these masses."""

@@ -61,7 +61,7 @@ def calibration_budget_rows(
         rows.append(
             BudgetRow(LACK_OF_FIT, "line", 0.0, None, "none found beyond the runs' scatter")
         )
-    level, slope, references = line_parts(inversion, mass_kg)
+    level, slope, references = line_uncertainty_parts_kg(inversion, mass_kg)
     rows += [
         BudgetRow("level", "line", level / size, None, "of the line at its centroid"),
         BudgetRow("slope", "line", slope / size, None, "of the line, at this mass"),
@@ -98,7 +98,7 @@ def clip_negative_parts(parts_kg2: Floats, components: Sequence[Component]) -> F
     return np.sqrt(np.maximum(parts, 0.0))
 
 
-def line_parts(inversion: Inversion, mass_kg: float) -> tuple[float, float, float]:
+def line_uncertainty_parts_kg(inversion: Inversion, mass_kg: float) -> tuple[float, float, float]:
     """Uncertainty of the line at a mass, in kg of m̂: due to centroid, slope and references."""
     own = inversion.scatters > 0.0
     line = np.tensordot(inversion.variance_kg2[own], inversion.on_line[own], 1)

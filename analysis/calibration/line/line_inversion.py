@@ -99,7 +99,7 @@ class Inversion:
             Fieller (1954); Draper and Smith, Applied Regression Analysis, 3.2 (inverse regression).
         """
         new = self._new_value_effects(readings)
-        beyond = self._excess_random_kg2(new, u_random_kg)
+        beyond = self._excess_random_variance_kg2(new, u_random_kg)
         return self._solve_estimates(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
     def invert_without_scatter(self, y_kg: float, confidence_1: float) -> InverseReading:
@@ -167,7 +167,7 @@ class Inversion:
         away = np.array([1.0, mass_kg - self.centre_kg])
         new = self._new_value_effects(np.array([readings]))
         gradient = new + np.einsum("i,kij,j->k", away, self.on_line, away)
-        more_kg2 = self._excess_random_kg2(new, np.array([u_random_kg])) + self.extra_kg2
+        more_kg2 = self._excess_random_variance_kg2(new, np.array([u_random_kg])) + self.extra_kg2
         scaled, of_more = gradient, 1.0
         if confidence_1 is not None:
             squared, of_rest = self._squared_student_factors(gradient, more_kg2, confidence_1)
@@ -175,12 +175,15 @@ class Inversion:
         variance = float((scaled @ self.variance_kg2)[0]) + of_more * float(more_kg2[0])
         return float(np.sqrt(variance)) / abs(self.slope_1)
 
-    def _excess_random_kg2(self, new: Floats, u_random_kg: Floats) -> Floats:
+    def _excess_random_variance_kg2(self, new: Floats, u_random_kg: Floats) -> Floats:
         """Random variance of later values beyond that of the campaign's readings, (n,)."""
-        random = new[:, self._random_effect()] * self.variance_kg2[self._random_effect()]
+        random = (
+            new[:, self._index_of_random_effect()]
+            * self.variance_kg2[self._index_of_random_effect()]
+        )
         return np.fmax(np.nan_to_num(u_random_kg) ** 2 - np.maximum(random, 0.0), 0.0)
 
-    def _random_effect(self) -> int:
+    def _index_of_random_effect(self) -> int:
         """Index of the effect that averages out over readings, or of the one that contains it."""
         return self.effects.get(REPEATABILITY, self.effects.get(RUN, 0))
 

@@ -155,7 +155,7 @@ def judge_error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLim
                 error_kg=error_kg,
                 u_kg=inversion.u_kg(reference_kg, readings),
                 guard_kg=inversion.half_interval_kg(reference_kg, one_sided, readings),
-                verdict=_row_verdict(outside, rule.risk_1),
+                verdict=_verdict_on_load(outside, rule.risk_1),
                 outside_1=outside,
             )
         )
@@ -177,7 +177,7 @@ def errors_of_points(calibration: Calibration) -> list[tuple[str, float, float]]
     return found
 
 
-def _row_verdict(outside_1: float, risk_1: float) -> str:
+def _verdict_on_load(outside_1: float, risk_1: float) -> str:
     """Verdict on one load by the probability that a mass is beyond the limits."""
     if outside_1 <= risk_1:
         return WITHIN

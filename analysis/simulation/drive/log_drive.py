@@ -157,7 +157,7 @@ class TrialDriver(MachineDriver):
         full_N = self.scenario.campaign.throttle_force_N
         stopping_N = body.mass_kg * self.scenario.campaign.braking_m_s2
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
-        for leg in travel_legs(travel, self._random_stream("travel"), WAVE_STEP_S):
+        for leg in travel_legs(travel, self._make_random_generator("travel"), WAVE_STEP_S):
             stage = DriveStage(
                 self.time_s,
                 body.mass_kg,

@@ -104,7 +104,7 @@ class MachineDriver:
         self.integrate_stage(REST, stage, duration_s, steps=None if self._swings else 1)
         return ManoeuvreTimes("rest", begin_s, None, None, None, self.time_s)
 
-    def half_turn(self, rate_rad_s: float, mass_kg: float) -> ManoeuvreTimes:
+    def turn_around(self, rate_rad_s: float, mass_kg: float) -> ManoeuvreTimes:
         """Turn by half a turn on the spot, with a cosine yaw rate up to `rate_rad_s`."""
         begin_s, duration_s = self.time_s, 2.0 * math.pi / abs(rate_rad_s)
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
@@ -276,14 +276,14 @@ class MachineDriver:
 
     def body_with_friction_at(self, body: RigidBody, time_s: float) -> RigidBody:
         """Body with the remaining cold friction at a time."""
-        viscous, coulomb = self._cold_friction_shares(time_s)
+        viscous, coulomb = self._cold_viscous_and_coulomb_shares(time_s)
         return replace(
             body,
             friction_x_N_s_m=body.friction_x_N_s_m * viscous,
             coulomb_x_N=body.coulomb_x_N * coulomb,
         )
 
-    def _cold_friction_shares(self, time_s: float) -> tuple[float, float]:
+    def _cold_viscous_and_coulomb_shares(self, time_s: float) -> tuple[float, float]:
         """Remaining fractions of cold viscous and Coulomb friction at a time."""
         viscous, coulomb = self._plant.friction_warming, self._plant.coulomb_warming
         warming_s = self._plant.warming_s
@@ -293,7 +293,7 @@ class MachineDriver:
 
     def draw_coulomb(self) -> float:
         """Draw the Coulomb friction of the next start, on a cold machine."""
-        drawn = self._random_stream("start_coulomb").standard_normal()
+        drawn = self._make_random_generator("start_coulomb").standard_normal()
         varied = self.scenario.starts.coulomb_std_N * float(drawn)
         return max(self.scenario.machine.coulomb_N + varied, 0.0)
 
@@ -301,12 +301,12 @@ class MachineDriver:
         """Draw the throttle fraction of the next start."""
         starts = self.scenario.starts
         return float(
-            self._random_stream("start_throttle").uniform(
+            self._make_random_generator("start_throttle").uniform(
                 starts.throttle_least, starts.throttle_most
             )
         )
 
-    def _random_stream(self, stream: str) -> np.random.Generator:
+    def _make_random_generator(self, stream: str) -> np.random.Generator:
         return make_generator(self.scenario.sensors.seed, self._load_index, self.starts, stream)
 
     def _cruise_duration_s(self, gone_m: float, distance_m: float, body: RigidBody) -> float:
@@ -315,10 +315,10 @@ class MachineDriver:
         campaign = self.scenario.campaign
         stop_m = speed * (campaign.valve_lag_s + 0.5 * speed / campaign.braking_m_s2)
         if self.scenario.brakes.gentle_m_s2:
-            stop_m = self._gentle_stop_m(speed, body)
+            stop_m = self._gentle_stopping_distance_m(speed, body)
         return max((distance_m - gone_m - stop_m) / max(speed, 0.05), _LEAST_CRUISE_S)
 
-    def _gentle_stop_m(self, speed_m_s: float, body: RigidBody) -> float:
+    def _gentle_stopping_distance_m(self, speed_m_s: float, body: RigidBody) -> float:
         """Stopping distance under gentle brakes and friction, in m."""
         gripping = body.standstill_grip[0] / body.mass_kg
         braking_m_s2 = self.scenario.brakes.gentle_m_s2 + gripping
@@ -348,7 +348,7 @@ class MachineDriver:
         """Drive force in N that keeps the speed on this slope, limited by the throttle."""
         speed, sign = float(self.state[plant.WHEEL]), math.copysign(1.0, full_N)
         turned = abs(stage.turn_rad_s) if speed else 0.0
-        viscous, coulomb = self._cold_friction_shares(self.time_s)
+        viscous, coulomb = self._cold_viscous_and_coulomb_shares(self.time_s)
         resistance_N = stage.coulomb_N * coulomb + self._plant.drag_N
         resistance_N += stage.scrub_N_s_rad * turned
         resistance_N += self.rolling_resistance(stage.mass_kg, speed, turned)

@@ -122,9 +122,9 @@ class ShiftDriver(MachineDriver):
         shift, number = self.shift, len(self.cycles)
         self._cycle, self._number = number, 0
         begin_s, starts, before_kg = self.time_s, self.starts, self._carried_kg
-        operator = self._cycle_generator("shift_operator")
+        operator = self._make_cycle_random_generator("shift_operator")
         self._rest_between_cycles(operator)
-        pours = bool(self._cycle_generator("shift_pour").random() < shift.pour_cycles)
+        pours = bool(self._make_cycle_random_generator("shift_pour").random() < shift.pour_cycles)
         self._drive_legs(1.0, shift.haul_m - _REACH_M, shift.empty_starts_most, operator)
         dig_s = self.time_s
         self._dig_into_pile(operator)
@@ -169,7 +169,7 @@ class ShiftDriver(MachineDriver):
         mass_kg = body.mass_kg - self._burnt_kg
         return replace(body, mass_kg=mass_kg, rolling_x_N=self.rolling_resistance(mass_kg))
 
-    def _cycle_generator(self, stream: str) -> np.random.Generator:
+    def _make_cycle_random_generator(self, stream: str) -> np.random.Generator:
         """Random generator of a stream for the present cycle."""
         return make_generator(self.scenario.sensors.seed, 0, len(self.cycles), stream)
 
@@ -242,7 +242,9 @@ class ShiftDriver(MachineDriver):
     def _dig_into_pile(self, operator: np.random.Generator) -> None:
         """Drive into the pile, which fills the bucket until the machine stands."""
         shift = self.shift
-        drawn = self._cycle_generator("shift_load").normal(shift.load_kg, shift.load_std_kg)
+        drawn = self._make_cycle_random_generator("shift_load").normal(
+            shift.load_kg, shift.load_std_kg
+        )
         wanted_kg = float(np.clip(drawn, shift.load_least_kg, shift.load_most_kg))
         body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
         self._record_boom_angles(_DIG, at_s=self.time_s)
@@ -264,13 +266,15 @@ class ShiftDriver(MachineDriver):
 
     def _turn_machine(self, operator: np.random.Generator) -> None:
         body, side = self._body_with_load(), 1.0 if operator.random() < 0.5 else -1.0
-        self._note_manoeuvre(self.half_turn(side * self.shift.turn_rad_s, body.mass_kg), body)
+        self._note_manoeuvre(self.turn_around(side * self.shift.turn_rad_s, body.mass_kg), body)
         self._rest_between_cycles(operator)
 
     def _dump_load(self) -> float:
         """Stand, dump halfway through the standstill, and return the time of the dump in s."""
         shift, loaded = self.shift, self._body_with_load()
-        drawn = self._cycle_generator("shift_carry_back").exponential(shift.carry_back_kg)
+        drawn = self._make_cycle_random_generator("shift_carry_back").exponential(
+            shift.carry_back_kg
+        )
         times = self.stand_still(shift.dump_s / 2.0, loaded.mass_kg)
         self._record_boom_angles(_CARRY, at_s=times.start_s)
         self._record_boom_angles(_DUMP, at_s=self.time_s)

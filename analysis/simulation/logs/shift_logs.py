@@ -138,7 +138,7 @@ class ShiftSimulation:
             start_ns + to_whole_ns(span.start_s),
             start_ns + to_whole_ns(span.end_s),
             start_ns + np.rint(begins * 1e9).astype(np.int64),
-            times_within_cycles(mine, begins),
+            restart_times_at_cycles(mine, begins),
             _ShiftTimeline(motion, start_ns).sample,
             _PositionAndBoom(motion, tuple(driver.angles), start_ns).sample_hints,
         )
@@ -180,7 +180,7 @@ class _PositionAndBoom(NamedTuple):
         return Hints(position, np.interp(time_s, known, boom), np.interp(time_s, known, bucket))
 
 
-def times_within_cycles(
+def restart_times_at_cycles(
     driven: tuple[DrivenManoeuvre, ...], begins: Floats
 ) -> tuple[DrivenManoeuvre, ...]:
     """Manoeuvres with their times relative to the begin of their cycle."""

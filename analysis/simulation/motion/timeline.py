@@ -45,7 +45,7 @@ class Hints(NamedTuple):
 
 @dataclass(frozen=True)
 class Timeline:
-    """A log from Unix time `start_ns` on.
+    """The true motion of one simulated log over Unix time.
 
     Attributes:
         start_ns: begin of the log.

@@ -128,7 +128,7 @@ class IntegratedLog:
 
 
 @inlined
-def _row_before(rows: Floats, time_s: float, known: int) -> int:
+def _find_row_before(rows: Floats, time_s: float, known: int) -> int:
     """Last row at or before a time, between the first and the last row."""
     most = rows.shape[0] - 2
     least = 0
@@ -148,7 +148,7 @@ def _row_before(rows: Floats, time_s: float, known: int) -> int:
 
 
 @inlined
-def _value_or_rate(row: Floats, which: int) -> float:
+def _rate_of_interpolated_quantity(row: Floats, which: int) -> float:
     """Rate of an interpolated quantity at a row."""
     if which == FORCE_RATE:
         return row[plant.GROUND] - row[plant.BRAKED]
@@ -166,7 +166,8 @@ def _rate_at_row(rows: Floats, at: int, which: int) -> float:
             span = rows[first + 1, plant.TIME] - rows[first, plant.TIME]
             if span > 0.0:
                 total += (
-                    _value_or_rate(rows[first + 1], which) - _value_or_rate(rows[first], which)
+                    _rate_of_interpolated_quantity(rows[first + 1], which)
+                    - _rate_of_interpolated_quantity(rows[first], which)
                 ) / span
                 known += 1.0
     return total / max(known, 1.0)
@@ -183,12 +184,12 @@ def interpolate_rows(
         time_s: (m,) times, fastest if ascending.
         now: (16, m) output: values at each time.
         slopes: (4, m) output: at each time, rates of yaw rate, acceleration, ground force without
-            brakes, and mass, as numbered for `_value_or_rate`.
+            brakes, and mass, as numbered for `_rate_of_interpolated_quantity`.
         last: (m,) output: row before each time.
     """
     known = 0
     for number in range(time_s.size):
-        known = _row_before(rows, time_s[number], known)
+        known = _find_row_before(rows, time_s[number], known)
         last[number] = known
         begin = rows[known, plant.TIME]
         span = rows[known + 1, plant.TIME] - begin

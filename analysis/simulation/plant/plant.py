@@ -19,7 +19,7 @@ from analysis.simulation.plant.plant_inputs import DriveStage, Plant
 from analysis.simulation.plant.resistance import (
     cold_friction_share,
     friction_capacity,
-    gentle_braking,
+    gentle_brake_force,
     rolling_resistance,
 )
 from estimators.arrays import Floats
@@ -135,9 +135,9 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
     capacity = friction_capacity(t, turn, plant, stage)
-    capacity += rolling_resistance(y[POSITION], wheel, turn, mass, slope, plant) + gentle_braking(
-        t, grip, mass, gravity, plant, stage
-    )
+    capacity += rolling_resistance(
+        y[POSITION], wheel, turn, mass, slope, plant
+    ) + gentle_brake_force(t, grip, mass, gravity, plant, stage)
     # material that stood takes up the body's speed
     filling = stage.fill_kg_s * body
     soft = plant.resonance_rad_s > 0.0

@@ -33,7 +33,7 @@ def friction_capacity(t: float, turn_rad_s: float, plant: Plant, stage: DriveSta
 
 
 @inlined
-def gentle_braking(
+def gentle_brake_force(
     t: float, grip: float, mass_kg: float, gravity_m_s2: float, plant: Plant, stage: DriveStage
 ) -> float:
     """Force of unmeasured brakes in N, as an operator adapts it to the slope."""

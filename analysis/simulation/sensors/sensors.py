@@ -107,7 +107,7 @@ def _measure_imu(
         moving = timeline.sample(at_ns).wheel_speed_x_m_s != 0.0
         seconds = (at_ns - timeline.start_ns) * np.float64(1e-9)
         made["specific_force_x_m_s2"] = made["specific_force_x_m_s2"] + np.where(
-            moving, _draw_vibration(scenario, seconds, streams), 0.0
+            moving, _generate_vibration(scenario, seconds, streams), 0.0
         )
     acc = WhiteNoise(sensors.acc_noise_m_s2, sensors.acc_lsb_m_s2)
     gyro = WhiteNoise(sensors.gyro_noise_rad_s, sensors.gyro_lsb_rad_s)
@@ -158,7 +158,7 @@ def _true_imu_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]
     }
 
 
-def _draw_vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Floats:
+def _generate_vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Floats:
     """Narrow-band noise (n,): a carrier with two Gauss-Markov amplitudes."""
     defects = scenario.defects
     samples = rate_hz(scenario, "imu") / (math.pi * defects.vibration_bandwidth_hz)

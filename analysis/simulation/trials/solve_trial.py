@@ -91,14 +91,14 @@ class _Trial:
                 return phases, ManoeuvreTimes("rest", begin_s, None, None, None, end_s)
             case Start():
                 sign = 1.0 if manoeuvre.direction == "forward" else -1.0
-                return self._straight_or_spin(manoeuvre, 0, sign, begin_s, heading_rad)
+                return self._solve_straight_or_spin(manoeuvre, 0, sign, begin_s, heading_rad)
             case Spin():
                 sign = 1.0 if manoeuvre.direction == "left" else -1.0
-                return self._straight_or_spin(manoeuvre, 1, sign, begin_s, heading_rad)
+                return self._solve_straight_or_spin(manoeuvre, 1, sign, begin_s, heading_rad)
             case Arc():
                 return arc_phases(self.body, manoeuvre, begin_s, heading_rad)
             case Excite():
-                return self._excited_trial(manoeuvre, begin_s, heading_rad)
+                return self._solve_excited_trial(manoeuvre, begin_s, heading_rad)
             case Travel():
                 raise AssertionError("needs a whole log, which `key_that_needs_integration` says")
 
@@ -114,7 +114,7 @@ class _Trial:
 
         return MotionPhase("standstill", start_s, end_s, standing_state)
 
-    def _straight_or_spin(
+    def _solve_straight_or_spin(
         self, manoeuvre: Start | Spin, axis: int, sign: float, begin_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Open the throttle until `steady_s`, keep the speed or yaw rate, brake."""
@@ -129,12 +129,12 @@ class _Trial:
         machine = DrivenMotion(self.body, lag_s, (axis == 0, axis == 1))
 
         stalled, state = self._solve_stalled_trial(axis, sign, full, begin_s, heading_rad)
-        asked = Commands(_constant_drive(axis, sign * full))
+        asked = Commands(_make_constant_drive(axis, sign * full))
         opened, state = machine.follow_until(names[0], stalled.end_s, steady_s, state, asked)
         signs = AxisPair(sign, 0.0) if axis == 0 else AxisPair(0.0, sign)
         rate = AxisPair(float(state[0]), float(state[3]))
         keeping = self.body.required_drive(rate, _STILL, float(state[6]), signs)[axis]
-        asked = Commands(_constant_drive(axis, float(keeping)))
+        asked = Commands(_make_constant_drive(axis, float(keeping)))
         kept, state = machine.follow_until(names[1], steady_s, braking_s, state, asked)
         braked = machine.follow_until_rest(names[2], braking_s, state, self._brake_commands(state))
         phases = [stalled, *opened, *kept, *braked]
@@ -171,7 +171,7 @@ class _Trial:
         start[6] = heading_rad
         return MotionPhase("standstill", begin_s, breakaway_s, stalled_state), start
 
-    def _excited_trial(
+    def _solve_excited_trial(
         self, manoeuvre: Excite, begin_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Follow the waveforms through both sides' valves, then brake."""
@@ -202,7 +202,7 @@ class _Trial:
         braking = self.scenario.campaign.braking_m_s2
         spin = braking / (self.scenario.machine.track_width_m / 2.0)
         return Commands(
-            _constant_drive(0, 0.0),
+            _make_constant_drive(0, 0.0),
             brake=(
                 float(np.sign(state[0])) * (self.body.mass_kg * braking),
                 float(np.sign(state[3])) * (self.body.inertia_z_kg_m2 * spin),
@@ -210,7 +210,7 @@ class _Trial:
         )
 
 
-def _constant_drive(axis: int, value: float) -> Callable[[float], tuple[float, float]]:
+def _make_constant_drive(axis: int, value: float) -> Callable[[float], tuple[float, float]]:
     pair = (value, 0.0) if axis == 0 else (0.0, value)
 
     def commanded_drive(_time_s: float) -> tuple[float, float]:

@@ -140,7 +140,7 @@ class Stiction:
             name,
             start_s,
             last_s,
-            self._states_with_stiction_function(expand_to_full_state, solution.sol),
+            self._make_states_with_stiction_function(expand_to_full_state, solution.sol),
         )
         found: Sequence[Floats] = solution.t_events or ()
         changed = [axis for axis, at in zip(changes, found, strict=True) if at.size]
@@ -175,7 +175,7 @@ class Stiction:
 
         return state_rates
 
-    def _states_with_stiction_function(
+    def _make_states_with_stiction_function(
         self, full: Callable[[Floats], Floats], solved: Callable[[Floats], Floats]
     ) -> Callable[[Floats], MotionState]:
         def states_at(time_s: Floats) -> MotionState:

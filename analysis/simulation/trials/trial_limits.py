@@ -51,7 +51,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
             "machine.slip_stiffness_N: at full throttle the wheels would slip more than 100 %; "
             f"give more than {full_N:g}, or 0 for none"
         )
-    loads_kg = [*loads_kg, *_change_scenario(scenario, loads_kg)]
+    loads_kg = [*loads_kg, *_loads_after_changes_kg(scenario, loads_kg)]
     bodies = [
         RigidBody.from_scenario_with_load(scenario, load_kg)
         for load_kg in (min(loads_kg), max(loads_kg))
@@ -73,7 +73,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
         limits.check(manoeuvre, key)
 
 
-def _change_scenario(scenario: Scenario, loads_kg: Sequence[float]) -> list[float]:
+def _loads_after_changes_kg(scenario: Scenario, loads_kg: Sequence[float]) -> list[float]:
     """Loads of starts that differ from the load at the beginning of the log."""
     loading = scenario.loading
     if not (loading.alternating or loading.change_before_start):
@@ -122,7 +122,7 @@ class _TrialLimits:
             case _:
                 pass
 
-    def _rolling_m_s2(self) -> float:
+    def _largest_rolling_deceleration_m_s2(self) -> float:
         """Largest deceleration by rolling resistance of a slow machine."""
         terrain = self.scenario.terrain
         return (
@@ -131,7 +131,7 @@ class _TrialLimits:
             * math.cos(terrain.slope_rad)
         )
 
-    def _uphill_m_s2(self, sign: float) -> float:
+    def _largest_uphill_deceleration_m_s2(self, sign: float) -> float:
         """Largest deceleration by gravity when driving along `sign`."""
         uphill = self.heaviest.uphill_m_s2
         return -abs(uphill) if self.turns else sign * uphill
@@ -143,7 +143,9 @@ class _TrialLimits:
         worst = abs(along) if self.turns else along
         full_N = campaign.throttle_force_N * campaign.drive_fraction_at_throttle(start.throttle)
         coulomb_N = self.heaviest.coulomb_x_N
-        resistance_N = coulomb_N + self.heaviest.mass_kg * (worst + self._rolling_m_s2())
+        resistance_N = coulomb_N + self.heaviest.mass_kg * (
+            worst + self._largest_rolling_deceleration_m_s2()
+        )
         reached_N = full_N * -math.expm1(-start.start_s / campaign.valve_lag_s)
         if reached_N <= resistance_N:
             where = f"in {key or 'campaign'}.start_s"
@@ -153,7 +155,7 @@ class _TrialLimits:
                 f"{resistance_N:.0f} N"
             )
         light = self.lightest
-        downhill = self._uphill_m_s2(sign)
+        downhill = self._largest_uphill_deceleration_m_s2(sign)
         push_N = full_N - coulomb_N - light.mass_kg * downhill
         if push_N > _TOP_SPEED_M_S * max(light.friction_x_N_s_m, light.mass_kg / start.start_s):
             raise ScenarioError(

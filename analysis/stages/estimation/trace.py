@@ -47,7 +47,7 @@ def trace_estimates(
     }
     t_ns = excitation["t_ns"].to_numpy()
     return {
-        method: _estimates_frame(
+        method: _make_estimates_frame(
             {axis: traces[method] for axis, traces in axes_traced.items()}, t_ns
         )
         for method in settings.trace.methods
@@ -117,7 +117,7 @@ def trace_by_load(
     return replace(longest, **joined)
 
 
-def _estimates_frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
+def _make_estimates_frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
     """Frame `estimates` of one method: rows of all axes in order of time."""
     parts = [
         pl.DataFrame({"t_ns": t_ns[rows.index], **trace_columns(axis, rows)}).with_columns(

@@ -134,7 +134,7 @@ def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list
         stands = (stood | np.isnan(speed)) & ~drives
         ends = {way: np.flatnonzero(stands | (way * speed < 0.0)) for way in (-1, 0, 1)}
         goes_on = np.flatnonzero(drives)
-        for rows in drive_stretches(drives, speed, machine.settings):
+        for rows in split_drive_stretches(drives, speed, machine.settings):
             way = int(np.sign(np.mean(speed[rows])))
             grown_N, std_N = resistance_growth(
                 np.column_stack([way * acceleration[rows], way * speed[rows]]),
@@ -187,16 +187,20 @@ def refuse_windows_that_dig(
     if digs.is_empty():
         return gated
     # the phase sees a start late, and its end
-    dug = _is_digging(excitation["t_ns"].to_numpy(), digs, speed_rate_span_rows(machine.settings))
+    dug = _mark_digging_samples(
+        excitation["t_ns"].to_numpy(), digs, speed_rate_span_rows(machine.settings)
+    )
     return refuse_windows(gated, dug, "digging", machine.settings)
 
 
 def add_digs_column(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:
     """The grid with a column `digs`: whether each sample is of a digging start."""
-    return aligned.with_columns(digs=pl.Series(_is_digging(aligned["t_ns"].to_numpy(), digs)))
+    return aligned.with_columns(
+        digs=pl.Series(_mark_digging_samples(aligned["t_ns"].to_numpy(), digs))
+    )
 
 
-def _is_digging(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
+def _mark_digging_samples(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
     """Samples within a digging start or `margin` samples of one, (n,)."""
     dug = np.zeros(t_ns.size, np.bool_)
     for start, end in digs.select("start_t_ns", "end_t_ns").iter_rows():
@@ -210,7 +214,7 @@ def robust_largest(values: Floats) -> float:
     return float(np.quantile(np.abs(values), _REACHES))
 
 
-def drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
+def split_drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
     """Rows of each stretch of driving one way, across short holes, if it is short enough."""
     rows = np.flatnonzero(driving)
     hole = max(1, round(_MOMENT_S * settings.align.rate_hz))

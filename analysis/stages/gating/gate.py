@@ -42,11 +42,11 @@ def gate_windows(
     """
     columns: dict[str, Floats | pl.Series] = {"t_ns": excitation["t_ns"]}
     for axis in available_axes(excitation):
-        columns |= _judge_axis(axis, excitation, settings, noise)
+        columns |= _make_gate_columns(axis, excitation, settings, noise)
     return build_frame("gate", columns)
 
 
-def _judge_axis(
+def _make_gate_columns(
     axis: Axis, excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None
 ) -> dict[str, Floats | pl.Series]:
     """Columns of `gate` for one axis."""
@@ -66,7 +66,7 @@ def _judge_axis(
 
     first = int(np.argmin(missing)) if n and not missing.all() else n
     slips = find_slipping_samples(
-        column_values(excitation, "speed_rate_x_m_s2"), _machine_acceleration(excitation), settings
+        column_values(excitation, "speed_rate_x_m_s2"), _forward_acceleration(excitation), settings
     )
     brakes = _decelerates_on_axis(axis, excitation, settings)
     flags = {"gap": missing, **flag_rows(axis, phase, f, brakes, slips, settings.gate)}
@@ -119,7 +119,7 @@ def accepted_samples(
         gated[f"accepted_{axis.letter}"].to_numpy(), settings.gate.window_samples
     )
     used &= (excitation["phase"] != "standstill").fill_null(True).to_numpy()
-    return used & ~braking_within_sight(excluded_braking(axis, excitation, settings), settings)
+    return used & ~possibly_braking_samples(excluded_braking(axis, excitation, settings), settings)
 
 
 def refuse_windows(gated: pl.DataFrame, rows: Bools, why: str, settings: Settings) -> pl.DataFrame:
@@ -148,10 +148,12 @@ def settled_windows(
     it 17 kg of 3614. On board its estimate is delayed by that much.
     """
     accepted = gated[f"accepted_{axis.letter}"].to_numpy()
-    return accepted & ~braking_within_sight(excluded_braking(axis, excitation, settings), settings)
+    return accepted & ~possibly_braking_samples(
+        excluded_braking(axis, excitation, settings), settings
+    )
 
 
-def braking_within_sight(braking: Bools, settings: Settings) -> Bools:
+def possibly_braking_samples(braking: Bools, settings: Settings) -> Bools:
     """Braking samples, and those before them that may brake undetected, (rows,)."""
     return flagged_windows(braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples)[
         ::-1
@@ -172,7 +174,7 @@ def _decelerates_on_axis(axis: Axis, excitation: pl.DataFrame, settings: Setting
     return yaw_speeding_sign(column_values(excitation, "yaw_rate_rad_s"), settings) < 0
 
 
-def _machine_acceleration(excitation: pl.DataFrame) -> Floats:
+def _forward_acceleration(excitation: pl.DataFrame) -> Floats:
     pitch = column_values(excitation, "pitch_rad") if "pitch_rad" in excitation.columns else None
     return subtract_gravity(column_values(excitation, "specific_force_x_m_s2"), pitch)
 

@@ -51,7 +51,7 @@ def speeding_sign(speed: Floats, rate: Floats, steady: float, settings: Settings
     up to `steady` count as steady.
     """
     changing = np.abs(rate) > steady
-    return np.where(changing, np.sign(_mean_over_span(speed, rate, settings) * rate), 0.0)
+    return np.where(changing, np.sign(_mean_speed_over_span(speed, rate, settings) * rate), 0.0)
 
 
 def yaw_speeding_sign(yaw_rate: Floats, settings: Settings) -> Floats:
@@ -87,7 +87,7 @@ def stopping_samples(speed: Floats, stands: Bools, noise_m_s: float, settings: S
     return found
 
 
-def _mean_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:
+def _mean_speed_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:
     return speed - rate * speed_rate_span_rows(settings) / settings.align.rate_hz / 2.0
 
 
@@ -113,7 +113,7 @@ def classify_motion_phases(
     yaw_acc = average_like_speed_rate(column_values(smoothed, "yaw_acc_rad_s2"), settings)
     if "yaw_acc_rad_s2" not in smoothed.columns:
         yaw_acc = speed_rate(yaw_rate, settings)
-    mean_speed = _mean_over_span(speed, rate, settings)
+    mean_speed = _mean_speed_over_span(speed, rate, settings)
     turning = np.abs(yaw_rate) > settings.phases.turning_rate_rad_s
     slow = np.abs(speed) < settings.phases.standstill_speed_m_s
     steady = np.abs(rate) <= settings.phases.steady_acc_m_s2

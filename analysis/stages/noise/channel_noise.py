@@ -133,14 +133,16 @@ def channel_noise(
             continue
         x = np.column_stack([columns[name] for name in axis])
         known = np.isfinite(x).all(axis=1) & ~gap
-        samples = _standing_and_moving_samples(x, stands & known, moves & known, known, rate_hz)
+        samples = _select_standing_and_moving_samples(
+            x, stands & known, moves & known, known, rate_hz
+        )
         made = response_of_each_column(tuple(axis), machine)
         found, sources = estimate_covariances(samples, made)
         if read is not None:
             add_noise_of_samples(found, sources, tuple(axis), machine, read)
         clip_to_limits(found, sources, x, samples.moving, [each.derivative_of for each in made])
         override_by_settings(found, sources, axis, machine.settings.noise)
-        tables.append(_noise_frame(tuple(axis), found, sources))
+        tables.append(_make_noise_frame(tuple(axis), found, sources))
     return build_frame("noise", pl.concat(tables).to_dict())
 
 
@@ -218,7 +220,7 @@ def _force_and_yaw_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str,
     }
 
 
-def _standing_and_moving_samples(
+def _select_standing_and_moving_samples(
     x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: float
 ) -> NoiseSamples:
     """Settled standstills and moving samples, for the noise."""
@@ -366,7 +368,7 @@ def override_by_settings(
             sources[column] = "setting"
 
 
-def _noise_frame(names: tuple[str, ...], found: Floats, sources: list[str]) -> pl.DataFrame:
+def _make_noise_frame(names: tuple[str, ...], found: Floats, sources: list[str]) -> pl.DataFrame:
     p = len(names)
     rank = np.array([NOISE_SOURCES.index(source) for source in sources])
     first, second, lag = (axis.ravel() for axis in np.indices((p, p, LAGS)))

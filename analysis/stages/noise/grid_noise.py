@@ -147,7 +147,7 @@ def simulate_grid_noise_covariances(
         if name not in UNFILTERED
     }
     longest_ns = max(filters.longest_step_ns(t, settings) for t, _ in read.values())
-    part = _repeat_stamps(first_common_stamps(read, settings.rate_hz), settings.rate_hz, longest_ns)
+    part = _repeat_stamps(common_row_stamps(read, settings.rate_hz), settings.rate_hz, longest_ns)
     rng = np.random.default_rng(_SEED)
     noise = {
         name: (t, std.get(name, 0.0) * rng.standard_normal(t.size)) for name, t in part.items()
@@ -160,7 +160,7 @@ def simulate_grid_noise_covariances(
     return np.where(pairs > 0, sums / np.maximum(pairs, 1.0), 0.0)
 
 
-def first_common_stamps(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
+def common_row_stamps(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
     """Stamps of the rows to analyse, from where all channels have begun, by channel."""
     begin = max(int(t[0]) for t, _ in read.values())
     end = begin + math.ceil(_ROWS / rate_hz * 1e9)

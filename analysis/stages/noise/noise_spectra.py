@@ -138,11 +138,11 @@ def lag_covariances(cut: list[Floats]) -> Floats:
     sums = np.fft.irfft(cross, _PIECE + LAGS)[:, :, :LAGS]
     pairs = np.maximum(lengths[:, None] - np.arange(LAGS), 0).sum(axis=0)
     found = sums / np.maximum(pairs, 1)
-    lost = _power_at_zero(found) * (2.0 * len(cut) / lengths.sum())
+    lost = _spectral_density_at_zero(found) * (2.0 * len(cut) / lengths.sum())
     return np.where(pairs > 0, found + lost[:, :, None], 0.0)
 
 
-def _power_at_zero(found: Floats) -> Floats:
+def _spectral_density_at_zero(found: Floats) -> Floats:
     """Sum of the covariances over all lags, tapered, (columns, columns), no variance negative."""
     taper = 1.0 - np.arange(1, _CORRELATED) / _CORRELATED
     later = found[:, :, 1:_CORRELATED] @ taper

@@ -46,7 +46,7 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
     Raises:
         DataError: the channels do not overlap in time, or the grid would not fit into memory.
     """
-    raw, series = _channel_and_regressor_series(channels, machine)
+    raw, series = _make_channel_and_regressor_series(channels, machine)
     start, end = common_span_ns(required_series(series))
     origin = Origin(start, latency_ns(series, machine) if machine.settings.filter.causal else 0)
     grid = _make_grid_without_holes(
@@ -73,7 +73,7 @@ def find_origin(channels: Mapping[str, pl.DataFrame], machine: Machine) -> Origi
     Raises:
         DataError: the channels do not overlap in time yet.
     """
-    _, series = _channel_and_regressor_series(channels, machine)
+    _, series = _make_channel_and_regressor_series(channels, machine)
     return Origin(common_span_ns(required_series(series))[0], latency_ns(series, machine))
 
 
@@ -98,7 +98,7 @@ def align_on_grid(
     Returns:
         `aligned`, rows from `after_ns` on.
     """
-    raw, series = _channel_and_regressor_series(channels, machine)
+    raw, series = _make_channel_and_regressor_series(channels, machine)
     needed = required_series(series)
     if is_whole:
         end = min(int(each.t_ns[-1]) for each in needed.values())
@@ -113,7 +113,7 @@ def align_on_grid(
     return aligned_rows(raw, series, grid, origin, machine)
 
 
-def _channel_and_regressor_series(
+def _make_channel_and_regressor_series(
     channels: Mapping[str, pl.DataFrame], machine: Machine
 ) -> tuple[dict[str, ChannelSeries], dict[str, ChannelSeries]]:
     """All channels, and the same with the regressors' at the stamps of their slowest."""

@@ -91,7 +91,7 @@ def derive(
     return {name: pl.DataFrame(each) for name, each in columns.items()}, notes
 
 
-def arithmetic_in_si(name: str, machine: Machine) -> Expression:
+def derivation_in_si(name: str, machine: Machine) -> Expression:
     """Expression that derives a channel, in SI units.
 
     Raises:
@@ -137,7 +137,7 @@ def _evaluate_arithmetic(
 
     Samples without a value are left out, as where a divisor is near zero.
     """
-    tree, settings = arithmetic_in_si(name, machine), machine.settings
+    tree, settings = derivation_in_si(name, machine), machine.settings
     own = {each: series[each] for each in iter_channel_names(tree) if each not in BODY_NUMBERS}
     for each in iter_differentiated_channels(tree):
         t, x = series[each]

@@ -111,13 +111,13 @@ def differentiate(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> 
         if t.size < 3:
             continue
         times.append(t[1:-1] if causal else t)
-        rates.append(_slope_of_three(t, y) if causal else np.gradient(y, (t - t[0]) / 1e9))
+        rates.append(_three_sample_slope(t, y) if causal else np.gradient(y, (t - t[0]) / 1e9))
     if not times:
         return t_ns[:0], x[:0]
     return np.concatenate(times), np.concatenate(rates)
 
 
-def _slope_of_three(t_ns: Ints, x: Floats) -> Floats:
+def _three_sample_slope(t_ns: Ints, x: Floats) -> Floats:
     """Slope (n - 2,) of the parabola through each sample and its neighbours."""
     before, after = np.diff(t_ns)[:-1] / 1e9, np.diff(t_ns)[1:] / 1e9
     rise, fall = np.diff(x)[1:] / after, np.diff(x)[:-1] / before

@@ -47,7 +47,7 @@ class ChannelSeries:
             )
         return interpolate_in_stretches(self.t_ns, self.x, instants_ns, self.longest_ns)
 
-    def when_known_ns(self, instants_ns: Ints) -> Ints:
+    def known_times_ns(self, instants_ns: Ints) -> Ints:
         """Times (rows,) at which the values at ascending instants are known."""
         return filters.interpolation_ready_ns(
             self.t_ns, self.known_ns, instants_ns + self.width_ns // 2
@@ -208,7 +208,7 @@ def reduce_to_slowest_channel(
             if wait_ns
             else series[name].values_at(at_ns)
         )
-        known.append(series[name].when_known_ns(at_ns + wait_ns))
+        known.append(series[name].known_times_ns(at_ns + wait_ns))
     kept = ~np.isnan(np.stack(list(values.values()))).any(axis=0)
     if kept.sum() < 2:
         # they share no time: for `align` to say

@@ -61,7 +61,7 @@ def assign_timestamps(
         of_table = topic == "table" or topic.startswith("table/")
         labels[topic] = "header" if headers[topic] else ("table" if of_table else "log")
         kept = frame.filter(pl.col(column).is_not_null())
-        scatter = stamp_scatter(frame) if headers[topic] else None
+        scatter = relative_step_scatter(frame) if headers[topic] else None
         if scatter is not None:
             labels[topic] = "log"
             kept = kept.with_columns(
@@ -105,7 +105,7 @@ def assign_timestamps(
     return placed, labels, losses
 
 
-def stamp_scatter(frame: pl.DataFrame) -> tuple[float, float] | None:
+def relative_step_scatter(frame: pl.DataFrame) -> tuple[float, float] | None:
     """Scatter of the steps of header stamps and of log time, relative to their period.
 
     Args:

@@ -41,8 +41,8 @@ def verifier_page() -> bytes:
     page = _read_page_part(_PAGE)
     parts = {
         "version": version("payscope"),
-        "style_hash": _policy_digest(style),
-        "script_hash": _policy_digest(script),
+        "style_hash": _content_security_digest(style),
+        "script_hash": _content_security_digest(script),
         "style": style,
         "script": script,
     }
@@ -60,6 +60,6 @@ def _read_page_part(name: str) -> str:
     return Path(__file__).with_name(name).read_text(encoding="utf-8")
 
 
-def _policy_digest(text: str) -> str:
+def _content_security_digest(text: str) -> str:
     """Content-security digest that lets this text run on the page, and no other."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

@@ -29,7 +29,7 @@ from replay.logs.blocks import (
     RecordGrammar,
     describe_end_of_reading,
     find_records_after_damage,
-    torn_end,
+    torn_end_text,
 )
 from replay.logs.storage import Connection
 
@@ -74,8 +74,8 @@ class BagFile(BlockFile):
 
     def check(self) -> int:
         """Read the file from start to end; a bag has no CRCs."""
-        walk = BagWalk(self._second_store(), len(MAGIC + VERSION), self._process_record)
-        self._compare(walk.chunks(), walk.store)
+        walk = BagWalk(self._make_second_pass_store(), len(MAGIC + VERSION), self._process_record)
+        self._compare_with_first_pass(walk.chunks(), walk.store)
         return self._store.crcs
 
     def _read_index(self, header: BagRecord | None) -> BagIndex | None:
@@ -120,7 +120,7 @@ class BagFile(BlockFile):
         position = b"" if header is None else header.fields.get(b"index_pos", b"")
         unfinished = position == bytes(8)
         why = "the recorder did not finish it" if unfinished else "the index is damaged"
-        torn = torn_end(self._file.size - walk.whole, self._store.torn_messages)
+        torn = torn_end_text(self._file.size - walk.whole, self._store.torn_messages)
         damage.note(
             f"{why}: scanned from start to end, all whole messages are read"
             f"{describe_end_of_reading(self._store.last_ns)}{torn}"

@@ -1,4 +1,4 @@
-"""The index of a ROS 1 bag: its connections and chunks at the end, and the times behind chunks."""
+"""The index of a ROS 1 bag: connections and chunks at its end, message times after each chunk."""
 
 from dataclasses import dataclass
 from typing import Final

@@ -5,7 +5,7 @@ from replay.logs.blocks.block_file import BlockFile
 from replay.logs.blocks.block_messages import BlockStore, Describe
 from replay.logs.blocks.block_tail import GrowingBlockFile
 from replay.logs.blocks.loose_records import LooseRecords, find_records_after_damage
-from replay.logs.blocks.lost_blocks import describe_end_of_reading, torn_end
+from replay.logs.blocks.lost_blocks import describe_end_of_reading, torn_end_text
 from replay.logs.blocks.slabs import RecordGrammar
 
 __all__ = [
@@ -18,5 +18,5 @@ __all__ = [
     "RecordGrammar",
     "describe_end_of_reading",
     "find_records_after_damage",
-    "torn_end",
+    "torn_end_text",
 ]

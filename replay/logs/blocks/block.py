@@ -91,7 +91,7 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
     return done
 
 
-def _zstd_frames(block: Block, file: FileBytes) -> memoryview:
+def _read_zstd_frames(block: Block, file: FileBytes) -> memoryview:
     """Stored bytes of a block, followed by an end frame unless the block is torn."""
     room = max(0, min(block.stored_bytes, file.size - block.offset))
     stored = np.empty(room + len(_NOTHING), np.uint8)
@@ -110,7 +110,7 @@ def _decompress(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int
     # the decompressor says at its end that the stream broke off, not how much came before
     step = _TORN_STEP if block.is_torn else max(len(view), 1)
     if block.compression == "zstd":  # by itself: Arrow's takes a detour through a buffer
-        frames = _zstd_frames(block, file)
+        frames = _read_zstd_frames(block, file)
         stream = zstandard.ZstdDecompressor().stream_reader(frames, read_across_frames=True)
     else:
         stored = pa.py_buffer(file.read_array(block.offset, block.stored_bytes))

@@ -21,7 +21,7 @@ class BlockFile(ABC):
         self.files: tuple[Path, ...] = (path,)
         self._file = FileBytes(path)
         try:
-            self._store = self._new_store()
+            self._store = self._make_store()
             self.connections: tuple[Connection, ...] = self._open()
             self._topics = {c.id: c.topic for c in self.connections}
             self._store.finish(self._topics)
@@ -46,16 +46,16 @@ class BlockFile(ABC):
     def _process_record(self, op: int, content: bytes, at: int) -> None:
         """Process a record other than a message; see `block_messages.Describe`."""
 
-    def _new_store(self) -> BlockStore:
+    def _make_store(self) -> BlockStore:
         return BlockStore(self._file, self._grammar, self._process_record)
 
-    def _second_store(self) -> BlockStore:
+    def _make_second_pass_store(self) -> BlockStore:
         """Store for a second pass over the file, with shared damage notes."""
-        store = self._new_store()
+        store = self._make_store()
         store.damage = self._store.damage
         return store
 
-    def _compare(self, chunks: Iterable[Block], outside: BlockStore) -> None:
+    def _compare_with_first_pass(self, chunks: Iterable[Block], outside: BlockStore) -> None:
         """Note the chunks and unchunked messages that the first pass missed."""
         found = [chunk.record_offset for chunk in chunks]
         self._store.note_missing_blocks([*found, *outside.offsets])

@@ -140,7 +140,7 @@ class BlockStore:
             for block, first, last, unread in slab.parts:
                 self.add_rows(block, slab.data, slab.rows[:, first:last])
                 self._note_unread_bytes(block, unread)
-                self._seal_block(block)
+                self._note_verified_block(block)
 
     def add_rows(self, block: Block, data: NDArray[np.uint8], rows: NDArray[np.int64]) -> None:
         """Add a block with the rows found by scanning it."""
@@ -238,7 +238,7 @@ class BlockStore:
         found = chunk_stats(slab, np.array(keys, np.int64))
         for (block, _, _, unread), held in zip(slab.parts, found, strict=True):
             self._note_unread_bytes(block, unread)
-            self._seal_block(block)
+            self._note_verified_block(block)
             said = [*(block.counts.get(key, 0) for key in keys), 0]
             if held.counts != said:
                 self._note_wrong_counts(block, held.counts, said, topics)
@@ -269,7 +269,7 @@ class BlockStore:
                 "that its index gives"
             )
 
-    def _seal_block(self, block: Block) -> None:
+    def _note_verified_block(self, block: Block) -> None:
         """Note a block whose CRC was compared and agrees."""
         if block.crc and not block.is_torn:
             self._sealed.add(block.record_offset)

@@ -81,7 +81,7 @@ def describe_end_of_reading(last_ns: int | None) -> str:
     return "" if last_ns is None else f", the last at log time {format_log_time(last_ns)}"
 
 
-def torn_end(size: int, messages: int) -> str:
+def torn_end_text(size: int, messages: int) -> str:
     """Clause that describes the bytes after the last complete record.
 
     Args:

@@ -112,7 +112,7 @@ def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: RecordGrammar)
     pool = ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-unpack")
     try:
         for group in _block_groups(blocks):
-            size = sum(_room_in_slab(block) for block in group)
+            size = sum(_bytes_in_slab(block) for block in group)
             while waiting and (
                 sum(each for _, each in waiting) + size > _MOST_WAITING_BYTES
                 or (prepared < _GROWING and len(waiting) > 1)
@@ -137,7 +137,7 @@ def _take_slabs(
         free.append(slab.data)
 
 
-def _room_in_slab(block: Block) -> int:
+def _bytes_in_slab(block: Block) -> int:
     # a block that nobody believes takes no room; unpacking it says why
     return block.room_bytes if block.room_bytes <= LARGEST_BYTES else 0
 
@@ -147,11 +147,11 @@ def _block_groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
     group: list[Block] = []
     size, most = 0, _FIRST_BYTES
     for block in blocks:
-        if group and size + _room_in_slab(block) > most:
+        if group and size + _bytes_in_slab(block) > most:
             yield group
             group, size, most = [], 0, min(_GROWTH * most, SLAB_BYTES)
         group.append(block)
-        size += _room_in_slab(block)
+        size += _bytes_in_slab(block)
     if group:
         yield group
 
@@ -163,7 +163,7 @@ def load_blocks(
     damaged: list[tuple[Block, str]] = []
     parts: list[tuple[Block, int, int, int]] = []
     try:
-        size = max(SLAB_BYTES, sum(map(_room_in_slab, blocks)))
+        size = max(SLAB_BYTES, sum(map(_bytes_in_slab, blocks)))
         buffer = np.empty(size, np.uint8) if recycled is None else recycled
         rows = SlabIndex(grammar, buffer, sum(sum(block.counts.values()) for block in blocks))
     except MemoryError:

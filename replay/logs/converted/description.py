@@ -47,7 +47,7 @@ class ConvertedPart(_Record):
 
 
 class ConvertedTopic(_Record):
-    """A topic."""
+    """A topic of a converted log: its summary, why it is unreadable, and its folder."""
 
     #: its row of `Log.topics()`
     summary: dict[str, Any]

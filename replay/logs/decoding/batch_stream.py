@@ -47,7 +47,7 @@ class TopicStream:
                 self._bytes += self._few[-1].data.size
                 if self._rows < BATCH_ROWS and self._bytes < BATCH_BYTES:
                     continue
-            self._begin_few(submit)
+            self._begin_small_batches(submit)
             if part.rows >= _FEW_ROWS:
                 self._begin_batch(part, submit)
 
@@ -69,10 +69,10 @@ class TopicStream:
             floor_ns: lower bound of the log times of later messages.
         """
         if not self.tally.rows:  # whoever wants the first rows does not wait for a batch of them
-            self._begin_few(submit_at_once)
+            self._begin_small_batches(submit_at_once)
             self.finish_decoding()
         waiting = [int(batch.log_times.min()) for batch in self._few]
-        frame = joined_frames(self._frames)
+        frame = merge_frames(self._frames)
         if not frame.height:
             return frame
         ready = _count_rows_until(frame, min([floor_ns, *waiting]))
@@ -85,9 +85,9 @@ class TopicStream:
 
     def finish(self) -> pl.DataFrame:
         """Return all remaining rows."""
-        self._begin_few(submit_at_once)
+        self._begin_small_batches(submit_at_once)
         self.finish_decoding()
-        frame = joined_frames(self._frames)
+        frame = merge_frames(self._frames)
         self._frames.clear()
         return frame
 
@@ -100,14 +100,14 @@ class TopicStream:
             self.tally.back_ns = max(self.tally.back_ns, int(back))
             self._last[batch.connection_id] = int(times[-1])
 
-    def _begin_few(self, submit: Submit) -> None:
+    def _begin_small_batches(self, submit: Submit) -> None:
         """Start decoding the small batches kept so far, as one."""
         if self._few:
             self._begin_batch(_join_batches(self._few), submit)
             self._few, self._rows, self._bytes = [], 0, 0
 
     def _begin_batch(self, batch: RawBatch, submit: Submit) -> None:
-        self._begun.append(self._decoder.begin(sorted_batch(batch), submit))
+        self._begun.append(self._decoder.begin(sort_batch(batch), submit))
 
 
 def feed_streams(groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicStream]) -> None:
@@ -174,7 +174,7 @@ def _join_batches(batches: list[RawBatch]) -> RawBatch:
 TIME = "log_time_ns"
 
 
-def sorted_batch(batch: RawBatch) -> RawBatch:
+def sort_batch(batch: RawBatch) -> RawBatch:
     """Sort messages by log time without moving their bytes."""
     times = batch.log_times
     if (times[1:] >= times[:-1]).all():
@@ -182,7 +182,7 @@ def sorted_batch(batch: RawBatch) -> RawBatch:
     return batch.select(np.argsort(times, kind="stable"))
 
 
-def joined_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
+def merge_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
     """Merge sorted frames; among rows of equal time those of earlier frames come first.
 
     Args:

@@ -12,7 +12,7 @@ from estimators.arrays import Bytes
 from estimators.interpreted import Primitive
 
 
-def _unsigned_reader(size: int) -> Callable[[Bytes, int], np.int64]:
+def _make_unsigned_reader(size: int) -> Callable[[Bytes, int], np.int64]:
     def load_unsigned(data: Bytes, at: int) -> np.int64:
         return np.int64(int.from_bytes(data[at : at + size].tobytes(), "little"))
 
@@ -56,8 +56,8 @@ def _make_primitive(name: str, interpreted: Callable[..., Any]) -> Any:
 
 
 #: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8
-load16 = cast("Callable[[Bytes, int], int]", _make_primitive("load16", _unsigned_reader(2)))
-load32 = cast("Callable[[Bytes, int], int]", _make_primitive("load32", _unsigned_reader(4)))
+load16 = cast("Callable[[Bytes, int], int]", _make_primitive("load16", _make_unsigned_reader(2)))
+load32 = cast("Callable[[Bytes, int], int]", _make_primitive("load32", _make_unsigned_reader(4)))
 load64 = cast("Callable[[Bytes, int], int]", _make_primitive("load64", _load_64_bits))
 #: (data, at, target, to, size): copy so many bytes
 copy = cast("Callable[[Bytes, int, Bytes, int, int], None]", _make_primitive("copy", _copy))

@@ -86,7 +86,7 @@ class BatchPass:
         self._outcome = WalkOutcome(np.empty(begins.size, np.int8), np.empty(begins.size, np.int64))
         self._room = room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
         room[0] = rows
-        self._notes = _room_for_marks(program, room)
+        self._notes = _allocate_marks(program, room)
 
     def execute(self) -> None:
         """Walk and gather; repeat if there was too little memory for the marks."""
@@ -101,7 +101,7 @@ class BatchPass:
             if (filled <= self._room).all():
                 return
             self._room = filled
-            self._notes = _room_for_marks(program, filled)
+            self._notes = _allocate_marks(program, filled)
             self._gathered.long_bytes[:] = 0
 
     def finish_batch(self) -> WalkedBatch:
@@ -122,7 +122,7 @@ class BatchPass:
         return WalkedBatch(columns, whole, f"{FAULTS[self._outcome.faults[first]]} {where}")
 
 
-def _room_for_marks(program: DecodeProgram, room: Ints) -> WalkNotes:
+def _allocate_marks(program: DecodeProgram, room: Ints) -> WalkNotes:
     """Allocate marks for the given numbers of elements of each node."""
     nodes = program.mark_nodes
     ends = np.cumsum(room[nodes])
@@ -189,7 +189,7 @@ class DecodePlan:
         else:
             kinds = read_encapsulations(batch.data, batch.offsets, batch.lengths)
         if not batch.rows or (kinds[0] != kinds).any() or int(kinds[0]) not in self._wires:
-            return lambda: self._decode_mixed(batch, kinds)
+            return lambda: self._decode_mixed_encapsulations(batch, kinds)
         finish = self._begin_part(batch, int(kinds[0]), submit)
 
         def finish_decoding() -> DecodedBatch:
@@ -198,7 +198,9 @@ class DecodePlan:
 
         return finish_decoding
 
-    def _decode_mixed(self, batch: RawBatch, kinds: NDArray[np.int64]) -> DecodedBatch:
+    def _decode_mixed_encapsulations(
+        self, batch: RawBatch, kinds: NDArray[np.int64]
+    ) -> DecodedBatch:
         """Decode messages of several encapsulations, or of unknown ones."""
         chosen = [np.flatnonzero(kinds == kind) for kind in self._wires]
         parts = [

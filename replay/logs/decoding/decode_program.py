@@ -23,7 +23,7 @@ from replay.logs.decoding.spans import (
     NoPlanError,
     Span,
     first_alignment,
-    fixed_size,
+    fixed_size_span,
     is_preceded_by_byte_size,
     mean_stride,
     place_in_span,
@@ -132,7 +132,7 @@ class _Compiler:
         if kind == Scalar("string"):
             self._append_step(Op.TEXT)
             return None if wanted is None else TextField(self._reserve_marks(2))
-        if fixed_size(kind, self.wire) is not None:
+        if fixed_size_span(kind, self.wire) is not None:
             return self._allocate_in_span(kind, wanted)
         assert isinstance(kind, ListOf), "a value that is neither list nor string has a fixed size"
         return self._compile_list(kind, wanted)
@@ -160,7 +160,7 @@ class _Compiler:
             self._allocate_in_span(Scalar("uint32"), None)
         least = smallest_size(kind.element, self.wire)
         length = -1 if kind.length is None else kind.length
-        fixed = fixed_size(kind.element, self.wire)
+        fixed = fixed_size_span(kind.element, self.wire)
         if fixed is None:
             return self._compile_walked_list(kind.element, length, least, wanted)
         # arrays of a fixed size lie in spans

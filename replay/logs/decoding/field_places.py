@@ -36,7 +36,7 @@ class InlineArray:
 
 @dataclass(frozen=True, slots=True)
 class InSpan:
-    """Something in the span whose position is noted as `mark`."""
+    """A value in the span whose position is noted as `mark`."""
 
     mark: int
     value: "InlineValue"

@@ -69,7 +69,7 @@ def place_in_span(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None
                 return None
             fields[name] = placed
         return InlineRecord(fields)
-    if kind.length is None or fixed_size(kind.element, wire) is None:
+    if kind.length is None or fixed_size_span(kind.element, wire) is None:
         return None
     if is_preceded_by_byte_size(kind, wire) and span.append_field(4, 4) is None:
         return None
@@ -78,7 +78,7 @@ def place_in_span(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None
 
 def _place_array(span: Span, element: FieldType, length: int, wire: Wire) -> InlineArray | None:
     """Append an array of fixed size; None if its place would vary."""
-    fixed = fixed_size(element, wire)
+    fixed = fixed_size_span(element, wire)
     assert fixed is not None
     one, value = fixed
     size = (length - 1) * mean_stride(one) + one.size if length else 0
@@ -86,7 +86,7 @@ def _place_array(span: Span, element: FieldType, length: int, wire: Wire) -> Inl
     return None if offset is None else InlineArray(offset, length, mean_stride(one), value)
 
 
-def fixed_size(element: FieldType, wire: Wire) -> tuple[Span, InlineValue] | None:
+def fixed_size_span(element: FieldType, wire: Wire) -> tuple[Span, InlineValue] | None:
     """An element as a span of its own; None if its size varies."""
     span = Span(first_alignment(element, wire))
     value = place_in_span(span, element, wire)

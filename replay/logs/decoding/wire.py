@@ -14,7 +14,7 @@ WIDTHS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Wire:
-    """An encoding.
+    """How the bytes of a message encode its fields.
 
     `cdr` has an encapsulation of 4 bytes, from whose end alignment counts, ends strings in a NUL
     that their length counts, may pad the end of a message to 4 bytes, and gives an empty message

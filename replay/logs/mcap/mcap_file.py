@@ -22,7 +22,7 @@ from replay.logs.blocks import (
     RecordGrammar,
     describe_end_of_reading,
     find_records_after_damage,
-    torn_end,
+    torn_end_text,
 )
 from replay.logs.mcap.mcap_index import (
     Summary,
@@ -128,14 +128,16 @@ class McapFile(BlockFile):
         is_enough = indexed > 0 if said is None else lost is None or indexed + lost == said
         walk = None
         if not is_enough:
-            self._store = self._new_store()
+            self._store = self._make_store()
             walk = self._walk()
             said = walk.message_count if said is None else said
         found = self._store.message_count
         # where every damaged chunk tells how many messages it held, that is said with it
         told = self._store.damage.lost_messages or 0
         if said not in (None, found + told):
-            self._store.damage.note(f"its statistics count {said:,} messages, {found:,} are there")
+            self._store.damage.note(
+                f"its statistics count {said:,} messages, but {found:,} were found"
+            )
         if walk is not None:
             self._note_missing_end(walk, summary.fault)
         return tuple(
@@ -151,8 +153,8 @@ class McapFile(BlockFile):
 
     def check(self) -> int:
         """Read the file from start to end, and compare the CRCs of data and summary."""
-        walk = McapWalk(self._second_store(), self._process_record)
-        self._compare(walk.chunks(), walk.store)
+        walk = McapWalk(self._make_second_pass_store(), self._process_record)
+        self._compare_with_first_pass(walk.chunks(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
             self._store.damage.note("its records do not connect its data with its footer")
         return self._store.crcs + self._is_sealed + self._does_data_crc_agree(walk.data_end)
@@ -212,7 +214,7 @@ class McapFile(BlockFile):
                 )
             return
         size = self._file.size
-        torn = torn_end(size - walk.whole, self._store.torn_messages)
+        torn = torn_end_text(size - walk.whole, self._store.torn_messages)
         self._store.damage.note(
             f"breaks off after byte {walk.whole} of {size}, without a footer: all whole messages "
             f"are read{describe_end_of_reading(self._store.last_ns)}{torn}"
@@ -257,7 +259,7 @@ def make_connection(channel: Channel, schema: Schema | None) -> Connection:
     )
 
 
-def metadata_records(path: Path) -> list[tuple[str, Mapping[str, str]]]:
+def read_metadata_records(path: Path) -> list[tuple[str, Mapping[str, str]]]:
     """Name and values of each metadata record in the summary; empty if it is damaged.
 
     A truncated file has no summary; its metadata are not searched for.

@@ -71,7 +71,7 @@ class Rosbag2Directory:
         return [*self._losses, *(loss for part in self._parts for loss in part.losses)]
 
     def _read_metadata(self) -> Metadata:
-        names = tuple(sorted((p.name for p in storage_files(self._path)), key=_part_sort_key))
+        names = tuple(sorted((p.name for p in list_storage_files(self._path)), key=_part_sort_key))
         # a recorder that ends while it compresses leaves both; what it compressed from is whole
         names = tuple(n for n in names if n.removesuffix(".zstd") == n or n[:-5] not in names)
         if not (self._path / METADATA).exists():
@@ -225,13 +225,14 @@ class Rosbag2Directory:
             if topic.messages != held[topic.name]:
                 self._losses.note(
                     self._path / METADATA,
-                    f"counts {topic.messages:,} messages, {held[topic.name]:,} are there",
+                    f"counts {topic.messages:,} messages, but {held[topic.name]:,} were found",
                     topic.name,
                 )
         counted, total = self._metadata.messages, held.total()
         if counted not in (None, total):
             self._losses.note(
-                self._path / METADATA, f"counts {counted:,} messages in all, {total:,} are there"
+                self._path / METADATA,
+                f"counts {counted:,} messages in all, but {total:,} were found",
             )
 
     def _compare_times(self) -> None:
@@ -267,7 +268,7 @@ class Rosbag2Directory:
         self._scratch.cleanup()
 
 
-def storage_files(folder: Path) -> list[Path]:
+def list_storage_files(folder: Path) -> list[Path]:
     """Bag files in a folder, including compressed ones."""
     return [p for p in folder.iterdir() if Path(p.name.removesuffix(".zstd")).suffix in _STORAGE]
 

@@ -109,17 +109,17 @@ def parse_yaml(text: str) -> Any:
     except RecursionError as error:
         raise BrokenBytesError("it is nested too deeply") from error
     except (YAMLError, AttributeError, *BROKEN_BYTES) as error:
-        raise _other_layout_error() from error
+        raise _make_layout_error() from error
 
 
-def _other_layout_error() -> BrokenBytesError:
+def _make_layout_error() -> BrokenBytesError:
     return BrokenBytesError("it is not laid out as rosbag2 does")
 
 
 def _parse_metadata(content: Any, folder: Path) -> Metadata:
     information = _require_value(content, _HEADING)
     if not isinstance(information, dict):
-        raise _other_layout_error()
+        raise _make_layout_error()
     messages = information.get("message_count")
     mode = require_text(information.get("compression_mode") or "none").lower()
     fmt = require_text(information.get("compression_format") or "zstd")
@@ -129,7 +129,7 @@ def _parse_metadata(content: Any, folder: Path) -> Metadata:
         )
     return Metadata(
         tuple(
-            path_inside_folder(require_text(name), folder)
+            require_path_inside_folder(require_text(name), folder)
             for name in _require_list(_require_value(information, "relative_file_paths"))
         ),
         mode == "message",
@@ -153,7 +153,7 @@ def _read_topic_entry(entry: Any) -> AnnouncedTopic:
 
 def _require_value(mapping: Any, key: str) -> Any:
     if not isinstance(mapping, dict):
-        raise _other_layout_error()
+        raise _make_layout_error()
     if key not in mapping:
         raise BrokenBytesError(f"it has no {key}")
     return mapping[key]
@@ -161,7 +161,7 @@ def _require_value(mapping: Any, key: str) -> Any:
 
 def _require_list(value: Any) -> list[Any]:
     if not isinstance(value, list):
-        raise _other_layout_error()
+        raise _make_layout_error()
     return value
 
 
@@ -170,13 +170,13 @@ def message_count(value: Any) -> int:
     try:
         return int(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise _other_layout_error() from error
+        raise _make_layout_error() from error
 
 
 def require_text(value: Any) -> str:
     """Validated text; YAML also has nested lists, and halves of characters."""
     if not isinstance(value, str):
-        raise _other_layout_error()
+        raise _make_layout_error()
     try:
         value.encode()
     except UnicodeEncodeError as error:
@@ -184,7 +184,7 @@ def require_text(value: Any) -> str:
     return value
 
 
-def path_inside_folder(name: str, folder: Path) -> str:
+def require_path_inside_folder(name: str, folder: Path) -> str:
     """Path inside the folder of a file named in metadata.yaml.
 
     Raises:

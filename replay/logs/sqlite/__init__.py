@@ -1,6 +1,6 @@
 """The SQLite storage of rosbag2 (`.db3`): its pages read as they are, what is unusual by SQLite."""
 
 from replay.logs.sqlite.db3_tail import Db3Tail
-from replay.logs.sqlite.sqlite_file import Db3File, metadata_texts
+from replay.logs.sqlite.sqlite_file import Db3File, read_metadata_texts
 
-__all__ = ["Db3File", "Db3Tail", "metadata_texts"]
+__all__ = ["Db3File", "Db3Tail", "read_metadata_texts"]

@@ -59,7 +59,7 @@ class Db3File:
                 self._damage.note(tear)
             journal = path.with_name(f"{path.name}-wal")
             unfinished = journal.exists() and journal.stat().st_size > 0
-            if unfinished and (unclosed := uncommitted_bytes(journal)):
+            if unfinished and (unclosed := count_uncommitted_bytes(journal)):
                 self._damage.note(
                     f"the recorder did not finish it: the last {unclosed:,} bytes of "
                     f"{journal.name} are messages that it never committed, and are not read"
@@ -93,7 +93,9 @@ class Db3File:
             for found in self._table.iter_times():
                 for key, at in group_by_key(found.rows[KEY]):
                     parts.setdefault(key, []).append(found.rows[TIME, at])
-            self._times = {key: self._since_1970(key, np.concatenate(parts[key])) for key in parts}
+            self._times = {
+                key: self._drop_times_before_1970(key, np.concatenate(parts[key])) for key in parts
+            }
             for key in self._times.keys() - {c.id for c in self.connections}:
                 count = self._times[key].size
                 self._damage.note(f"{count:,} messages of topic {key}, which has no definition")
@@ -103,7 +105,7 @@ class Db3File:
         """Number of messages of a topic; the first call reads the whole table."""
         return self.log_times(connection_id).size
 
-    def _since_1970(self, key: int, times: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _drop_times_before_1970(self, key: int, times: NDArray[np.int64]) -> NDArray[np.int64]:
         """Log times without those before 1970, which are noted as damage."""
         early = int(np.count_nonzero(times < 0))
         if early:
@@ -126,9 +128,9 @@ class Db3File:
                 for key, at in group_by_key(rows[KEY])
             ]
             latest = max(latest, int(rows[TIME].max(initial=UNKNOWN_NS)))
-            yield BatchGroup(batches, self._floor_ns(latest))
+            yield BatchGroup(batches, self._earliest_later_time_ns(latest))
 
-    def _floor_ns(self, latest: int) -> int:
+    def _earliest_later_time_ns(self, latest: int) -> int:
         """Lower bound of the log times after a row of log time `latest`.
 
         Rows are in the order of recording, without an index by time. How far times go back is known
@@ -212,7 +214,7 @@ def read_connections(
     )
 
 
-def metadata_texts(path: Path) -> list[str]:
+def read_metadata_texts(path: Path) -> list[str]:
     """Copies of metadata.yaml in a database, the newest first; none before ROS 2 Iron."""
     try:
         database = connect_to_read(path, unfinished=False)
@@ -246,7 +248,7 @@ def _decode(text: bytes) -> str:
     return text.decode(errors="replace")
 
 
-def uncommitted_bytes(path: Path) -> int:
+def count_uncommitted_bytes(path: Path) -> int:
     """Bytes of a `-wal` file in a transaction that was never committed.
 
     SQLite silently ignores them, although they are messages of a crashed recorder. Frames with
@@ -291,5 +293,5 @@ def describe_tear(head: bytes, size: int) -> str | None:
         return None
     if pages and size > pages * page:
         return f"has {size - pages * page:,} bytes behind its last page, which were not read"
-    unsure = ", and its last page is torn: its content may be altered" if size % page else ""
+    unsure = ", and its last page is incomplete: its content may be altered" if size % page else ""
     return f"breaks off after byte {size:,} of {max(pages * page, size):,}{unsure}"

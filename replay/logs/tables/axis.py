@@ -181,7 +181,7 @@ class TableTimes:
         if self.fraction is not None:
             # what has a fraction beside it counts seconds
             return RowTimes(times_in_ns(text, "s"))
-        return RowTimes(*recognised_times(text))
+        return RowTimes(*recognise_times(text))
 
 
 def find_times(
@@ -323,7 +323,7 @@ def _find_date_column(
     return dates[0] if dates else None
 
 
-def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
+def recognise_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     """Log times of numbers without a unit.
 
     Args:

@@ -19,7 +19,7 @@ from replay.logs.tables.text import (
     convert_to_utf8,
     copy_with_ascii_digits,
     copy_with_tabs,
-    drop_torn_quote,
+    copy_without_torn_quote,
     read_head_lines,
 )
 
@@ -59,7 +59,7 @@ class CsvColumns:
             self._dialect = sniff_dialect(read_head_lines(self._text.path), hints)
             if self._dialect.separator == BLANKS:
                 self._replace_text_file(copy_with_tabs(self._text))
-            whole = drop_torn_quote(self._text, self._dialect.separator)
+            whole = copy_without_torn_quote(self._text, self._dialect.separator)
             self._is_torn = whole is not None
             self._replace_text_file(whole)
         except BaseException:
@@ -139,13 +139,13 @@ class CsvColumns:
         if long.any():
             note("rows with more cells than the header: the additional cells are not read")
         if self._is_torn:
-            note("its last row is torn and not read")
+            note("its last row is cut off and was not read")
         if not self._quotes_are_paired:
             note("its quotes are not paired: rows between them may be read as one cell")
         lines = self._find_short_lines() if short.any() else []
         end = self.rows + self._dialect.data_line
         if lines and lines[-1] == end and not _ends_in_a_line_end(self._text.path):
-            note(f"its last row (line {lines.pop()}) is torn and not read")
+            note(f"its last row (line {lines.pop()}) is cut off and was not read")
             self.rows -= 1
         if lines:
             note(

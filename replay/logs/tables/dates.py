@@ -126,7 +126,7 @@ def stamps_of_clock_times(
     part = _match_groups(text, pattern)
     notes: list[str] = []
     day = _count_days_since_1970(part, day_first, notes)
-    stamps = day * DAY_NS + _clock_ns(part)
+    stamps = day * DAY_NS + _time_of_day_ns(part)
     if part.get_column("zone").drop_nulls().is_empty() and zone_offset_s is not None:
         stamps = stamps - zone_offset_s * 10**9
     elif part.get_column("zone").drop_nulls().is_empty():
@@ -152,7 +152,7 @@ def _parse_whole_numbers(column: pl.Expr) -> pl.Expr:
     return column.cast(pl.Int64, strict=False)
 
 
-def _clock_ns(part: pl.DataFrame) -> pl.Series:
+def _time_of_day_ns(part: pl.DataFrame) -> pl.Series:
     """Time of day in ns, from hour, minute, second, fraction and zone."""
     hour, half = _parse_whole_numbers(pl.col("h")), pl.col("half").str.to_lowercase()
     hour = (
@@ -182,7 +182,7 @@ def _count_days_since_1970(
 ) -> pl.Series:
     """Days since 1970."""
     if "one" in part.columns:
-        part = _day_and_month(part, day_first, notes)
+        part = _decide_day_and_month(part, day_first, notes)
     if "name" in part.columns:
         part = expand_short_years(part, day_first)
         begins = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
@@ -220,7 +220,9 @@ def expand_short_years(part: pl.DataFrame, day_first: bool | None) -> pl.DataFra
     return part.with_columns(pl.col(day).alias("d"), ("20" + pl.col(year)).alias("y"))
 
 
-def _day_and_month(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.DataFrame:
+def _decide_day_and_month(
+    part: pl.DataFrame, day_first: bool | None, notes: list[str]
+) -> pl.DataFrame:
     """Decide which of two numbers is the day: the one above 12."""
     one, two = (part.get_column(n).cast(pl.Int64, strict=False) for n in ("one", "two"))
     short = part.get_column("y").drop_nulls().str.len_chars().to_list()
@@ -257,7 +259,7 @@ def _parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[s
     if re.fullmatch(_SINCE, first):
         part = _match_groups(text, f"^{_SINCE}$")
         day = part.select(_parse_whole_numbers(pl.col("days"))).to_series()
-        return (_clock_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
+        return (_time_of_day_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
     pattern = f"^{_CLOCK}$"
     if re.fullmatch(_MINUTES, first):
         pattern = f"^{_MINUTES}$"
@@ -266,7 +268,7 @@ def _parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[s
     part = _match_groups(text, pattern)
     if pattern != f"^{_CLOCK}$":
         part = part.with_columns(h=pl.lit("0"))
-    stamps = _clock_ns(part)
+    stamps = _time_of_day_ns(part)
     frame = pl.DataFrame({"t": stamps})
     step = pl.col("t").forward_fill().diff()
     has_halves = part.get_column("half").drop_nulls().len() > 0

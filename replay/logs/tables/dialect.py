@@ -18,8 +18,8 @@ from replay.logs.tables.header import ColumnName, column_names, refuse_two_units
 from replay.logs.tables.header_rows import (
     TextRow,
     find_labelled_header_rows,
+    find_name_and_unit_rows,
     header_row,
-    rows_of_names,
 )
 from replay.logs.tables.hints import DialectError, TableHints
 
@@ -117,7 +117,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     sound = [reading for reading in found if not reading.faults] or found
     best = [each for each in sound if each.faults <= min(e.faults for e in sound)]
     if not best:
-        return _dialect_without_numbers(lines, separators, hints)
+        return _find_dialect_without_numbers(lines, separators, hints)
     if len({each.separator for each in best}) > 1:
         said = " or ".join(
             _NAMED.get(each, each) for each in dict.fromkeys(e.separator for e in best)
@@ -295,7 +295,7 @@ def _is_data(cells: Sequence[str], numeric: Sequence[int], width: int, decimal: 
     return is_numeric(["number" if each == "maybe grouped" else each for each in kinds])
 
 
-def _dialect_without_numbers(
+def _find_dialect_without_numbers(
     lines: Sequence[str], separators: Sequence[str], hints: TableHints
 ) -> Dialect:
     """Dialect of a header without data; raises an error if it is not a table."""
@@ -319,7 +319,7 @@ def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHi
     labelled = find_labelled_header_rows(above, width, is_blank_first=is_blank_first)
     is_given = hints.header_row is not None or hints.units_row is not None
     named = None if is_given else labelled
-    names, units = named or rows_of_names(above, width, hints)
+    names, units = named or find_name_and_unit_rows(above, width, hints)
     cells = list(names.cells) if names else [""] * width
     # a separator at the end of each line
     has_tail = not any(len(row) >= width and row[width - 1] for row in data) and bool(data)

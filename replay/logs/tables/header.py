@@ -88,7 +88,7 @@ def refuse_two_units(cells: Sequence[str], units: Sequence[str], line: int) -> N
             gain_and_offset_to_si(name, row)
             raise DialectError(
                 f"column '{cell}' is in {name} by its name, in {row} by line {line}: set "
-                f"[log] units_row = {line} or, where the name holds, 0"
+                f"[log] units_row = {line} or, if the name is correct, 0"
             )
 
 

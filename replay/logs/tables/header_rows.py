@@ -43,7 +43,7 @@ def header_row(row: TextRow, separator: str, width: int, lines: Sequence[str]) -
     return TextRow(row.line, row.after, tuple(cells))
 
 
-def rows_of_names(
+def find_name_and_unit_rows(
     above: list[TextRow], width: int, hints: TableHints
 ) -> tuple[TextRow | None, TextRow | None]:
     """Row of the names and row of the units; None for each that is missing.

@@ -79,7 +79,7 @@ def describe_disagreement(
         if abs(other_s - taken_s) > _APART_S + _APART * max(other_s, taken_s):
             return (
                 f"its first {stamps.len()} rows last {taken_s:.3g} s, and {other_s:.3g} s by "
-                f"'{column.name}': set [log] time to the one that holds, and time_unit"
+                f"'{column.name}': set [log] time to the correct one, and time_unit"
             )
     return None
 

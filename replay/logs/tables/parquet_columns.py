@@ -56,7 +56,7 @@ class ParquetColumns:
         self.names = [column.name for column in self.columns]
 
     def _read_schema(self) -> Any:
-        with _library_call(), ParquetFile(self._path) as file:
+        with _guard_library_call(), ParquetFile(self._path) as file:
             self._footer = file.metadata
             return file.schema_arrow
 
@@ -79,18 +79,18 @@ class ParquetColumns:
 
     def _read(self, name: str) -> pl.Series:
         column = self._read_column(name)
-        with _library_call():
+        with _guard_library_call():
             # polars takes it that text is UTF-8, and panics at names that are not
             column.validate(full=True)
             getattr(column.type, "tz", None)
             series = pl.Series(name, column)
         rows = self.rows
         if series.len() != rows:
-            raise BrokenBytesError(f"{series.len():,} of {rows:,} rows are there")
+            raise BrokenBytesError(f"{series.len():,} of {rows:,} rows were found")
         return series
 
     def _read_column(self, name: str) -> Any:
-        with _library_call(), ParquetFile(self._path, metadata=self._footer) as file:
+        with _guard_library_call(), ParquetFile(self._path, metadata=self._footer) as file:
             return file.read([name])[name]
 
 
@@ -98,7 +98,7 @@ class ArrowColumns(ParquetColumns):
     """Flat columns of an Arrow file (Feather 2), read on demand."""
 
     def _read_schema(self) -> Any:
-        with _library_call(), pa.OSFile(str(self._path)) as source:
+        with _guard_library_call(), pa.OSFile(str(self._path)) as source:
             file = pa.ipc.open_file(source)
             self._batches = file.num_record_batches
             self._height = sum(file.get_batch(k).num_rows for k in range(self._batches))
@@ -110,7 +110,7 @@ class ArrowColumns(ParquetColumns):
         return self._height
 
     def _read_column(self, name: str) -> Any:
-        with _library_call(), pa.OSFile(str(self._path)) as source:
+        with _guard_library_call(), pa.OSFile(str(self._path)) as source:
             place = pa.ipc.open_file(source).schema.get_field_index(name)
             options = pa.ipc.IpcReadOptions(included_fields=[place])
             one = pa.ipc.open_file(source, options=options)
@@ -127,7 +127,7 @@ def _decode_texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
 
 
 @contextmanager
-def _library_call() -> Generator[None]:
+def _guard_library_call() -> Generator[None]:
     try:
         yield
     except (pa.ArrowException, *BROKEN_BYTES) as error:

@@ -74,7 +74,7 @@ def convert_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
         raise BrokenBytesError(
             f"no encoding '{found}'; [log] encoding is utf-8, utf-16 or latin-1"
         ) from None
-    notes = () if encoding or name.startswith("utf-8") else (f"its text is read as {found}",)
+    notes = () if encoding or name.startswith("utf-8") else (f"its text is decoded as {found}",)
     if _has_cr_line_ends(path):
         notes = (*notes, "its lines end in a carriage return alone")
         return _copy_lines_to_file(path, _iter_lines(path, found, any_end=True), notes)
@@ -142,7 +142,7 @@ def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
     )
 
 
-def drop_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
+def copy_without_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
     """Copy without a last row that ends after an opening quote, on which polars panics.
 
     None if there is no such row.

@@ -115,7 +115,7 @@ class Epoch:
     at_1970: float
 
     def covers_numbers(self, low: float, high: float) -> bool:
-        """Whether numbers from `low` to `high` are plausible dates of a log by this clock."""
+        """Whether this clock would place numbers from `low` to `high` between 2000 and 2041."""
         begin, end = (s * 1e9 / self.unit_ns + self.at_1970 for s in _LOG_S)
         return begin <= low and high < end
 

@@ -43,14 +43,14 @@ def write_bag(log: SimulatedLog, path: Path) -> None:
         connections.append(_make_connection_record(number, name, definition, digest))
     topics = recorded_topics(log, store, numbers, _make_envelope, ros1=True)
     with path.open("xb") as file:
-        file.write(_MAGIC + _bag_header(0, 0, 0))
+        file.write(_MAGIC + _encode_bag_header(0, 0, 0))
         whole = cut_chunks(blocks_in_order(topics), b"".join(connections), _CHUNK_BYTES)
         written = [_write_chunk(file, chunk) for chunk in whole]
         index_at = file.tell()
         file.write(b"".join(connections))
-        file.write(b"".join(map(_chunk_info, written)))
+        file.write(b"".join(map(_encode_chunk_info, written)))
         file.seek(len(_MAGIC))
-        file.write(_bag_header(index_at, len(connections), len(written)))
+        file.write(_encode_bag_header(index_at, len(connections), len(written)))
 
 
 def _make_envelope(connection: int, times: Ints) -> Envelope:
@@ -75,7 +75,7 @@ def _with_size_prefix(data: bytes) -> bytes:
     return struct.pack("<L", len(data)) + data
 
 
-def _bag_header(index_at: int, connections: int, written: int) -> bytes:
+def _encode_bag_header(index_at: int, connections: int, written: int) -> bytes:
     header = record_header(
         _BAG,
         index_pos=struct.pack("<Q", index_at),
@@ -122,7 +122,7 @@ def _write_chunk(file: BinaryIO, chunk: FullChunk) -> _WrittenChunk:
     return _WrittenChunk(at, int(chunk.log_times.min()), int(chunk.log_times.max()), counts)
 
 
-def _chunk_info(chunk: _WrittenChunk) -> bytes:
+def _encode_chunk_info(chunk: _WrittenChunk) -> bytes:
     head = record_header(
         _CHUNK_INFO,
         ver=struct.pack("<L", 1),

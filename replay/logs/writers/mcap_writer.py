@@ -142,7 +142,9 @@ class ColumnMcap:
         self.file.write(_MAGIC)
         self._write_record(Header("ros2", "payscope"))
         preamble = b"".join(_serialise_record(record) for each in self.channels for record in each)
-        for chunk, done in self._pack(cut_chunks(blocks_in_order(topics), preamble, _CHUNK_BYTES)):
+        for chunk, done in self._compress_ahead(
+            cut_chunks(blocks_in_order(topics), preamble, _CHUNK_BYTES)
+        ):
             counts = self._write_chunk(chunk, done.result())
             _add_to_statistics(self.statistics, counts, chunk)
 
@@ -157,13 +159,13 @@ class ColumnMcap:
     def _write_record(self, record: McapRecord) -> None:
         self.file.write(_serialise_record(record))
 
-    def _pack(
-        self, whole: Iterator[FullChunk]
+    def _compress_ahead(
+        self, full_chunks: Iterator[FullChunk]
     ) -> Iterator[tuple[FullChunk, "Future[_PackedChunk]"]]:
-        """Compress some chunks ahead of the one that is written."""
+        """Yield full chunks in order, while the next ones are compressed in other threads."""
         waiting: deque[tuple[FullChunk, Future[_PackedChunk]]] = deque()
         with ThreadPoolExecutor(_PACKERS) as pool:
-            for chunk in whole:
+            for chunk in full_chunks:
                 waiting.append((chunk, pool.submit(self._pack_chunk, chunk)))
                 if len(waiting) > _MOST_WAITING:
                     yield waiting.popleft()

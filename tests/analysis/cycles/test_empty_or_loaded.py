@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.cycles.load_passes import loaded_states
+from analysis.cycles.load_passes import classify_loaded_states
 
 STATES = 40
 STATE_U_KG = 24.0
@@ -25,7 +25,7 @@ def classified(
         mass_kg[state] = wrong_kg
     begin = np.arange(states) * 10**10
     times_ns = (begin, begin + 5 * 10**9)
-    return loaded_states(
+    return classify_loaded_states(
         mass_kg, np.full(states, STATE_U_KG), np.arange(states), times_ns, NO_DIGGING
     )
 

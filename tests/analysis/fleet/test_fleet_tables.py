@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from analysis.fleet.attention import rank_concerns
-from analysis.fleet.calibration_steps import FleetCalibration, line_changes
+from analysis.fleet.calibration_steps import FleetCalibration, find_line_changes
 from analysis.fleet.daily_figures import (
     make_daily_figures,
     sum_machines,
@@ -198,7 +198,7 @@ def test_lines_that_follow_each_other_are_compared_in_the_middle_of_both() -> No
         line("2026-04-01", 1.0, 1.0),
         line("2026-07-01", 30.0, 1.0),
     )
-    one, two = line_changes([moved, first, same])
+    one, two = find_line_changes([moved, first, same])
     assert (one.zero_kg, two.zero_kg) == (1.0, 29.0)
     assert one.zero_limit_kg == pytest.approx(2.0 * 8.0**0.5)
     assert not one.has_moved

@@ -6,9 +6,9 @@ import pytest
 from analysis.diagnosis import CHECKS
 from analysis.model.check_names import (
     PRESENT_NAMES,
-    present_check_names,
-    present_names_in_evidence,
     rename_stored_checks,
+    replace_former_check_names,
+    replace_former_names_in_evidence,
 )
 
 UNEXPLAINED = "no known cause explains the failed checks: "
@@ -35,16 +35,16 @@ def test_every_former_name_leads_to_a_check_there_is() -> None:
     ],
 )
 def test_a_list_of_checks_has_the_present_names(stored: str, now: str) -> None:
-    assert present_check_names(stored) == now
-    assert present_check_names(now) == now
+    assert replace_former_check_names(stored) == now
+    assert replace_former_check_names(now) == now
 
 
 def test_the_evidence_of_an_unknown_cause_has_the_present_names() -> None:
     stored = f"{UNEXPLAINED}gain 0.05 > 0.01: the gain; lag is late; aa has no value: a force"
     now = stored.replace(": gain", ": wheel_imu_gain_error").replace("aa", "force_nonlinearity")
-    assert present_names_in_evidence(stored) == now
-    assert present_names_in_evidence(f"unknown: {stored}") == f"unknown: {now}"
-    assert present_names_in_evidence("lag 0.2 > 0.1") == "lag 0.2 > 0.1"
+    assert replace_former_names_in_evidence(stored) == now
+    assert replace_former_names_in_evidence(f"unknown: {stored}") == f"unknown: {now}"
+    assert replace_former_names_in_evidence("lag 0.2 > 0.1") == "lag 0.2 > 0.1"
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from recordings.review.shift_facts import (
     long_hole_sentence,
     reason_for_no_tonnes,
     summarise_shift,
-    torn_sentences,
+    torn_log_sentences,
 )
 from recordings.review.shift_ledger import add_motion_columns, make_ledger
 from recordings.review.torn_logs import TornLog
@@ -63,7 +63,7 @@ def test_cycles_that_differ_in_a_number_alone_have_one_reason() -> None:
 
 
 def test_a_torn_log_in_the_middle_says_how_many_minutes_are_missing() -> None:
-    [sentence] = torn_sentences(state(torn=(torn(3840.0),)))
+    [sentence] = torn_log_sentences(state(torn=(torn(3840.0),)))
     assert sentence.startswith("Log 2 of 3 (b.mcap) breaks off at 2023-11-15 00:13:20 +01:00")
     assert "at most 4 min are missing" in sentence
     assert "byte" not in sentence

@@ -25,7 +25,7 @@ from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.evidence_document import parse_document
 from recordings.calibration.pdf_check import (
     describe_first_difference,
-    pdf_fault,
+    find_pdf_fault,
     table_heads,
     text_without_spaces,
 )
@@ -209,14 +209,14 @@ def test_a_pdf_is_compared_by_its_words(bundle: Path, tmp_path: Path) -> None:
     forged = html.replace(alpha, "1.5000")
     path = tmp_path / PDF
     weasyprint.HTML(string=forged).write_pdf(path)
-    fault, why = pdf_fault(tmp_path, read_file(tmp_path, PDF).sha256, html)
+    fault, why = find_pdf_fault(tmp_path, read_file(tmp_path, PDF).sha256, html)
     assert why == ""
     assert "1.5000" in fault
     assert alpha in fault
     own = read_file(bundle, PDF).sha256
-    assert pdf_fault(bundle, own, html) == ("", "")
+    assert find_pdf_fault(bundle, own, html) == ("", "")
     path.write_bytes(path.read_bytes()[:500])
-    assert "cannot be read" in pdf_fault(tmp_path, read_file(tmp_path, PDF).sha256, html)[0]
+    assert "cannot be read" in find_pdf_fault(tmp_path, read_file(tmp_path, PDF).sha256, html)[0]
 
 
 def test_heads_that_a_page_break_repeats_are_no_difference() -> None:

@@ -22,8 +22,8 @@ from replay.calibration.verify_bundle import verify_bundle
 from replay.fleet.fleet_file import load_fleet
 from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.machine_setups import NamedFiles, machine_setups
-from replay.fleet.run_fleet import fleet_run
-from replay.inputs.machine_identity import logged_id
+from replay.fleet.run_fleet import replay_fleet
+from replay.inputs.machine_identity import common_machine_id
 from replay.logs import open_log
 from replay.logs.machine_ids import machine_ids
 from replay.machines.machine_file import load_machine
@@ -139,7 +139,7 @@ def test_a_sisters_log_is_refused_in_a_fleet_and_the_others_are_not(
         'calibrations = "evidence"\n'
     )
     fleet = load_fleet(tmp_path / "fleet.toml", ())
-    did = fleet_run(list_fleet_logs([str(logs)]), fleet, str(tmp_path / "results"), SerialEngine)
+    did = replay_fleet(list_fleet_logs([str(logs)]), fleet, str(tmp_path / "results"), SerialEngine)
     assert did.made == 1
     refused = str(did)
     assert "other.parquet" in refused
@@ -256,7 +256,7 @@ def test_the_metadata_of_a_log_name_its_machine(
     tmp_path: Path, folder: Path, metadata: dict[str, str], known: str | None, told: str
 ) -> None:
     with open_log(named_log(folder / "load-0.csv", tmp_path / "a.parquet", metadata)) as log:
-        assert logged_id([log], known) == told
+        assert common_machine_id([log], known) == told
 
 
 @pytest.mark.parametrize(

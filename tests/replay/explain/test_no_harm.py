@@ -28,4 +28,6 @@ def test_of_an_imu_that_rocks_nothing_is_mended() -> None:
     made = applied(BY_NAME["IMU loose"], SIMULATED)
     assert made.causes == []
     assert made.after == made.before
-    assert "imu loose explains this finding, and remains" in {why for _, why in made.taken_back}
+    assert "imu loose explains this finding and is still present" in {
+        why for _, why in made.taken_back
+    }

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.fleet_logs import SerialEngine, recordings
 from replay.fleet.fleet_file import load_fleet
 from replay.fleet.log_sources import list_fleet_logs
-from replay.fleet.run_fleet import FleetRun, fleet_run
+from replay.fleet.run_fleet import FleetRun, replay_fleet
 from replay.fleet.task_engine import TaskEngine
 
 COUNT = 6
@@ -37,7 +37,7 @@ def run_in(fleet_folder: Path) -> Run:
         recordings: bool = False,
     ) -> FleetRun:
         logs = list_fleet_logs([str(source)])
-        return fleet_run(
+        return replay_fleet(
             logs, load_fleet(fleet, overrides), str(destination), engine, recordings=recordings
         )
 

@@ -11,10 +11,10 @@ from analysis.fleet.calibration_steps import FleetCalibration
 from benchmarks.fleet_logs import SerialEngine
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.fleet.fleet_file import load_fleet
-from replay.fleet.gathered_tables import fleet_results
+from replay.fleet.gathered_tables import open_fleet_results
 from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.machine_setups import setup_of_day
-from replay.fleet.run_fleet import FleetRun, fleet_run
+from replay.fleet.run_fleet import FleetRun, replay_fleet
 from replay.fleet.write_fleet_page import report_page
 from tests.replay.sledge_campaign import campaign_folder
 
@@ -48,7 +48,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(folder: Path, destination: Path, *overrides: str) -> FleetRun:
     fleet = load_fleet(folder / "fleet.toml", overrides)
-    return fleet_run(
+    return replay_fleet(
         list_fleet_logs([str(folder / "sledge")]), fleet, str(destination), SerialEngine
     )
 
@@ -72,7 +72,7 @@ def test_the_setup_is_that_of_the_latest_calibration_that_holds_on_the_day(folde
 def test_calibrations_in_use_are_kept_for_the_report(folder: Path, tmp_path: Path) -> None:
     did = run(folder, tmp_path / "results")
     assert did.failed == {}
-    results = fleet_results(str(tmp_path / "results"))
+    results = open_fleet_results(str(tmp_path / "results"))
     page = report_page(results, "dest", "fleet")
     (kept,) = page.calibrations
     assert isinstance(kept, FleetCalibration)

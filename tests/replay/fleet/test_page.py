@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from benchmarks.fleet_size import make
-from replay.fleet.gathered_tables import fleet_results
-from replay.fleet.write_fleet_page import FleetReport, fleet_report
+from replay.fleet.gathered_tables import open_fleet_results
+from replay.fleet.write_fleet_page import FleetReport, write_fleet_report
 from tests.replay.shift_review import HOSTILE
 
 PHONE, DESK = 380, 1280
@@ -22,9 +22,9 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> FleetReport:
     folder = tmp_path_factory.mktemp("page")
     make(folder / "results", 4, 70)
     (folder / "results/failed.json").write_text(json.dumps({HOSTILE: "hangs"}))
-    results = fleet_results(str(folder / "results"))
+    results = open_fleet_results(str(folder / "results"))
     page = folder / "fleet.html"
-    return fleet_report(results, "dest", HOSTILE, page, friction_limit_N_s_m=5000.0)
+    return write_fleet_report(results, "dest", HOSTILE, page, friction_limit_N_s_m=5000.0)
 
 
 @pytest.fixture(scope="module")
@@ -95,5 +95,7 @@ def test_a_report_of_recordings_without_a_date_or_a_load_is_a_page_as_well(
     kept: Path, tmp_path: Path
 ) -> None:
     copy = shutil.copytree(kept, tmp_path / "results")
-    made = fleet_report(fleet_results(str(copy)), "dest", "small", tmp_path / "fleet.html")
+    made = write_fleet_report(
+        open_fleet_results(str(copy)), "dest", "small", tmp_path / "fleet.html"
+    )
     assert "No tonnes: no cycle of 3 machines has a mass" in made.path.read_text(encoding="utf-8")

@@ -74,8 +74,8 @@ def test_an_index_with_other_log_times_is_found_out(tmp_path: Path) -> None:
     overwrite(path, in_index, struct.pack("<Q", 1101))
     assert plain(path) == []
     assert check(path)[1] == [
-        "shift.mcap /joints0: the index lists 100 messages, 100 are there, or their log times "
-        "differ"
+        "shift.mcap /joints0: the index lists 100 messages and 100 were found; their number or "
+        "their log times differ"
     ]
 
 

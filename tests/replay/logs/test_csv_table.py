@@ -45,14 +45,14 @@ def test_a_torn_last_row_is_not_read_since_its_last_cell_may_be_half_a_number(
 ) -> None:
     log = opened(tmp_path, f"time_s,a,b\n0,1,1\n1,2,2\n{end}")
     assert log.read("table", ["a", "b"]).select("a", "b").rows() == [(1, 1), (2, 2)]
-    assert told(log) == ["its last row (line 4) is torn and not read"]
+    assert told(log) == ["its last row (line 4) is cut off and was not read"]
 
 
 @pytest.mark.parametrize("end", ['"', '"2","', '"2","3","'])
 def test_a_row_that_is_torn_behind_a_quote_is_not_read(tmp_path: Path, end: str) -> None:
     log = opened(tmp_path, f'"time_s","a","b"\n"0","1","1"\n"1","2","2"\n{end}')
     assert log.read("table", ["a", "b"]).select("a", "b").rows() == [(1, 1), (2, 2)]
-    assert told(log) == ["its last row is torn and not read"]
+    assert told(log) == ["its last row is cut off and was not read"]
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,9 @@ def test_cut_anywhere_every_whole_row_is_read_and_a_torn_one_is_a_loss(
     is_torn = last.count(",") < 2
     assert frame.height == len(lines) + (not is_torn)
     assert told(log) == (
-        [f"its last row (line {len(lines) + 2}) is torn and not read"] if is_torn and last else []
+        [f"its last row (line {len(lines) + 2}) is cut off and was not read"]
+        if is_torn and last
+        else []
     )
 
 

@@ -162,7 +162,7 @@ def test_a_chunk_that_vanished_with_the_index_is_missed_by_the_statistics(tmp_pa
     assert len(stored(container)) == 200 - lost
     missed, torn = container.losses
     container.close()
-    assert missed.what == f"its statistics count 200 messages, {200 - lost} are there"
+    assert missed.what == f"its statistics count 200 messages, but {200 - lost} were found"
     assert torn.what.startswith("its summary cannot be read")
 
 

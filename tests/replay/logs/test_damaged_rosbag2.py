@@ -79,9 +79,9 @@ def test_a_compressed_file_that_grows_beyond_measure_is_stopped(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("counted", "instead", "whats"),
     [
-        (100, 120, ["counts 120 messages, 100 are there"] * 2),
-        (100, 90, ["counts 90 messages, 100 are there"] * 2),
-        (200, 240, ["counts 240 messages in all, 200 are there"]),
+        (100, 120, ["counts 120 messages, but 100 were found"] * 2),
+        (100, 90, ["counts 90 messages, but 100 were found"] * 2),
+        (200, 240, ["counts 240 messages in all, but 200 were found"]),
     ],
 )
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])

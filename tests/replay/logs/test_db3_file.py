@@ -128,7 +128,7 @@ def test_a_database_is_read_up_to_the_page_that_is_torn(
         assert (share - 0.1) * len(DRIVE) < len(times) < share * len(DRIVE)
         whats = [loss.what for loss in log.losses()]
     assert whats[0].startswith(f"breaks off after byte {cut:,} of {len(data):,}")
-    assert ("its last page is torn" in whats[0]) == bool(beside)
+    assert ("its last page is incomplete" in whats[0]) == bool(beside)
 
 
 def test_a_database_torn_before_its_tables_is_refused_in_one_line(tmp_path: Path) -> None:

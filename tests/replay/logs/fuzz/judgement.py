@@ -152,7 +152,7 @@ def _faults_of_cut(found: Reading, whole: Reading, case: Case) -> Iterator[str]:
         )
         yield from _new_rows(found, whole, 1)
     else:
-        torn = any("its last page is torn" in loss for loss in found.losses)
+        torn = any("its last page is incomplete" in loss for loss in found.losses)
         yield from _new_rows(found, whole, 1 if torn else 0)
 
 
