@@ -25,7 +25,7 @@ from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import ForceCurvature, Weighing
 from estimators.arrays import Floats, Ints
 from estimators.joint.group_effects import GroupEffects
-from estimators.joint.prior_fit import MapFit
+from estimators.joint.map_fit import MapFit
 from replay import load_machine
 
 EMPTY_KG: Final = 3614.0

@@ -15,7 +15,8 @@ from analysis.weighing.log_effects import LikelyEffects
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
-from estimators.joint.prior_fit import MapFit, Solution
+from estimators.joint.map_fit import MapFit
+from estimators.joint.prior_fit import Solution
 
 #: Masses in a sum from which the whole covariance is multiplied: picking theirs out takes longer.
 _MANY_MASSES: Final = 256

@@ -21,7 +21,7 @@ from analysis.weighing.motion_samples import Floats
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.joint.prior_fit import MapFit
+from estimators.joint.map_fit import MapFit
 
 #: The settings that are the widths of an effect's priors.
 _WIDTHS: Final = {

@@ -39,6 +39,7 @@ from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
 from estimators.interpreted import compiled_ahead
 from estimators.joint import prior_fit
+from estimators.joint.map_fit import MapFit
 from estimators.joint.prior_fit import Grouping
 from estimators.numerics.autocorrelation import autocovariance_loss
 from estimators.numerics.fit_loss import group_rows
@@ -233,7 +234,7 @@ def _fit_comparison(
     )
 
 
-def is_gain_significant(fit: prior_fit.MapFit, noise_m_s: float) -> bool:
+def is_gain_significant(fit: MapFit, noise_m_s: float) -> bool:
     """Whether a gain exceeds what its prior and the noise allow.
 
     Args:

@@ -9,18 +9,14 @@ everyone's.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Final
 
 import numpy as np
+from scipy.linalg import toeplitz
 
 from estimators.arrays import Floats, Ints
-from estimators.joint.gain_matrix import floor_meats
-from estimators.joint.group_misfit import (
-    InformativeGroups,
-    between_group_covariance,
-    common_misfit,
-)
+from estimators.joint.gain_matrix import Gain, floor_meats
+from estimators.joint.map_fit import MapFit
 from estimators.joint.prior_solution import (
     SolutionParts,
     solve_with_priors,
@@ -29,11 +25,16 @@ from estimators.joint.prior_solution import (
 from estimators.joint.random_intercepts import InterceptShape, RandomIntercepts
 from estimators.numerics.autocorrelation import (
     autocovariance_loss,
+    pooled_autocorrelation,
     student_factor,
 )
 from estimators.numerics.group_sums import GroupSums, NoiseMoments, scaled_columns
 from estimators.numerics.sandwich import meat
 
+#: Groups disagree when the ratio of variances exceeds 1 by so many of its deviations.
+_DISAGREE: Final = 2.5
+#: What all groups miss alike counts from this ratio to its noise on.
+_MISFIT: Final = 2.0
 #: What the fit takes out of the residuals of fewer groups is put back.
 _FEW_GROUPS: Final = 3
 
@@ -55,64 +56,6 @@ class Grouping:
     levels: RandomIntercepts | None = None
     taken: Floats | None = None
     loss: Floats | None = None
-
-
-@dataclass(frozen=True)
-class MapFit:
-    """Estimates, with the parts of their covariance.
-
-    If the first parameter has levels, p counts each of them, and they come first.
-
-    Attributes:
-        theta: (p,) estimates.
-        noise: (p, p) covariance due to the residuals, including their correlation.
-        responses: (p, p) row j is the response to one standard deviation of prior j.
-        scatter: (p, p) additional covariance due to disagreeing groups; 0 if they agree.
-        misfit: (p, p) additional covariance due to a residual common to all groups; 0 if there is
-            none.
-        doubt: (p,) response to one standard deviation of the noise correction.
-        noise_share: largest fraction of noise in any direction of the columns.
-        scatter_ratio: standard deviation of the first parameter between groups over the expected
-            one (Birge ratio); NaN with one group.
-        misfit_ratio: mean square of the residuals common to the groups over its expectation; NaN
-            below three groups.
-        groups: number of groups that were compared.
-        residual: (n,) f - A θ; 0 for samples without a group.
-        residual_rms: r.m.s. of the residuals.
-    """
-
-    theta: Floats
-    noise: Floats
-    responses: Floats
-    scatter: Floats
-    misfit: Floats
-    doubt: Floats
-    noise_share: float
-    scatter_ratio: float
-    misfit_ratio: float
-    groups: int
-    residual: Floats
-    residual_rms: float
-
-    @cached_property
-    def covariance(self) -> Floats:
-        """(p, p) total covariance."""
-        # of a thousand levels none has a prior
-        informed = self.responses[self.responses.any(axis=1)]
-        priors = informed.T @ informed
-        doubt = np.outer(self.doubt, self.doubt)
-        return self.noise + priors + self.scatter + self.misfit + doubt
-
-    @cached_property
-    def has_misfit(self) -> bool:
-        """Whether a residual common to all groups adds to the covariance."""
-        return bool(self.misfit.any())
-
-    @cached_property
-    def std(self) -> Floats:
-        """(p,) standard deviations; NaN if lost to rounding."""
-        variance = np.diag(self.covariance)
-        return np.sqrt(np.where(variance < 0.0, np.nan, variance))
 
 
 @dataclass(frozen=True)
@@ -181,14 +124,14 @@ class _SolvedSamples:
             scatter *= student_factor(levels.freedom) ** 2
         # what a unit's scatter does not explain: stretches within it disagree as well
         count = shape.levels.count
-        grown, ratio = between_group_covariance(gain, spread, covariance + scatter, count)
+        grown, ratio = _between_group_covariance(gain, spread, covariance + scatter, count)
         scatter = scatter + grown
         signs = np.ones(residual.size) if grouping.direction is None else grouping.direction
-        misfit, common = common_misfit(
+        misfit, common = _common_misfit(
             gain,
             A,
             residual,
-            InformativeGroups([sums.rows[i] for i in told], turns[told], shape, told),
+            _InformativeGroups([sums.rows[i] for i in told], turns[told], shape, told),
             signs,
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
@@ -335,3 +278,84 @@ def fit(
         The fit; NaN throughout if the samples do not determine it.
     """
     return solve(A, f, group, noise, prior_mean, prior_std, grouping).fit
+
+
+@dataclass(frozen=True)
+class _InformativeGroups:
+    """Groups with enough samples to be compared.
+
+    Attributes:
+        rows: samples of each group.
+        turns: (groups, p, p) transformation of its scores by the scatter of its level.
+        shape: relation of a group's parameters to all parameters.
+        number: index of each among all groups.
+    """
+
+    rows: list[Ints]
+    turns: Floats
+    shape: InterceptShape
+    number: list[int]
+
+    def common_residual_scores(self, A: Floats, direction: Floats, length: int) -> Floats:
+        """(length, wide) scores caused by a common residual of 1 at each place in the groups."""
+        count = self.shape.levels.count
+        total = np.zeros((length, count + A.shape[1] - 1))
+        for part, turn, number in zip(self.rows, self.turns, self.number, strict=True):
+            inside = part[:length]
+            own = A[inside] @ turn.T * direction[part[part.size // 2]]
+            total[: inside.size, self.shape.levels.membership[number]] += own[:, 0]
+            total[: inside.size, count:] += own[:, 1:]
+        return total
+
+
+def _between_group_covariance(
+    gain: Gain, scores: Floats, covariance: Floats, levels: int
+) -> tuple[Floats, float]:
+    """Covariance due to disagreeing groups, (p, p), and Birge ratio of the first parameter."""
+    count = len(scores)
+    freedom = count - levels
+    if freedom < 1:
+        return np.zeros_like(covariance), float("nan")
+    moved = gain.apply_to_rows(scores)
+    between = (moved[:, :levels] ** 2).sum(axis=0) * count / freedom
+    own = np.diag(covariance)[:levels]
+    if not (own > 0.0).all():
+        return np.zeros_like(covariance), float("nan")
+    ratio = float((between / own).mean())
+    if ratio <= 1.0 + _DISAGREE * np.sqrt(2.0 / freedom):
+        return np.zeros_like(covariance), float(np.sqrt(ratio))
+    # every parameter grows as the first does: a full matrix of few groups is no covariance
+    grown = covariance * (ratio * student_factor(float(freedom)) ** 2 - 1.0)
+    return grown, float(np.sqrt(ratio))
+
+
+def _common_misfit(
+    gain: Gain, A: Floats, residual: Floats, informative: _InformativeGroups, direction: Floats
+) -> tuple[Floats, float]:
+    """Covariance due to a residual common to all groups, (wide, wide), and its ratio to noise.
+
+    Noise averaged over the groups, aligned at their begins, keeps 1/groups of its variance. The
+    excess counts as one draw of an error with that average's correlation: repetition in every group
+    does not average it out.
+    """
+    wide, rows = informative.shape.levels.count + A.shape[1] - 1, informative.rows
+    nothing = np.zeros((wide, wide))
+    if len(rows) < 3:
+        return nothing, float("nan")
+    length = int(np.median([part.size for part in rows]))
+    each = np.full((len(rows), length), np.nan)
+    for i, part in enumerate(rows):
+        part = part[:length]
+        each[i, : part.size] = residual[part] * direction[part[part.size // 2]]
+    count = np.isfinite(each).sum(axis=0)
+    known = count >= 2
+    mean = np.nanmean(each[:, known], axis=0)
+    left = float((np.nanvar(each[:, known], axis=0, ddof=1) / count[known]).mean())
+    square = float((mean**2).mean())
+    ratio = square / left if left > 0 else float("nan")
+    if not ratio > _MISFIT:
+        return nothing, ratio
+    correlation, _ = pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)
+    moved = gain.apply_to_rows(informative.common_residual_scores(A, direction, length))
+    lasts = toeplitz(np.concatenate([correlation, np.zeros(length)])[:length])
+    return moved.T @ lasts @ moved * (square - left), ratio

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from estimators.joint import gain_matrix
-from estimators.joint.prior_fit import Grouping, MapFit, fit
+from estimators.joint.map_fit import MapFit
+from estimators.joint.prior_fit import Grouping, fit
 from estimators.joint.random_intercepts import RandomIntercepts
 from estimators.numerics.bordered_matrix import BorderedMatrix
 from estimators.numerics.group_sums import NoiseMoments

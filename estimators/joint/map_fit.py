@@ -1,0 +1,66 @@
+"""Estimates of a fit with normal priors, with the parts of their covariance."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from estimators.arrays import Floats
+
+
+@dataclass(frozen=True)
+class MapFit:
+    """Estimates, with the parts of their covariance.
+
+    If the first parameter has levels, p counts each of them, and they come first.
+
+    Attributes:
+        theta: (p,) estimates.
+        noise: (p, p) covariance due to the residuals, including their correlation.
+        responses: (p, p) row j is the response to one standard deviation of prior j.
+        scatter: (p, p) additional covariance due to disagreeing groups; 0 if they agree.
+        misfit: (p, p) additional covariance due to a residual common to all groups; 0 if there is
+            none.
+        doubt: (p,) response to one standard deviation of the noise correction.
+        noise_share: largest fraction of noise in any direction of the columns.
+        scatter_ratio: standard deviation of the first parameter between groups over the expected
+            one (Birge ratio); NaN with one group.
+        misfit_ratio: mean square of the residuals common to the groups over its expectation; NaN
+            below three groups.
+        groups: number of groups that were compared.
+        residual: (n,) f - A θ; 0 for samples without a group.
+        residual_rms: r.m.s. of the residuals.
+    """
+
+    theta: Floats
+    noise: Floats
+    responses: Floats
+    scatter: Floats
+    misfit: Floats
+    doubt: Floats
+    noise_share: float
+    scatter_ratio: float
+    misfit_ratio: float
+    groups: int
+    residual: Floats
+    residual_rms: float
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """(p, p) total covariance."""
+        # of a thousand levels none has a prior
+        informed = self.responses[self.responses.any(axis=1)]
+        priors = informed.T @ informed
+        doubt = np.outer(self.doubt, self.doubt)
+        return self.noise + priors + self.scatter + self.misfit + doubt
+
+    @cached_property
+    def has_misfit(self) -> bool:
+        """Whether a residual common to all groups adds to the covariance."""
+        return bool(self.misfit.any())
+
+    @cached_property
+    def std(self) -> Floats:
+        """(p,) standard deviations; NaN if lost to rounding."""
+        variance = np.diag(self.covariance)
+        return np.sqrt(np.where(variance < 0.0, np.nan, variance))
