@@ -247,7 +247,7 @@ class TestRun:
     ) -> None:
         log.write_bytes(log.read_bytes()[:-40])
         said = payscope("run", log, "-m", machine_file, "--strict")
-        one_line(said, "sledge.csv: its last row", "is torn", "(leave out --strict to accept)")
+        one_line(said, "sledge.csv: its last row", "is cut off", "(leave out --strict to accept)")
 
 
 def test_the_installed_command_answers(tmp_path: Path) -> None:
