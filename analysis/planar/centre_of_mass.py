@@ -327,10 +327,10 @@ def _make_fit_row(
         row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*_MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
-    row["scale_unknown"] = missing_machine_values(
+    row["scale_unknown"] = list_missing_machine_values(
         fitted, [quantity_gradient(estimate, name) for name in sorted(told)], log.machine
     )
-    row["com_scale_unknown"] = missing_machine_values(
+    row["com_scale_unknown"] = list_missing_machine_values(
         fitted, [estimate.slope(moment, "mass_kg")[1] for moment in _MOMENTS], log.machine
     )
     for name, rms in zip(
@@ -340,7 +340,9 @@ def _make_fit_row(
     return row
 
 
-def missing_machine_values(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
+def list_missing_machine_values(
+    fitted: PlanarFit, gradients: list[Floats], machine: Machine
+) -> str:
     """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [list_uncertainty_sources(fitted.estimate, g, fitted.priors, machine) for g in told]

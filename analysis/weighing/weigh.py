@@ -243,8 +243,8 @@ def _weigh_with_priors(
     own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
     rows = fit_rows(fit, columns, (CURVATURE, FILLING))
     halved_kg, doubled_kg = (
-        refit_with_changes(fit, columns, _scale_priors(priors, times), rows=rows).masses_kg
-        for times in (0.5, 2.0)
+        refit_with_changes(fit, columns, _scale_prior_stds(priors, factor), rows=rows).masses_kg
+        for factor in (0.5, 2.0)
     )
     return Weighing(
         fit,
@@ -336,13 +336,13 @@ def fit_curvature(
     return ForceCurvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
 
 
-def _scale_priors(priors: PriorSettings, times: float) -> PriorSettings:
+def _scale_prior_stds(priors: PriorSettings, factor: float) -> PriorSettings:
     """Priors with their standard deviations multiplied by a factor."""
     learnt = {
-        name: term.model_copy(update={"std": term.std * times})
+        name: term.model_copy(update={"std": term.std * factor})
         for name, term in priors.learnt.items()
     }
     widths = {
-        n: v * times for n, v in priors.model_dump(exclude={"learnt", "learnt_means"}).items()
+        n: v * factor for n, v in priors.model_dump(exclude={"learnt", "learnt_means"}).items()
     }
     return priors.model_copy(update={**widths, "learnt": learnt})
