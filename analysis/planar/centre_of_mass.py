@@ -267,9 +267,10 @@ def fit_with_coefficients(
     terms = terms_of_drive(drive, "xz"[rows])
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known.names}
-    noise = planar_noise(log.plane, segment_id >= 0)[rows][:, of_columns]
-    prior = prior_for_rows(known, rows, names).joined_with(Prior.around_zero(width, noise.shape[0]))
     regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)
+    arm_y_m = regressor.imu_position_m[1]
+    noise = planar_noise(log.plane, segment_id >= 0, arm_y_m)[rows][:, of_columns]
+    prior = prior_for_rows(known, rows, names).joined_with(Prior.around_zero(width, noise.shape[0]))
     fitted = base_parameters.fit(
         regressor,
         log.plane.f[part, rows],

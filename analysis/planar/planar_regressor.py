@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.planar.planar_motion import Drive
-from analysis.planar.planar_terms import Term
+from analysis.planar.planar_terms import Term, measures_force, measures_sideways
 from estimators.arrays import Floats, Ints
 from estimators.planar.planar_rows import PARAMETERS
 
@@ -61,10 +61,35 @@ class Regressor:
     @property
     def noise_loading(self) -> Floats:
         """(rows, p, p) loading of each column on the noise of each, see `base_parameters.fit`."""
-        size = self.shape[-1]
+        size, own = self.shape[-1], self.columns.size
         found = np.zeros((2, size, size))
         found[:, range(size), range(size)] = 1.0
-        found[:, self.columns.size :, : self.columns.size] = self.mixtures[
-            :, self.columns
-        ].transpose(0, 2, 1)
+        found[:, :own, :own] = self._column_loading()
+        found[:, own:, :own] = (
+            self.mixtures[:, self.columns].transpose(0, 2, 1) @ found[:, :own, :own]
+        )
         return found[self.axes]
+
+    @property
+    def imu_position_m(self) -> tuple[float, float]:
+        """Lever arm, ahead and to the left, by which the yaw's noise is in the accelerometer's.
+
+        It is (0, 0) where no accelerometer is used, or not all six columns are fitted.
+        """
+        if self.columns.size < len(PARAMETERS) or not measures_force(self.drive.machine):
+            return 0.0, 0.0
+        return self.drive.machine.machine.imu.position_m[:2]
+
+    def _column_loading(self) -> Floats:
+        """Loading (2, c, c) of the selected columns on the noise of each other."""
+        found = np.zeros((2, self.columns.size, self.columns.size))
+        found[:] = np.eye(self.columns.size)
+        x_m, y_m = self.imu_position_m
+        if x_m or y_m:
+            mass, inertia, moment_x, moment_y, *_ = range(len(PARAMETERS))
+            # `move_to_origin` adds ω² x + ω̇ y to s_x, and ω² y - ω̇ x to s_y
+            found[0, mass, [moment_x, moment_y]] = -x_m, -y_m
+            found[1, moment_y, inertia] = -y_m
+            if measures_sideways(self.drive.machine):
+                found[1, moment_x, inertia] = -x_m
+        return found

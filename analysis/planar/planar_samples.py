@@ -122,14 +122,26 @@ def is_ending_of_stop(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
     return (event == 0) & (event[before] == 1) & (event[after] == 3)
 
 
-def planar_noise(plane: PlanarSamples, used: Bools) -> Floats:
-    """Noise of each column of each row after the moving mean, (2, 6); `used` (n,) rows."""
+def planar_noise(plane: PlanarSamples, used: Bools, arm_y_m: float = 0.0) -> Floats:
+    """Noise of each column of each row after the moving mean.
+
+    Args:
+        plane: motion with the noise of its channels.
+        used: (n,) samples of the fit.
+        arm_y_m: position of the IMU to the left, if the noise that the yaw acceleration brings into
+            the accelerometer's columns by this lever arm is not to be included.
+
+    Returns:
+        (2, 6) r.m.s. by row and column.
+    """
     motion, noise = plane.motion, plane.noise
     speed_rms, yaw_rate_rms = (
         float(np.sqrt(np.mean(x**2, where=used))) for x in (motion.speed, motion.yaw_rate)
     )
     acc, speed = noise["regressor_acc_x_m_s2"], noise["speed_x_m_s"]
     yaw_rate, yaw_acc = noise["yaw_rate_rad_s"], noise["yaw_acc_rad_s2"]
+    if arm_y_m:
+        acc = float(np.sqrt(max(acc**2 - (arm_y_m * yaw_acc) ** 2, 0.0)))
     # of ω v, or of an accelerometer, whichever is more
     sideways = float(np.hypot(speed_rms * yaw_rate, yaw_rate_rms * speed))
     return planar_rows.column_noise(yaw_rate_rms, acc, max(acc, sideways), speed, yaw_rate, yaw_acc)

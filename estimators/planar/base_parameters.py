@@ -97,13 +97,13 @@ def fit(
     given = np.array([list(parameters).index(name) for name in prior.names], np.int64)
     free = np.setdiff1d(np.arange(p), given)
     names = [parameters[int(i)] for i in free]
-    all_noise = None if noise is None else np.sqrt(np.mean(np.square(noise), axis=0))[free]
+    shared = np.broadcast_to(np.eye(p), (k, p, p)) if loading is None else loading
+    all_noise = None if noise is None else _column_rms(noise, shared)[free]
     found = identify(R[..., free], names, all_noise, samples * k)
     columns = np.concatenate([free[found.base], given])
     added = samples * np.square(np.zeros((k, p)) if noise is None else noise)
     # of what hardly moves and has a prior, the noise is nearly all of it
     added = np.minimum(added, MOST_NOISE * np.square(R[..., :-1]).sum(axis=1))
-    shared = np.broadcast_to(np.eye(p), (k, p, p)) if loading is None else loading
     system = _System(R[..., columns], R[..., -1], added, shared[:, columns], prior, samples)
     fitted = system.solve(np.ones(k))
     coefficients = place_in_columns(fitted.theta, columns, p)
@@ -135,6 +135,11 @@ def fit(
         combination_std=np.sqrt(np.diagonal(covariance))[~single],
         residual_rms=fitted.rms,
     )
+
+
+def _column_rms(noise: Floats, loading: Floats) -> Floats:
+    """R.m.s. noise (p,) of each column over the axes, of all its sources."""
+    return np.sqrt(np.mean(np.einsum("kcs,ks->kc", loading**2, noise**2), axis=0))
 
 
 def place_in_columns(values: Floats, at: Ints, p: int, other: float = 0.0) -> Floats:
