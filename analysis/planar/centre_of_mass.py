@@ -268,8 +268,8 @@ def fit_with_coefficients(
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known.names}
     regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)
-    arm_y_m = regressor.imu_position_m[1]
-    noise = planar_noise(log.plane, segment_id >= 0, arm_y_m)[rows][:, of_columns]
+    used, arm_y_m = segment_id >= 0, regressor.imu_position_m[1]
+    noise = planar_noise(log.plane, used, arm_y_m)[rows][:, of_columns]
     prior = prior_for_rows(known, rows, names).joined_with(Prior.around_zero(width, noise.shape[0]))
     fitted = base_parameters.fit(
         regressor,
@@ -328,10 +328,10 @@ def _make_fit_row(
         row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*_MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
-    row["scale_unknown"] = list_missing_machine_values(
+    row["scale_unknown"] = list_missing_values(
         fitted, [quantity_gradient(estimate, name) for name in sorted(told)], log.machine
     )
-    row["com_scale_unknown"] = list_missing_machine_values(
+    row["com_scale_unknown"] = list_missing_values(
         fitted, [estimate.slope(moment, "mass_kg")[1] for moment in _MOMENTS], log.machine
     )
     for name, rms in zip(
@@ -341,9 +341,7 @@ def _make_fit_row(
     return row
 
 
-def list_missing_machine_values(
-    fitted: PlanarFit, gradients: list[Floats], machine: Machine
-) -> str:
+def list_missing_values(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
     """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [list_uncertainty_sources(fitted.estimate, g, fitted.priors, machine) for g in told]
