@@ -17,7 +17,7 @@ from typing import Annotated, Final
 import numpy as np
 import typer
 
-from benchmarks.kept_trials import run_trials
+from benchmarks.kept_trials import run_seeds
 from benchmarks.page import markdown
 from replay.calibration.verify_bundle import verify_bundle
 from replay.demo.run_demo import run_demo
@@ -108,14 +108,7 @@ def main(
     results: Annotated[Path | None, typer.Option("--json")] = None,
 ) -> None:
     found: list[DemoShift] = []
-    trials = run_trials(
-        range(first, first + seeds),
-        demo_shift,
-        results,
-        DemoShift,
-        task_key=lambda seed: seed,
-        result_key=lambda each: each.seed,
-    )
+    trials = run_seeds(range(first, first + seeds), demo_shift, results, DemoShift)
     for each in trials:
         found.append(each)
         print(each, flush=True)

@@ -30,7 +30,7 @@ import typer
 from scipy.optimize import linear_sum_assignment
 
 from benchmarks.independent.shift_logs import ShiftPlan, shift_log, write_shift_log
-from benchmarks.kept_trials import read_rows, run_trials
+from benchmarks.kept_trials import read_rows, run_seeds
 from benchmarks.page import markdown
 from estimators.errors import PayscopeError
 from replay.review.review_shift import ReviewOptions, review_shift
@@ -211,14 +211,7 @@ def campaign(
         print(f"seed {seed}: F1 {found.f1:.3f}, {found.seconds:.0f} s", flush=True)
         return found
 
-    return run_trials(
-        seeds,
-        review_shift,
-        kept,
-        IndependentShift,
-        task_key=lambda seed: seed,
-        result_key=lambda found: found.seed,
-    )
+    return run_seeds(seeds, review_shift, kept, IndependentShift)
 
 
 def table(found: Sequence[IndependentShift], said: Sequence[str]) -> str:

@@ -52,3 +52,20 @@ def run_trials(
             before[key] = trial(task)
             keep(kept, before[key])
         yield before[key]
+
+
+def run_seeds(
+    seeds: Iterable[int],
+    trial: Callable[[int], Result],
+    kept: Path | None,
+    result: Callable[..., Result],
+) -> Iterator[Result]:
+    """Try each seed, as `run_trials` does; a result has its `seed`."""
+    return run_trials(
+        seeds,
+        trial,
+        kept,
+        result,
+        task_key=lambda seed: seed,
+        result_key=lambda each: each.seed,  # pyright: ignore[reportAttributeAccessIssue]
+    )

@@ -42,7 +42,7 @@ from benchmarks.independent.machine_file import Known
 from benchmarks.independent.shift_logs import ShiftLog, ShiftPlan, shift_log, write_shift_log
 from benchmarks.independent_campaigns import Drawn, Way, calibrated, machine_as_calibrated
 from benchmarks.independent_shifts import match_dumps
-from benchmarks.kept_trials import run_trials
+from benchmarks.kept_trials import run_seeds
 from benchmarks.page import markdown
 from replay import load_machine, open_log, run
 
@@ -269,14 +269,7 @@ def main(
         print(seed, made.why, [round(s) for s in made.seconds], flush=True)
         return made
 
-    found = run_trials(
-        range(first, first + shifts),
-        one,
-        kept,
-        ScaledShift,
-        task_key=lambda seed: seed,
-        result_key=lambda each: each.seed,
-    )
+    found = run_seeds(range(first, first + shifts), one, kept, ScaledShift)
     print(table(list(found)))
 
 

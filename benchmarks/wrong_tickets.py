@@ -12,16 +12,16 @@ machine file states them, and the ticket's. It has to be said, and no tonnes may
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 import polars as pl
 import typer
 
 from benchmarks.independent.shift_logs import ShiftPlan, shift_log, write_shift_log
-from benchmarks.kept_trials import run_trials
+from benchmarks.kept_trials import run_seeds
 from benchmarks.page import markdown
 from benchmarks.scale_sources import LOAD_SHARE, TICKET_U_1, K
 from replay import load_machine, open_log, run
@@ -63,11 +63,11 @@ class WrongTicket:
     seed: int
     true_kg: float
     comparison_u_1: float
-    replays: list[dict[str, float | list[str]]]
+    replays: list[dict[str, Any]]
 
     def read(self) -> list[TicketReplay]:
         """The replays, as they were kept."""
-        return [TicketReplay(**each) for each in self.replays]  # pyright: ignore[reportArgumentType]
+        return [TicketReplay(**each) for each in self.replays]
 
 
 def wrong_ticket(seed: int, hours: float) -> WrongTicket:
@@ -76,7 +76,7 @@ def wrong_ticket(seed: int, hours: float) -> WrongTicket:
     dice = np.random.default_rng([seed, 26_003])
     ticket_kg = log.plant.mass_kg * float(dice.normal(1.0, TICKET_U_1))
     off_u = OFF_U * float(dice.choice([-1.0, 1.0]))
-    replays: list[dict[str, float | list[str]]] = []
+    replays: list[dict[str, Any]] = []
     u_1 = 0.0
     for wrong_u in (0.0, off_u):
         stated_kg = ticket_kg + wrong_u * u_1 * log.plant.mass_kg
@@ -90,12 +90,14 @@ def wrong_ticket(seed: int, hours: float) -> WrongTicket:
         shift = frames["shift"].row(0, named=True)
         counted = bool(shift["cycles_counted"])
         replays.append(
-            {
-                "off_u": wrong_u,
-                "said": _said_of_empty_mass(frames),
-                "total_kg": shift["total_kg"] if counted else 0.0,
-                "u_kg": shift["total_u_kg"] if counted else 0.0,
-            }
+            asdict(
+                TicketReplay(
+                    off_u=wrong_u,
+                    said=_said_of_empty_mass(frames),
+                    total_kg=shift["total_kg"] if counted else 0.0,
+                    u_kg=shift["total_u_kg"] if counted else 0.0,
+                )
+            )
         )
         if shift["gain_1"] is None:
             break
@@ -153,14 +155,7 @@ def main(
         print(seed, f"{made.comparison_u_1:.2%}", made.read(), flush=True)
         return made
 
-    trials = run_trials(
-        range(first, first + shifts),
-        one,
-        kept,
-        WrongTicket,
-        task_key=lambda seed: seed,
-        result_key=lambda each: each.seed,
-    )
+    trials = run_seeds(range(first, first + shifts), one, kept, WrongTicket)
     print(table(list(trials)))
 
 

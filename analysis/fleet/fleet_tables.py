@@ -10,15 +10,11 @@ from typing import Final
 import polars as pl
 
 from analysis.model.run_record import Run
-from analysis.model.schema import FRAMES, Column, Frame
+from analysis.model.schema import FRAMES, Column, Frame, make_float_column
 from analysis.model.verdict import Verdict
 
 #: Frames of a run that are kept as they are.
 KEPT: Final = ("loads", "segments", "cycles", "findings")
-
-
-def _make_float_column(name: str, unit: str, meaning: str) -> Column:
-    return Column(name, pl.Float64, unit, meaning)
 
 
 #: Of which result a row is.
@@ -44,20 +40,20 @@ RESULTS: Final = Frame(
         Column("failed_checks", pl.String, "1", "checks that failed, separated by commas"),
         Column("losses", pl.Int64, "1", "losses of the log"),
         Column("first_loss", pl.String, "1", "the first of them, in a sentence"),
-        _make_float_column("duration_s", "s", "from the first sample to the last"),
-        _make_float_column("gap_s", "s", "part of that without a recording"),
-        _make_float_column("idle_s", "s", "part of that in standstills of more than half a minute"),
-        _make_float_column("longest_gap_at_s", "s", "where the longest gap begins (null: no gap)"),
-        _make_float_column("accepted_1", "1", "share of the time that the gate accepted"),
+        make_float_column("duration_s", "s", "from the first sample to the last"),
+        make_float_column("gap_s", "s", "part of that without a recording"),
+        make_float_column("idle_s", "s", "part of that in standstills of more than half a minute"),
+        make_float_column("longest_gap_at_s", "s", "where the longest gap begins (null: no gap)"),
+        make_float_column("accepted_1", "1", "share of the time that the gate accepted"),
         Column("cycles", pl.Int64, "1", "cycles that were seen"),
         Column("cycles_counted", pl.Int64, "1", "cycles in the sum"),
         Column(
             "cycles_without_mass", pl.Int64, "1", "cycles without a start that determines the mass"
         ),
-        _make_float_column("payload_kg", "kg", "sum of payloads"),
-        _make_float_column("payload_u_random_kg", "kg", "its random standard uncertainty"),
-        _make_float_column("payload_u_common_kg", "kg", "its common standard uncertainty"),
-        _make_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
+        make_float_column("payload_kg", "kg", "sum of payloads"),
+        make_float_column("payload_u_random_kg", "kg", "its random standard uncertainty"),
+        make_float_column("payload_u_common_kg", "kg", "its common standard uncertainty"),
+        make_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
         Column("scale_from", pl.String, "1", "what determines the scale of payloads"),
         Column(
             "scale_unknown",
@@ -65,12 +61,12 @@ RESULTS: Final = Frame(
             "1",
             "sources of payload scale error without a stated uncertainty",
         ),
-        _make_float_column("gain_1", "1", "empty machine in the log over that of the machine file"),
-        _make_float_column("gain_u_1", "1", "its standard uncertainty"),
-        _make_float_column("lost_cycles", "1", "cycles expected where nothing was recorded"),
-        _make_float_column("lost_kg", "kg", "payload that they would have carried"),
-        _make_float_column("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
-        _make_float_column("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
+        make_float_column("gain_1", "1", "empty machine in the log over that of the machine file"),
+        make_float_column("gain_u_1", "1", "its standard uncertainty"),
+        make_float_column("lost_cycles", "1", "cycles expected where nothing was recorded"),
+        make_float_column("lost_kg", "kg", "payload that they would have carried"),
+        make_float_column("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
+        make_float_column("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
         Column("calibration", pl.String, "1", "id of the evidence in use (empty: none)"),
         Column(
             "not_calibrated_for", pl.String, "1", "what in the log contradicts it (empty: nothing)"
@@ -84,7 +80,7 @@ GATE_SHARES: Final = Frame(
     "a row for each reason of the gate: its share of the recorded time",
     (
         Column("reason", pl.String, "1", "accepted, or why not"),
-        _make_float_column("share_1", "1", "share of the time"),
+        make_float_column("share_1", "1", "share of the time"),
     ),
 )
 QUALITY: Final = Frame(
@@ -93,11 +89,9 @@ QUALITY: Final = Frame(
     (
         Column("topic", pl.String, "1", "its name"),
         Column("messages", pl.Int64, "1", "messages that were read"),
-        _make_float_column("rate_hz", "Hz", "one over the median period"),
-        _make_float_column("longest_s", "s", "longest time between two messages"),
-        _make_float_column(
-            "late_1", "1", "share of messages more than one and a half periods late"
-        ),
+        make_float_column("rate_hz", "Hz", "one over the median period"),
+        make_float_column("longest_s", "s", "longest time between two messages"),
+        make_float_column("late_1", "1", "share of messages more than one and a half periods late"),
     ),
 )
 #: Every table, `results` last: a result is there when its row of it is.

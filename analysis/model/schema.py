@@ -105,56 +105,55 @@ class Frame:
         return next((column for column in self.columns if column.name == name), None)
 
 
-def _make_float_column(name: str, unit: str, meaning: str) -> Column:
+def make_float_column(name: str, unit: str, meaning: str) -> Column:
+    """Declare a column of float64 numbers."""
     return Column(name, pl.Float64, unit, meaning)
 
 
 _T = Column("t_ns", pl.Int64, "ns", "time since the first aligned sample")
 
 _FORCE = (
-    _make_float_column(
+    make_float_column(
         "torque_left_N_m", "N·m", "wheel torque of the left side, positive drives forward"
     ),
-    _make_float_column(
+    make_float_column(
         "torque_right_N_m", "N·m", "wheel torque of the right side, positive drives forward"
     ),
-    _make_float_column(
+    make_float_column(
         "force_x_N", "N", "longitudinal force of all driven wheels (17), positive drives forward"
     ),
-    _make_float_column(
+    make_float_column(
         "torque_z_N_m", "N·m", "yaw torque about the vertical (18), positive turns left"
     ),
 )
 _MOTION = (
-    _make_float_column("position_x_m", "m", "travelled position, positive forward"),
-    _make_float_column("speed_left_m_s", "m/s", "speed of the left wheels, positive forward"),
-    _make_float_column("speed_right_m_s", "m/s", "speed of the right wheels, positive forward"),
-    _make_float_column("speed_x_m_s", "m/s", "longitudinal speed, positive forward"),
-    _make_float_column(
+    make_float_column("position_x_m", "m", "travelled position, positive forward"),
+    make_float_column("speed_left_m_s", "m/s", "speed of the left wheels, positive forward"),
+    make_float_column("speed_right_m_s", "m/s", "speed of the right wheels, positive forward"),
+    make_float_column("speed_x_m_s", "m/s", "longitudinal speed, positive forward"),
+    make_float_column(
         "acc_x_m_s2", "m/s²", "kinematic longitudinal acceleration (no gravity in it)"
     ),
-    _make_float_column("specific_force_x_m_s2", "m/s²", "accelerometer along x, gravity included"),
-    _make_float_column(
+    make_float_column("specific_force_x_m_s2", "m/s²", "accelerometer along x, gravity included"),
+    make_float_column(
         "specific_force_y_m_s2", "m/s²", "accelerometer along y (left), gravity included"
     ),
-    _make_float_column(
-        "specific_force_z_m_s2", "m/s²", "accelerometer along z (up), +9.81 at rest"
-    ),
-    _make_float_column("roll_rate_rad_s", "rad/s", "gyroscope about x"),
-    _make_float_column("pitch_rate_rad_s", "rad/s", "gyroscope about y"),
-    _make_float_column("yaw_rate_rad_s", "rad/s", "gyroscope about z, positive turns left"),
-    _make_float_column("yaw_acc_rad_s2", "rad/s²", "yaw acceleration, positive turns left"),
-    _make_float_column("pitch_rad", "rad", "pitch, positive nose-up (REP-103 is the opposite)"),
-    _make_float_column("roll_rad", "rad", "roll, positive right side down"),
+    make_float_column("specific_force_z_m_s2", "m/s²", "accelerometer along z (up), +9.81 at rest"),
+    make_float_column("roll_rate_rad_s", "rad/s", "gyroscope about x"),
+    make_float_column("pitch_rate_rad_s", "rad/s", "gyroscope about y"),
+    make_float_column("yaw_rate_rad_s", "rad/s", "gyroscope about z, positive turns left"),
+    make_float_column("yaw_acc_rad_s2", "rad/s²", "yaw acceleration, positive turns left"),
+    make_float_column("pitch_rad", "rad", "pitch, positive nose-up (REP-103 is the opposite)"),
+    make_float_column("roll_rad", "rad", "roll, positive right side down"),
 )
 _HINTS = (
-    _make_float_column("boom_rad", "rad", "boom angle, positive up"),
-    _make_float_column("bucket_rad", "rad", "bucket angle, positive curled up"),
-    _make_float_column("latitude_deg", "°", "latitude"),
-    _make_float_column("longitude_deg", "°", "longitude"),
-    _make_float_column("fuel_rate_L_h", "L/h", "rate at which the engine burns fuel"),
+    make_float_column("boom_rad", "rad", "boom angle, positive up"),
+    make_float_column("bucket_rad", "rad", "bucket angle, positive curled up"),
+    make_float_column("latitude_deg", "°", "latitude"),
+    make_float_column("longitude_deg", "°", "longitude"),
+    make_float_column("fuel_rate_L_h", "L/h", "rate at which the engine burns fuel"),
 )
-_DIRECTION = _make_float_column(
+_DIRECTION = make_float_column(
     "direction_x_1",
     "1",
     "sign of the longitudinal speed at its own rate, gridded like the others: the Coulomb column",
@@ -166,31 +165,31 @@ HINTS: Final = frozenset(column.name for column in _HINTS)
 CHANNEL_COLUMNS: Final = (*_FORCE, *_MOTION, *_HINTS)
 
 _THETA = (
-    _make_float_column("mass_kg", "kg", "estimated mass"),
-    _make_float_column(
+    make_float_column("mass_kg", "kg", "estimated mass"),
+    make_float_column(
         "mass_std_kg",
         "kg",
         "its standard deviation (sandwich, autocorrelation pooled over the log)",
     ),
-    _make_float_column("friction_x_N_s_m", "N·s/m", "estimated viscous friction"),
-    _make_float_column("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
-    _make_float_column(
+    make_float_column("friction_x_N_s_m", "N·s/m", "estimated viscous friction"),
+    make_float_column("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
+    make_float_column(
         "coulomb_x_N", "N", "estimated Coulomb friction, where the setting asks for it"
     ),
-    _make_float_column("coulomb_x_std_N", "N", "its standard deviation"),
+    make_float_column("coulomb_x_std_N", "N", "its standard deviation"),
 )
 _SPIN = (
-    _make_float_column(
+    make_float_column(
         "inertia_z_kg_m2", "kg·m²", "estimated inertia about the vertical through the origin"
     ),
-    _make_float_column("inertia_z_std_kg_m2", "kg·m²", "its standard deviation"),
-    _make_float_column("friction_z_N_m_s", "N·m·s", "estimated viscous friction of turning"),
-    _make_float_column("friction_z_std_N_m_s", "N·m·s", "its standard deviation"),
+    make_float_column("inertia_z_std_kg_m2", "kg·m²", "its standard deviation"),
+    make_float_column("friction_z_N_m_s", "N·m·s", "estimated viscous friction of turning"),
+    make_float_column("friction_z_std_N_m_s", "N·m·s", "its standard deviation"),
 )
 _FIT = (
-    _make_float_column("residual_rms_N", "N", "r.m.s. of the force residuals"),
-    _make_float_column("residual_rms_N_m", "N·m", "r.m.s. of the yaw torque residuals"),
-    _make_float_column(
+    make_float_column("residual_rms_N", "N", "r.m.s. of the force residuals"),
+    make_float_column("residual_rms_N_m", "N·m", "r.m.s. of the yaw torque residuals"),
+    make_float_column(
         "condition_1", "1", "condition number of the regressor, columns scaled to unit norm"
     ),
 )
@@ -218,19 +217,19 @@ FRAMES: Final[dict[str, Frame]] = {
             "force and motion after the trailing moving mean, and the phase of motion",
             (
                 _T,
-                _make_float_column(
+                make_float_column(
                     "force_x_N", "N", "longitudinal force of all driven wheels, smoothed"
                 ),
-                _make_float_column("torque_z_N_m", "N·m", "yaw torque (18), smoothed"),
-                _make_float_column(
+                make_float_column("torque_z_N_m", "N·m", "yaw torque (18), smoothed"),
+                make_float_column(
                     "regressor_acc_x_m_s2", "m/s²", "what multiplies the mass in (7): with gravity"
                 ),
-                _make_float_column(
+                make_float_column(
                     "regressor_acc_y_m_s2", "m/s²", "specific force of the origin to the left"
                 ),
-                _make_float_column("speed_x_m_s", "m/s", "longitudinal speed, smoothed"),
+                make_float_column("speed_x_m_s", "m/s", "longitudinal speed, smoothed"),
                 _DIRECTION,
-                _make_float_column(
+                make_float_column(
                     "speed_rate_x_m_s2", "m/s²", "rate of the longitudinal speed, for the phases"
                 ),
                 *(c for c in _MOTION if c.name not in ("position_x_m", "speed_x_m_s")),
@@ -244,7 +243,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("first", pl.String, "1", "column of `excitation` that comes first"),
                 Column("second", pl.String, "1", "column that comes `lag` samples later"),
                 Column("lag", pl.Int64, "1", "samples between the two"),
-                _make_float_column(
+                make_float_column(
                     "covariance", "1", "covariance of the two, in the product of their units"
                 ),
                 Column("source", pl.Enum(NOISE_SOURCES), "1", "samples from which it is estimated"),
@@ -255,34 +254,34 @@ FRAMES: Final[dict[str, Frame]] = {
             "statistics of the window that ends here, and the gate's decision",
             (
                 _T,
-                _make_float_column(
+                make_float_column(
                     "corr_x_1", "1", "correlation of acceleration and force over the window"
                 ),
-                _make_float_column("mi_x_nat", "nat", "information index (11) of the window"),
-                _make_float_column(
+                make_float_column("mi_x_nat", "nat", "information index (11) of the window"),
+                make_float_column(
                     "ksg_x_nat", "nat", "mutual information by nearest neighbours (index = ksg)"
                 ),
-                _make_float_column(
+                make_float_column(
                     "predicted_std_x", "kg", "predicted standard deviation of the mass"
                 ),
-                _make_float_column(
+                make_float_column(
                     "noise_share_x_1",
                     "1",
                     "share of noise in the variance that the acceleration explains",
                 ),
                 Column("accepted_x", pl.Boolean, "1", "whether the window is used"),
                 Column("reason_x", REASON, "1", "why, or why not"),
-                _make_float_column(
+                make_float_column(
                     "corr_z_1", "1", "correlation of yaw acceleration and torque over the window"
                 ),
-                _make_float_column("mi_z_nat", "nat", "information index (11) of the window, yaw"),
-                _make_float_column(
+                make_float_column("mi_z_nat", "nat", "information index (11) of the window, yaw"),
+                make_float_column(
                     "ksg_z_nat", "nat", "the same by nearest neighbours, yaw (index = ksg)"
                 ),
-                _make_float_column(
+                make_float_column(
                     "predicted_std_z", "kg·m²", "predicted standard deviation of the inertia"
                 ),
-                _make_float_column(
+                make_float_column(
                     "noise_share_z_1",
                     "1",
                     "share of noise in the variance that the yaw acceleration explains",
@@ -297,8 +296,8 @@ FRAMES: Final[dict[str, Frame]] = {
             (
                 Column("start_t_ns", pl.Int64, "ns", "its first sample that drives"),
                 Column("end_t_ns", pl.Int64, "ns", "its last sample that drives"),
-                _make_float_column("growth_N", "N", "by how much the resistance grows"),
-                _make_float_column("growth_std_N", "N", "its standard deviation"),
+                make_float_column("growth_N", "N", "by how much the resistance grows"),
+                make_float_column("growth_std_N", "N", "its standard deviation"),
             ),
         ),
         Frame(
@@ -336,28 +335,28 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("start_t_ns", pl.Int64, "ns", "its first sample"),
                 Column("end_t_ns", pl.Int64, "ns", "its last sample"),
                 Column("samples", pl.Int64, "1", "samples in it"),
-                _make_float_column("speed_x_m_s", "m/s", "mean longitudinal speed"),
-                _make_float_column("yaw_rate_rad_s", "rad/s", "mean yaw rate"),
-                _make_float_column("com_x_m", "m", "centre of mass ahead of the origin"),
-                _make_float_column("com_x_std_m", "m", "its standard uncertainty"),
-                _make_float_column("com_y_m", "m", "centre of mass to the left of the origin"),
-                _make_float_column("com_y_std_m", "m", "its standard uncertainty"),
-                _make_float_column(
+                make_float_column("speed_x_m_s", "m/s", "mean longitudinal speed"),
+                make_float_column("yaw_rate_rad_s", "rad/s", "mean yaw rate"),
+                make_float_column("com_x_m", "m", "centre of mass ahead of the origin"),
+                make_float_column("com_x_std_m", "m", "its standard uncertainty"),
+                make_float_column("com_y_m", "m", "centre of mass to the left of the origin"),
+                make_float_column("com_y_std_m", "m", "its standard uncertainty"),
+                make_float_column(
                     "predicted_std_com_m", "m", "predicted standard deviation of com_x_m"
                 ),
                 *_THETA[:4],
                 *_SPIN,
-                _make_float_column(
+                make_float_column(
                     "first_moment_x_kg_m", "kg·m", "mass times centre of mass, ahead"
                 ),
-                _make_float_column("first_moment_x_std_kg_m", "kg·m", "its standard deviation"),
-                _make_float_column(
+                make_float_column("first_moment_x_std_kg_m", "kg·m", "its standard deviation"),
+                make_float_column(
                     "first_moment_y_kg_m", "kg·m", "mass times centre of mass, to the left"
                 ),
-                _make_float_column("first_moment_y_std_kg_m", "kg·m", "its standard deviation"),
+                make_float_column("first_moment_y_std_kg_m", "kg·m", "its standard deviation"),
                 *_FIT,
-                _make_float_column("r_squared_x_1", "1", "share of the force's variance explained"),
-                _make_float_column(
+                make_float_column("r_squared_x_1", "1", "share of the force's variance explained"),
+                make_float_column(
                     "r_squared_z_1", "1", "share of the yaw torque's variance explained"
                 ),
                 Column("rank", pl.Int64, "1", "how many numbers the motion determines"),
@@ -389,11 +388,11 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("quantity", pl.String, "1", "inertia, a first moment or a centre of mass"),
                 Column("cause", pl.String, "1", "where it comes from"),
                 Column("kind", pl.String, "1", "random, common or scale"),
-                _make_float_column(
+                make_float_column(
                     "u", "1", "standard uncertainty in `unit` (null where it is not known)"
                 ),
                 Column("unit", pl.String, "1", "of the quantity"),
-                _make_float_column("share_1", "1", "share of the variance"),
+                make_float_column("share_1", "1", "share of the variance"),
                 Column("meaning", pl.String, "1", "what it is"),
                 Column("shrinks", pl.String, "1", "what would reduce it"),
             ),
@@ -404,7 +403,7 @@ FRAMES: Final[dict[str, Frame]] = {
             (
                 Column("method", pl.String, "1", "estimator"),
                 *_THETA,
-                _make_float_column("payload_kg", "kg", "mass less the machine's empty mass"),
+                make_float_column("payload_kg", "kg", "mass less the machine's empty mass"),
                 *_SPIN,
                 Column("rows", pl.Int64, "1", "estimates it summarises"),
                 Column("rows_z", pl.Int64, "1", "estimates of spins that it summarises"),
@@ -422,30 +421,30 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("start_t_ns", pl.Int64, "ns", "its first fitted sample"),
                 Column("end_t_ns", pl.Int64, "ns", "its last fitted sample"),
                 Column("manoeuvres", pl.Int64, "1", "manoeuvres that were fitted"),
-                _make_float_column(
+                make_float_column(
                     "mass_kg", "kg", "mass by the joint fit (null where it is withheld)"
                 ),
-                _make_float_column(
+                make_float_column(
                     "u_kg", "kg", "its standard uncertainty: random, common and scale"
                 ),
-                _make_float_column(
+                make_float_column(
                     "u_random_kg", "kg", "the part that more starts would average out"
                 ),
-                _make_float_column(
+                make_float_column(
                     "u_common_kg",
                     "kg",
                     "the part shared by all loads of the log: nuisance terms, scale",
                 ),
-                _make_float_column(
+                make_float_column(
                     "payload_kg", "kg", "mass less that of an empty state, or the empty mass"
                 ),
-                _make_float_column("payload_u_kg", "kg", "its standard uncertainty"),
-                _make_float_column(
+                make_float_column("payload_u_kg", "kg", "its standard uncertainty"),
+                make_float_column(
                     "payload_u_random_kg", "kg", "the part that more starts would average out"
                 ),
-                _make_float_column("own_payload_kg", "kg", "payload on the scale of the log alone"),
-                _make_float_column("own_payload_u_kg", "kg", "its standard uncertainty"),
-                _make_float_column(
+                make_float_column("own_payload_kg", "kg", "payload on the scale of the log alone"),
+                make_float_column("own_payload_u_kg", "kg", "its standard uncertainty"),
+                make_float_column(
                     "own_payload_u_random_kg", "kg", "the part that more starts would average out"
                 ),
                 Column(
@@ -456,18 +455,16 @@ FRAMES: Final[dict[str, Frame]] = {
                     "empty mass)",
                 ),
                 Column("empty", pl.Boolean, "1", "true when it is taken as empty"),
-                _make_float_column(
+                make_float_column(
                     "scatter_kg", "kg", "standard deviation between manoeuvres of one load"
                 ),
                 Column("scatter_known", pl.Boolean, "1", "true if enough manoeuvres determine it"),
-                _make_float_column(
-                    "friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"
-                ),
-                _make_float_column("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
-                _make_float_column(
+                make_float_column("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
+                make_float_column("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
+                make_float_column(
                     "mass_halved_priors_kg", "kg", "the mass with priors half as wide"
                 ),
-                _make_float_column(
+                make_float_column(
                     "mass_doubled_priors_kg", "kg", "the mass with priors twice as wide"
                 ),
                 Column("mean_samples", pl.Int64, "1", "samples of the mean that was fitted"),
@@ -490,28 +487,28 @@ FRAMES: Final[dict[str, Frame]] = {
                     "withheld_for", pl.String, "1", "why there is no mass; empty if there is one"
                 ),
                 Column("said", pl.String, "1", "notes on the loads"),
-                _make_float_column(
+                make_float_column(
                     "calibrated_kg", "kg", "mass under the calibration, where one was given"
                 ),
-                _make_float_column("calibrated_u_kg", "kg", "its standard uncertainty"),
-                _make_float_column("calibrated_low_kg", "kg", "lower end of its interval"),
-                _make_float_column("calibrated_high_kg", "kg", "upper end of its interval"),
+                make_float_column("calibrated_u_kg", "kg", "its standard uncertainty"),
+                make_float_column("calibrated_low_kg", "kg", "lower end of its interval"),
+                make_float_column("calibrated_high_kg", "kg", "upper end of its interval"),
                 Column(
                     "calibrated_reason",
                     pl.String,
                     "1",
                     "why there is no calibrated mass; empty if there is one",
                 ),
-                _make_float_column(
+                make_float_column(
                     "calibrated_unlike_u_kg",
                     "kg",
                     "part of its u due to manoeuvres unlike the campaign's",
                 ),
                 Column("calibrated_said", pl.String, "1", "notes for the reader"),
-                _make_float_column("calibrated_payload_kg", "kg", "payload under the calibration"),
-                _make_float_column("calibrated_payload_u_kg", "kg", "its standard uncertainty"),
-                _make_float_column("calibrated_payload_low_kg", "kg", "lower end of its interval"),
-                _make_float_column("calibrated_payload_high_kg", "kg", "upper end of its interval"),
+                make_float_column("calibrated_payload_kg", "kg", "payload under the calibration"),
+                make_float_column("calibrated_payload_u_kg", "kg", "its standard uncertainty"),
+                make_float_column("calibrated_payload_low_kg", "kg", "lower end of its interval"),
+                make_float_column("calibrated_payload_high_kg", "kg", "upper end of its interval"),
             ),
         ),
         Frame(
@@ -521,8 +518,8 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("load_id", pl.Int64, "1", "the load that it carries"),
                 Column("start_t_ns", pl.Int64, "ns", "its first fitted sample"),
                 Column("end_t_ns", pl.Int64, "ns", "its last fitted sample"),
-                _make_float_column("mass_kg", "kg", "mass by this manoeuvre alone"),
-                _make_float_column(
+                make_float_column("mass_kg", "kg", "mass by this manoeuvre alone"),
+                make_float_column(
                     "mass_std_kg", "kg", "its standard deviation by this manoeuvre alone"
                 ),
             ),
@@ -541,47 +538,47 @@ FRAMES: Final[dict[str, Frame]] = {
                     "ns",
                     "when it dumps, by boom or standstill (null: not seen)",
                 ),
-                _make_float_column("return_s", "s", "from the previous dump to digging"),
-                _make_float_column("load_s", "s", "from digging to the first start with the load"),
-                _make_float_column("haul_s", "s", "from there to the stop for dumping"),
-                _make_float_column("dump_s", "s", "that stand"),
+                make_float_column("return_s", "s", "from the previous dump to digging"),
+                make_float_column("load_s", "s", "from digging to the first start with the load"),
+                make_float_column("haul_s", "s", "from there to the stop for dumping"),
+                make_float_column("dump_s", "s", "that stand"),
                 Column("manoeuvres", pl.Int64, "1", "manoeuvres with the load that were fitted"),
                 Column("loaded_id", pl.Int64, "1", "number of the loaded pass"),
-                _make_float_column("loaded_kg", "kg", "mass of the loaded pass"),
-                _make_float_column("loaded_u_kg", "kg", "its random standard uncertainty"),
+                make_float_column("loaded_kg", "kg", "mass of the loaded pass"),
+                make_float_column("loaded_u_kg", "kg", "its random standard uncertainty"),
                 Column("empty_before_id", pl.Int64, "1", "number of the empty pass before"),
-                _make_float_column("empty_before_kg", "kg", "mass of the empty pass before"),
-                _make_float_column("empty_before_u_kg", "kg", "its random standard uncertainty"),
+                make_float_column("empty_before_kg", "kg", "mass of the empty pass before"),
+                make_float_column("empty_before_u_kg", "kg", "its random standard uncertainty"),
                 Column("empty_after_id", pl.Int64, "1", "number of the next empty pass"),
-                _make_float_column("empty_after_kg", "kg", "mass of the next empty pass"),
-                _make_float_column("empty_after_u_kg", "kg", "its random standard uncertainty"),
-                _make_float_column(
+                make_float_column("empty_after_kg", "kg", "mass of the next empty pass"),
+                make_float_column("empty_after_u_kg", "kg", "its random standard uncertainty"),
+                make_float_column(
                     "tare_before_1",
                     "1",
                     "weight of the empty pass before; the empty pass after has the rest",
                 ),
-                _make_float_column(
+                make_float_column(
                     "payload_kg", "kg", "dumped payload: loaded minus empty mass, after scaling"
                 ),
-                _make_float_column(
+                make_float_column(
                     "payload_u_random_kg", "kg", "the part that differs from cycle to cycle"
                 ),
-                _make_float_column(
+                make_float_column(
                     "payload_u_common_kg", "kg", "the part due to errors common to the whole log"
                 ),
-                _make_float_column(
+                make_float_column(
                     "payload_u_shared_kg", "kg", "part of it that all payloads share, which adds up"
                 ),
-                _make_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
-                _make_float_column(
+                make_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
+                make_float_column(
                     "scale_1", "1", "payload over loaded less empty, by the empty machine"
                 ),
-                _make_float_column(
+                make_float_column(
                     "arriving_1",
                     "1",
                     "share of the weighed load that is not spilled (null: all)",
                 ),
-                _make_float_column("arriving_u_1", "1", "its standard uncertainty"),
+                make_float_column("arriving_u_1", "1", "its standard uncertainty"),
                 Column(
                     "scale_from",
                     pl.String,
@@ -589,14 +586,14 @@ FRAMES: Final[dict[str, Frame]] = {
                     "what determines the whole scale: machine file, empty machine, calibration; "
                     "or ''",
                 ),
-                _make_float_column(
+                make_float_column(
                     "own_u_common_kg", "kg", "u_common by the log alone, of loaded less empty"
                 ),
-                _make_float_column("own_u_shared_kg", "kg", "u_shared by the log alone"),
-                _make_float_column(
+                make_float_column("own_u_shared_kg", "kg", "u_shared by the log alone"),
+                make_float_column(
                     "carry_back_kg", "kg", "next empty pass minus the cleanest empty passes"
                 ),
-                _make_float_column(
+                make_float_column(
                     "carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest ones"
                 ),
                 Column("quality", QUALITY, "1", "how usable the payload is"),
@@ -621,50 +618,48 @@ FRAMES: Final[dict[str, Frame]] = {
                     "1",
                     "cycles without a start that determines the mass",
                 ),
-                _make_float_column("payload_kg", "kg", "sum of payloads"),
-                _make_float_column(
+                make_float_column("payload_kg", "kg", "sum of payloads"),
+                make_float_column(
                     "payload_u_random_kg", "kg", "its random part: averages out over cycles"
                 ),
-                _make_float_column(
+                make_float_column(
                     "payload_u_common_kg", "kg", "its common part: does not average out"
                 ),
-                _make_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
-                _make_float_column("payload_mean_kg", "kg", "mean payload"),
-                _make_float_column("payload_std_kg", "kg", "standard deviation of payloads"),
-                _make_float_column(
+                make_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
+                make_float_column("payload_mean_kg", "kg", "mean payload"),
+                make_float_column("payload_std_kg", "kg", "standard deviation of payloads"),
+                make_float_column(
                     "arriving_1", "1", "mean share of the weighed load that is not spilled"
                 ),
-                _make_float_column("arriving_u_1", "1", "its standard uncertainty"),
-                _make_float_column("carry_back_mean_kg", "kg", "mean carry-back"),
-                _make_float_column(
+                make_float_column("arriving_u_1", "1", "its standard uncertainty"),
+                make_float_column("carry_back_mean_kg", "kg", "mean carry-back"),
+                make_float_column(
                     "carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest ones"
                 ),
-                _make_float_column(
-                    "lost_cycles", "1", "cycles expected where nothing was recorded"
-                ),
-                _make_float_column("lost_cycles_u", "1", "standard uncertainty of lost_cycles"),
-                _make_float_column("lost_kg", "kg", "payload that they would have carried"),
-                _make_float_column("lost_u_kg", "kg", "standard uncertainty of lost_kg"),
+                make_float_column("lost_cycles", "1", "cycles expected where nothing was recorded"),
+                make_float_column("lost_cycles_u", "1", "standard uncertainty of lost_cycles"),
+                make_float_column("lost_kg", "kg", "payload that they would have carried"),
+                make_float_column("lost_u_kg", "kg", "standard uncertainty of lost_kg"),
                 Column("digs", pl.Int64, "1", "cycles whose digging was seen"),
                 Column("boom_dumps", pl.Int64, "1", "dumps that the boom shows, if it does"),
-                _make_float_column(
+                make_float_column(
                     "uncounted_cycles", "1", "cycles expected that digging or the boom shows"
                 ),
-                _make_float_column(
+                make_float_column(
                     "uncounted_cycles_u", "1", "standard uncertainty of uncounted_cycles"
                 ),
-                _make_float_column(
+                make_float_column(
                     "uncounted_kg",
                     "kg",
                     "payload that they carried, by the mean of the counted cycles",
                 ),
-                _make_float_column("uncounted_u_kg", "kg", "standard uncertainty of uncounted_kg"),
-                _make_float_column(
+                make_float_column("uncounted_u_kg", "kg", "standard uncertainty of uncounted_kg"),
+                make_float_column(
                     "on_board_kg", "kg", "load that is not dumped when the recording ends"
                 ),
-                _make_float_column("on_board_u_kg", "kg", "standard uncertainty of that"),
-                _make_float_column("total_kg", "kg", "dumped: counted, uncounted and lost loads"),
-                _make_float_column("total_u_kg", "kg", "standard uncertainty of that"),
+                make_float_column("on_board_u_kg", "kg", "standard uncertainty of that"),
+                make_float_column("total_kg", "kg", "dumped: counted, uncounted and lost loads"),
+                make_float_column("total_u_kg", "kg", "standard uncertainty of that"),
                 Column("scale_from", pl.String, "1", "what determines the scale, as in cycles"),
                 Column(
                     "scale_unknown",
@@ -672,16 +667,16 @@ FRAMES: Final[dict[str, Frame]] = {
                     "1",
                     "sources of payload scale error without a stated uncertainty",
                 ),
-                _make_float_column(
+                make_float_column(
                     "gain_1", "1", "empty machine in the log over that of the machine file"
                 ),
-                _make_float_column("gain_u_1", "1", "its standard uncertainty"),
-                _make_float_column("duration_s", "s", "from the first sample to the last"),
-                _make_float_column("gap_s", "s", "part of that without a recording"),
-                _make_float_column(
+                make_float_column("gain_u_1", "1", "its standard uncertainty"),
+                make_float_column("duration_s", "s", "from the first sample to the last"),
+                make_float_column("gap_s", "s", "part of that without a recording"),
+                make_float_column(
                     "idle_s", "s", "part of that in standstills of more than half a minute"
                 ),
-                _make_float_column(
+                make_float_column(
                     "utilisation_1", "1", "share of the recorded time without idling"
                 ),
             ),
@@ -692,29 +687,25 @@ FRAMES: Final[dict[str, Frame]] = {
             (
                 Column("term", pl.String, "1", "its name"),
                 Column("unit", pl.String, "1", "of its prior and posterior"),
-                _make_float_column("prior_mean", "1", "mean of its prior (in its unit)"),
-                _make_float_column(
+                make_float_column("prior_mean", "1", "mean of its prior (in its unit)"),
+                make_float_column(
                     "prior_std", "1", "standard deviation of its prior (in its unit)"
                 ),
-                _make_float_column(
-                    "posterior", "1", "posterior estimate by this log (in its unit)"
-                ),
-                _make_float_column(
-                    "posterior_std", "1", "standard deviation of that (in its unit)"
-                ),
-                _make_float_column(
+                make_float_column("posterior", "1", "posterior estimate by this log (in its unit)"),
+                make_float_column("posterior_std", "1", "standard deviation of that (in its unit)"),
+                make_float_column(
                     "u_kg", "kg", "contribution of its prior to the mass' uncertainty"
                 ),
                 Column("meaning", pl.String, "1", "physical meaning of the term"),
-                _make_float_column(
+                make_float_column(
                     "prior_mean_u", "1", "standard uncertainty of a learnt prior's mean"
                 ),
-                _make_float_column("alone", "1", "estimate by this log without learnt priors"),
-                _make_float_column("alone_std", "1", "standard deviation of that (in its unit)"),
-                _make_float_column(
+                make_float_column("alone", "1", "estimate by this log without learnt priors"),
+                make_float_column("alone_std", "1", "standard deviation of that (in its unit)"),
+                make_float_column(
                     "alone_prior_mean", "1", "mean of its unlearnt prior (in its unit)"
                 ),
-                _make_float_column(
+                make_float_column(
                     "alone_prior_std",
                     "1",
                     "standard deviation of its unlearnt prior (in its unit)",
@@ -728,7 +719,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("of", pl.String, "1", "mass or payload of a load, or payload of a cycle"),
                 Column("number", pl.Int64, "1", "number of the load or cycle"),
                 Column("term", pl.String, "1", "name of the term, or the scale"),
-                _make_float_column("response_kg", "kg", "change of the result"),
+                make_float_column("response_kg", "kg", "change of the result"),
             ),
         ),
         Frame(
@@ -738,10 +729,10 @@ FRAMES: Final[dict[str, Frame]] = {
             (
                 Column("term", pl.String, "1", "term with this mean"),
                 Column("other", pl.String, "1", "second term of the pair, or the same"),
-                _make_float_column(
+                make_float_column(
                     "error_1", "1", "error of the term's mean, in its standard uncertainties"
                 ),
-                _make_float_column("covariance_1", "1", "covariance of the two, as error_1"),
+                make_float_column("covariance_1", "1", "covariance of the two, as error_1"),
                 Column(
                     "told", pl.Boolean, "1", "true where the masses are corrected for that error"
                 ),
@@ -754,10 +745,10 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("load_id", pl.Int64, "1", "number of the load"),
                 Column("cause", pl.String, "1", "where it comes from"),
                 Column("kind", pl.String, "1", "random, common or scale"),
-                _make_float_column(
+                make_float_column(
                     "u_kg", "kg", "standard uncertainty (null where it is not known)"
                 ),
-                _make_float_column("share_1", "1", "share of the variance"),
+                make_float_column("share_1", "1", "share of the variance"),
                 Column("meaning", pl.String, "1", "what it is"),
                 Column("shrinks", pl.String, "1", "what would reduce it"),
             ),
@@ -768,9 +759,9 @@ FRAMES: Final[dict[str, Frame]] = {
             (
                 Column("check", pl.String, "1", "name of the check"),
                 Column("about", pl.String, "1", "result that it may withhold: mass or inertia"),
-                _make_float_column("value", "1", "its number (null when it does not apply)"),
-                _make_float_column("minimum", "1", "smallest number that passes"),
-                _make_float_column("maximum", "1", "largest number that passes"),
+                make_float_column("value", "1", "its number (null when it does not apply)"),
+                make_float_column("minimum", "1", "smallest number that passes"),
+                make_float_column("maximum", "1", "largest number that passes"),
                 Column("passed", pl.Boolean, "1", "null when the check does not apply to this log"),
                 Column(
                     "consequence",
@@ -793,16 +784,16 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("channel", pl.String, "1", "its channel (null: no single one)"),
                 Column("start_t_ns", pl.Int64, "ns", "from where on (null: the whole log)"),
                 Column("end_t_ns", pl.Int64, "ns", "up to where (null: the whole log)"),
-                _make_float_column(
+                make_float_column(
                     "strength_1",
                     "1",
                     "its test statistic over the detection threshold; findings are ranked by it",
                 ),
                 Column("evidence", pl.String, "1", "what was measured, in a sentence"),
-                _make_float_column(
+                make_float_column(
                     "mass_change_kg", "kg", "change of the mass by correcting it (null: unknown)"
                 ),
-                _make_float_column("mass_change_u_kg", "kg", "standard uncertainty of that"),
+                make_float_column("mass_change_u_kg", "kg", "standard uncertainty of that"),
                 Column(
                     "setting",
                     pl.String,
@@ -828,22 +819,22 @@ FRAMES: Final[dict[str, Frame]] = {
             "a row for each method and load: the points and the fit of (19)",
             (
                 Column("method", pl.String, "1", "estimator"),
-                _make_float_column("load_kg", "kg", "reference load"),
-                _make_float_column("reference_kg", "kg", "machine and load"),
+                make_float_column("load_kg", "kg", "reference load"),
+                make_float_column("reference_kg", "kg", "machine and load"),
                 Column("runs", pl.Int64, "1", "runs that gave an estimate"),
-                _make_float_column(
+                make_float_column(
                     "estimate_kg", "kg", "mean estimate over the runs, not calibrated"
                 ),
-                _make_float_column(
+                make_float_column(
                     "estimate_std_kg", "kg", "standard deviation of one run's estimate"
                 ),
-                _make_float_column("alpha_1", "1", "slope of (19)"),
-                _make_float_column("beta_kg", "kg", "offset of (19)"),
-                _make_float_column("calibrated_kg", "kg", "calibrated mean"),
-                _make_float_column(
+                make_float_column("alpha_1", "1", "slope of (19)"),
+                make_float_column("beta_kg", "kg", "offset of (19)"),
+                make_float_column("calibrated_kg", "kg", "calibrated mean"),
+                make_float_column(
                     "error_kg", "kg", "calibrated less reference, this load in the fit"
                 ),
-                _make_float_column(
+                make_float_column(
                     "error_left_out_kg", "kg", "the same with this load left out of the fit"
                 ),
             ),
@@ -852,14 +843,14 @@ FRAMES: Final[dict[str, Frame]] = {
             "line",
             "of evidence: the line of a calibration, one row",
             (
-                _make_float_column("alpha_1", "1", "slope: calibrated mass over estimate"),
-                _make_float_column("beta_kg", "kg", "offset of the calibrated mass"),
-                _make_float_column("valid_from_kg", "kg", "lightest mass for which it is valid"),
-                _make_float_column("valid_to_kg", "kg", "heaviest mass for which it is valid"),
-                _make_float_column(
+                make_float_column("alpha_1", "1", "slope: calibrated mass over estimate"),
+                make_float_column("beta_kg", "kg", "offset of the calibrated mass"),
+                make_float_column("valid_from_kg", "kg", "lightest mass for which it is valid"),
+                make_float_column("valid_to_kg", "kg", "heaviest mass for which it is valid"),
+                make_float_column(
                     "line_u_kg", "kg", "standard uncertainty of a mass at valid_to_kg"
                 ),
-                _make_float_column("coverage_k_1", "1", "coverage factor of that"),
+                make_float_column("coverage_k_1", "1", "coverage factor of that"),
             ),
         ),
         Frame(
@@ -869,21 +860,19 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("run_id", pl.String, "1", "name of the run"),
                 Column("load", pl.String, "1", "masses on board"),
                 Column("day", pl.String, "1", "day of the run"),
-                _make_float_column("reference_kg", "kg", "reference of that load"),
+                make_float_column("reference_kg", "kg", "reference of that load"),
                 Column("readings", pl.Int64, "1", "readings in use"),
                 Column("rejected", pl.Int64, "1", "readings that were rejected"),
-                _make_float_column("mean_kg", "kg", "mean estimate, not calibrated"),
-                _make_float_column("std_kg", "kg", "standard deviation of a reading"),
-                _make_float_column("calibrated_kg", "kg", "calibrated mean"),
-                _make_float_column(
+                make_float_column("mean_kg", "kg", "mean estimate, not calibrated"),
+                make_float_column("std_kg", "kg", "standard deviation of a reading"),
+                make_float_column("calibrated_kg", "kg", "calibrated mean"),
+                make_float_column(
                     "error_kg", "kg", "calibrated less reference, this load in the fit"
                 ),
-                _make_float_column(
+                make_float_column(
                     "error_left_out_kg", "kg", "the same with this load left out of the fit"
                 ),
-                _make_float_column(
-                    "studentised_1", "1", "residual over its own standard deviation"
-                ),
+                make_float_column("studentised_1", "1", "residual over its own standard deviation"),
             ),
         ),
         Frame(
@@ -895,15 +884,11 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("day", pl.String, "1", "day of the run"),
                 Column("log", pl.String, "1", "its log"),
                 Column("reading", pl.Int64, "1", "number of the reading in its run"),
-                _make_float_column(
-                    "start_s", "s", "its begin, from the log's first aligned sample"
-                ),
-                _make_float_column("end_s", "s", "its end, likewise"),
-                _make_float_column("mass_kg", "kg", "estimate by this manoeuvre"),
-                _make_float_column(
-                    "std_kg", "kg", "its standard deviation by this manoeuvre alone"
-                ),
-                _make_float_column(
+                make_float_column("start_s", "s", "its begin, from the log's first aligned sample"),
+                make_float_column("end_s", "s", "its end, likewise"),
+                make_float_column("mass_kg", "kg", "estimate by this manoeuvre"),
+                make_float_column("std_kg", "kg", "its standard deviation by this manoeuvre alone"),
+                make_float_column(
                     "common_u_kg", "kg", "uncertainty that it shares with the other readings"
                 ),
                 Column("used", pl.Boolean, "1", "whether it counts"),

@@ -62,12 +62,9 @@ class Regressor:
     def noise_loading(self) -> Floats:
         """(rows, p, p) loading of each column on the noise of each, see `base_parameters.fit`."""
         size, own = self.shape[-1], self.columns.size
-        found = np.zeros((2, size, size))
-        found[:, range(size), range(size)] = 1.0
-        found[:, :own, :own] = self._column_loading()
-        found[:, own:, :own] = (
-            self.mixtures[:, self.columns].transpose(0, 2, 1) @ found[:, :own, :own]
-        )
+        found = np.tile(np.eye(size), (2, 1, 1))
+        found[:, :own, :own] = of_columns = self._column_loading()
+        found[:, own:, :own] = self.mixtures[:, self.columns].transpose(0, 2, 1) @ of_columns
         return found[self.axes]
 
     @property
@@ -82,8 +79,7 @@ class Regressor:
 
     def _column_loading(self) -> Floats:
         """Loading (2, c, c) of the selected columns on the noise of each other."""
-        found = np.zeros((2, self.columns.size, self.columns.size))
-        found[:] = np.eye(self.columns.size)
+        found = np.tile(np.eye(self.columns.size), (2, 1, 1))
         x_m, y_m = self.imu_position_m
         if x_m or y_m:
             mass, inertia, moment_x, moment_y, *_ = range(len(PARAMETERS))

@@ -56,7 +56,7 @@ def add_load_states(
     alike = _PartitionComparison.from_fit(found, inputs)
     fits = list[JointFit]()
     hints = np.append(0, np.cumsum(kind > 1))
-    if hints[-1] and not np.array_equal(hints, _load_states_of_fit(settled).membership):
+    if hints[-1] and not _has_membership(settled, hints):
         held = _refit_fixed_states(alike.states(hints), inputs)
         fits.append(_settle_states(held, inputs, repeatability_kg, kind, settled))
     hauls = hauling_patterns(found.motion)
@@ -204,13 +204,13 @@ def _settle_states(
             ),
             key=lambda each: each.log_odds,
         )
-        if settled is not None and _has_states(settled, states):
+        if settled is not None and _has_membership(settled, states.membership):
             return settled
         if states.count == 1 and found.count == 1:
             return refit_with_changes(
                 replace(found, states=states), inputs.noise, inputs.priors, rows=rows
             )
-        if _has_states(found, states):
+        if _has_membership(found, states.membership):
             # the same loads, whose scatter is known better now
             found = replace(found, states=states)
             return refit_with_changes(found, inputs.noise, inputs.priors, rounds=2, rows=rows)
@@ -237,9 +237,9 @@ def _withhold_masses(found: JointFit) -> JointFit:
     return replace(found, theta=np.full(found.theta.size, np.nan), states=states)
 
 
-def _has_states(found: JointFit, states: LoadStates) -> bool:
-    """Whether a fit has these load states."""
-    return found.states is not None and np.array_equal(found.states.membership, states.membership)
+def _has_membership(found: JointFit, membership: Ints) -> bool:
+    """Whether a fit has these load states, (units,)."""
+    return found.states is not None and np.array_equal(found.states.membership, membership)
 
 
 def _load_states_of_fit(found: JointFit) -> LoadStates:
