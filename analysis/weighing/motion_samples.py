@@ -281,9 +281,12 @@ class MotionSamples:
 
     @cached_property
     def drives_both_ways(self) -> bool:
-        """Whether it drives forwards and in reverse."""
-        forwards = float((self.direction[self.used] > 0).mean())
-        return min(forwards, 1.0 - forwards) > LIMITS.two_way_min_fraction
+        """Whether it drives forwards and in reverse, however little of either is fitted.
+
+        Coulomb friction of a single start in reverse has the other sign than that of all others.
+        """
+        forwards = self.direction[self.used] > 0
+        return bool(forwards.any() and not forwards.all())
 
 
 def motion_samples(

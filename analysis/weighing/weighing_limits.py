@@ -230,8 +230,6 @@ class WeighingLimits:
     record_break_s: float = 8.0
     #: Margin beside a gap in which nothing is fitted, in s.
     gap_margin_s: float = 0.1
-    #: Fraction of the samples each way from which motion is both ways.
-    two_way_min_fraction: float = 0.1
     #: Longest path of a bench, in m, on which a spring or gravity may push back,
     bench_path_m: float = 6.0
     #: and its fewest passes.
