@@ -7,15 +7,19 @@ through that pitch. In the force equation that looks like another load; the whee
 
 with the load relative to a reference. The slopes are tilt, bias and grade. Their scatter about a
 common slope is estimated from the log: on even ground a few starts determine h, on hills they do
-not. A measured pitch shows directly how it follows the acceleration.
+not. A grade that recurs along the route, which loaded hauls drive the other way than empty ones
+come back, looks like a squat that grows with the load: it has terms of its own. A measured pitch
+shows directly how it follows the acceleration.
 """
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.fitted_stretches import stretch_spans
+from analysis.weighing.haul_route import Route
 from analysis.weighing.motion_samples import Floats, MotionSamples, ground_speed_ratio
 from analysis.weighing.pitch_squat import fit_instrumental_variables, pitch_squat_cross_products
 from analysis.weighing.weighing_limits import LIMITS
@@ -59,6 +63,7 @@ def find_squat(
     loads: RelativeLoads,
     relative_load: Floats,
     prior_std: float,
+    route: Route | None = None,
 ) -> LoadSquat | None:
     """Estimate the change of gain by comparing wheels and accelerometer load by load.
 
@@ -68,6 +73,7 @@ def find_squat(
         loads: relative load of each manoeuvre.
         relative_load: (masses,) relative load of each state.
         prior_std: prior standard deviation of the change for a load of the reference mass.
+        route: route between loading and dumping, along which the grade changes; None if unknown.
 
     Returns:
         None if the change is undetermined.
@@ -77,7 +83,8 @@ def find_squat(
             wheels.squat[0], estimate_squat_by_pitch(motion, loads)
         )
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
-    found = _estimate_by_wheels(_stretch_rows(motion, wheels, loads))
+    widths = np.empty(0) if route is None else _grade_prior_std(route)
+    found = _estimate_by_wheels(_stretch_rows(motion, wheels, loads, route), widths)
     if wheels.squat[0] > 0.0:
         seen = None if found is None else (found.gain, found.variance)
         gain, variance = scale_squat_with_load(wheels.squat[0], seen)
@@ -128,10 +135,19 @@ def scale_squat_with_load(
 _Stretch = tuple[Floats, Floats, Floats, float]
 
 
+#: Columns of a stretch before those of the grade: gain by load, gain, slip, delay.
+_OWN_COLUMNS: Final = 4
+#: Parts of the route between which the grade changes linearly: 3 to 8 m, a machine's length.
+_GRADE_PARTS: Final = 8
+
+
 def _stretch_rows(
-    motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads
+    motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads, route: Route | None
 ) -> list[_Stretch]:
-    """Centred columns (means, 4), response, time and load of each stretch."""
+    """Centred columns (means, 4 and those of the grade), response, time and load of each stretch.
+
+    The grade's columns are its level and its change over each part of the route.
+    """
     assert motion.specific_force is not None
     # such a squat is itself a reason why wheels and accelerometer do not go together
     known = wheels.is_consistent
@@ -139,6 +155,7 @@ def _stretch_rows(
     in_time = motion.shift_speed(delay_s)
     ground = in_time.speed * ground_speed_ratio(in_time.speed, motion.force, slip_1_N)
     relative = loads.relative_load_of(motion.unit)
+    place, heading = (None, None) if route is None else route.place_and_heading(motion)
     found: list[_Stretch] = []
     for begin, end in stretch_spans(motion.group).tolist():
         means = (end - begin) // LIMITS.squat_mean_samples
@@ -151,6 +168,10 @@ def _stretch_rows(
         columns = np.column_stack(
             [gained * load, gained, np.abs(ground[part]) * motion.force[part], -a]
         )
+        if place is not None and heading is not None:
+            risen = np.clip(place[part, None] * _GRADE_PARTS - np.arange(_GRADE_PARTS), 0.0, 1.0)
+            grade = heading[part, None] * np.insert(risen, 0, 1.0, axis=1)
+            columns = np.hstack([columns, (np.cumsum(grade, axis=0) - grade / 2.0) / motion.rate_hz])
         y = ground[part] - gained
         both = (
             np.column_stack([columns, y]).reshape(means, LIMITS.squat_mean_samples, -1).mean(axis=1)
@@ -217,21 +238,37 @@ def is_explained_by_grades(found: GainChangeByLoad, wheels: WheelKinematics) -> 
     return found.gain > 0.0 or not explained
 
 
-def _estimate_by_wheels(rows: list[_Stretch]) -> GainChangeByLoad | None:
-    """Change of gain with the load from the wheels; None if undetermined."""
+def _grade_prior_std(route: Route) -> Floats:
+    """Prior standard deviations of the grade's columns, as acceleration of gravity in m/s²."""
+    change = LIMITS.grade_change_m_s2 * np.sqrt(route.length_m / _GRADE_PARTS / 10.0)
+    return np.append(LIMITS.grade_m_s2, np.full(_GRADE_PARTS, change))
+
+
+def _estimate_by_wheels(rows: list[_Stretch], grade_std: Floats) -> GainChangeByLoad | None:
+    """Change of gain with the load from the wheels; None if undetermined.
+
+    Args:
+        rows: the stretches.
+        grade_std: (columns,) prior standard deviations of the grade's columns, in m/s².
+    """
     if len(rows) < LIMITS.squat_min_stretches or len({load for *_, load in rows}) < 2:
         return None
     free = [_whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in rows]
     # each stretch a slope of its own: how slopes scatter, beyond their noise
     X, y = (np.concatenate([each[i] for each in free]) for i in (0, 1))
-    beta, _, rank, _ = np.linalg.lstsq(X, y)
+    own = X[:, :_OWN_COLUMNS]
+    freedom = max(y.size - _OWN_COLUMNS - 2 * len(rows), 1)
+    pilot = float(((y - own @ np.linalg.lstsq(own, y)[0]) ** 2).sum()) / freedom
+    prior = np.zeros((grade_std.size, X.shape[1]))
+    np.fill_diagonal(prior[:, _OWN_COLUMNS:], np.sqrt(pilot) / grade_std)
+    held, response = np.concatenate([X, prior]), np.concatenate([y, np.zeros(grade_std.size)])
+    beta, _, rank, _ = np.linalg.lstsq(held, response)
     if rank < X.shape[1]:
         return None
-    freedom = y.size - X.shape[1] - 2 * len(rows)
-    variance = float(((y - X @ beta) ** 2).sum()) / max(freedom, 1)
+    variance = float(((y - X @ beta) ** 2).sum()) / freedom
     if not variance > 0.0:
         return None
-    bare = y - X[:, 1:] @ np.linalg.lstsq(X[:, 1:], y)[0]
+    bare = y - X[:, 1:] @ np.linalg.lstsq(held[:, 1:], response)[0]
     left = float(np.linalg.norm(y - X @ beta) / np.linalg.norm(bare))
     slopes = np.array([time @ (y - X @ beta) / (time @ time) for X, y, time, _ in rows])
     noise = np.array([variance / (time @ time) for *_, time, _ in rows])
@@ -242,21 +279,23 @@ def _estimate_by_wheels(rows: list[_Stretch]) -> GainChangeByLoad | None:
     X, y = (np.concatenate([each[i] for each in part]) for i in (0, 1))
     shared = np.concatenate([each[2] for each in part])
     X = np.column_stack([X, shared])
-    scale = np.sqrt((X**2).mean(axis=0))
+    prior = np.column_stack([prior, np.zeros(grade_std.size)])
+    scale = np.sqrt((X**2).mean(axis=0) + (prior**2).sum(axis=0))
     if not (scale > 0.0).all():
         return None
-    X = X / scale
-    gram = X.T @ X
-    bread = np.linalg.pinv(gram)
+    X, prior = X / scale, prior / scale
+    held = prior.T @ prior
+    bread = np.linalg.pinv(X.T @ X + held)
     theta = bread @ X.T @ y
     residual = y - X @ theta
     ends_at = np.cumsum([each[1].size for each in part])[:-1]
     parts = zip(np.split(X, ends_at), np.split(residual, ends_at), strict=True)
     scores = np.stack([own.T @ left for own, left in parts])
-    meat = scores.T @ scores * count / max(count - X.shape[1], 1)
+    freedom = max(count - _OWN_COLUMNS - 1, 1)
+    meat = scores.T @ scores * count / freedom + held * variance
     # stretches that agree by chance tell no more than white noise lets them
     found = max(float((bread @ meat @ bread)[0, 0]), float(bread[0, 0]) * variance)
-    found *= student_factor(max(count - X.shape[1], 1)) ** 2
+    found *= student_factor(freedom) ** 2
     return GainChangeByLoad(float(theta[0] / scale[0]), found / float(scale[0]) ** 2, left)
 
 

@@ -273,7 +273,14 @@ def add_gain_by_load(found: JointFit, priors: PriorSettings) -> JointFit:
         return found
     first = np.unique(states.membership, return_index=True)[1]
     for _ in range(LIMITS.squat_rounds):
-        squat = find_squat(found.motion, wheels, loads, loads.value[first], priors.gain_by_load)
+        squat = find_squat(
+            found.motion,
+            wheels,
+            loads,
+            loads.value[first],
+            priors.gain_by_load,
+            found.found.route,
+        )
         found = replace(found, squat=squat)
         # a squat that is not taken off makes loads of another size
         shares = loads.weight_shares

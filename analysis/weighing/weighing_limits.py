@@ -32,6 +32,10 @@ class WeighingLimits:
     squat_residual_ratio: float = 0.7
     #: Log odds above which the choice is certain.
     squat_certain_log_odds: float = 50.0
+    #: Prior standard deviation of the grade of a route, in m/s² of gravity along it: five per cent,
+    grade_m_s2: float = 0.5
+    #: and of its change over ten metres: two per cent.
+    grade_change_m_s2: float = 0.2
 
     # empty_mass_datum
     #: Largest difference of the log's empty mass and the stated one, in its standard uncertainties.
