@@ -166,12 +166,15 @@ def _stretch_rows(
         gained = (np.cumsum(a) - a / 2.0) / motion.rate_hz
         load = float(relative[begin])
         columns = np.column_stack(
-            [gained * load, gained, np.abs(ground[part]) * motion.force[part], -a]
+            # the speed and not what the accelerometer gained: no squat turns gravity on a slope
+            [ground[part] * load, ground[part], np.abs(ground[part]) * motion.force[part], -a]
         )
         if place is not None and heading is not None:
             risen = np.clip(place[part, None] * _GRADE_PARTS - np.arange(_GRADE_PARTS), 0.0, 1.0)
             grade = heading[part, None] * np.insert(risen, 0, 1.0, axis=1)
-            columns = np.hstack([columns, (np.cumsum(grade, axis=0) - grade / 2.0) / motion.rate_hz])
+            columns = np.hstack(
+                [columns, (np.cumsum(grade, axis=0) - grade / 2.0) / motion.rate_hz]
+            )
         y = ground[part] - gained
         both = (
             np.column_stack([columns, y]).reshape(means, LIMITS.squat_mean_samples, -1).mean(axis=1)

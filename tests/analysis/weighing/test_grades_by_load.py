@@ -40,7 +40,7 @@ def test_hills_are_no_squat_at_whichever_place_the_load_is(
     squat = squat_of(hills_m_s2, heavy_place, seed)
     assert squat.gain == 0.0
     # nor is a squat ruled out that they hide
-    assert squat.std > 0.02
+    assert squat.std > 0.015
 
 
 def test_level_ground_rules_a_squat_out() -> None:
