@@ -35,7 +35,7 @@ def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     cost = np.full((a.height + 1, b.height + 1), np.inf)
     steps = _LEFT_OUT * np.arange(b.height + 1)
     cost[0] = steps
-    pair = _cost_of_each_pair(a, b)
+    pair = _matching_costs(a, b)
     for row in range(a.height):
         best = cost[row] + _LEFT_OUT
         best[1:] = np.minimum(best[1:], cost[row, :-1] + pair[row])
@@ -54,7 +54,7 @@ def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     return found[::-1]
 
 
-def _cost_of_each_pair(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
+def _matching_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
     """Cost (a, b) of matching two manoeuvres; infinite for different phases."""
     lengths = [
         np.log(np.maximum((each["end_t_ns"] - each["start_t_ns"]).to_numpy(), 1)) for each in (a, b)

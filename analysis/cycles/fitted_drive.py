@@ -116,7 +116,7 @@ def _machine_and_load_mass_kg(
     by_state = means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
     order = np.argsort(middle)
-    starts = _Starts(middle[order], by_state[state][order])
+    starts = _StartMasses(middle[order], by_state[state][order])
     t_ns = samples.t_ns
     mass_kg = starts.nearest_masses(t_ns)
     for row in cycles.iter_rows(named=True):
@@ -126,8 +126,8 @@ def _machine_and_load_mass_kg(
         digs, filled = row["dig_t_ns"], row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
         begin, first, last, stop = np.searchsorted(t_ns, [start, digs, filled, end])
         # the cycle's own starts on either side of the pile, else what its neighbours weighed
-        before = starts.starts_between(start, digs, row["empty_before_kg"] or row["empty_after_kg"])
-        after = starts.starts_between(filled, end, row["loaded_kg"])
+        before = starts.select_between(start, digs, row["empty_before_kg"] or row["empty_after_kg"])
+        after = starts.select_between(filled, end, row["loaded_kg"])
         if before is None or after is None:
             continue
         mass_kg[begin:first] = before.nearest_masses(t_ns[begin:first])
@@ -140,22 +140,22 @@ def _machine_and_load_mass_kg(
     return mass_kg
 
 
-class _Starts(NamedTuple):
+class _StartMasses(NamedTuple):
     """Starts in order of time: the middle time of each, and the mean mass of its load state."""
 
     middle_ns: Floats
     mass_kg: Floats
 
-    def starts_between(
-        self, begin_ns: int, end_ns: int, otherwise_kg: float | None
-    ) -> "_Starts | None":
-        """Starts between two times; if none, one start of another known mass, else None."""
+    def select_between(
+        self, begin_ns: int, end_ns: int, default_kg: float | None
+    ) -> "_StartMasses | None":
+        """Starts between two times; without any, one of `default_kg`, or None if that is None."""
         chosen = (self.middle_ns >= begin_ns) & (self.middle_ns <= end_ns)
         if chosen.any():
-            return _Starts(self.middle_ns[chosen], self.mass_kg[chosen])
-        if otherwise_kg is None:
+            return _StartMasses(self.middle_ns[chosen], self.mass_kg[chosen])
+        if default_kg is None:
             return None
-        return _Starts(np.array([float(begin_ns)]), np.array([otherwise_kg]))
+        return _StartMasses(np.array([float(begin_ns)]), np.array([default_kg]))
 
     def nearest_masses(self, t_ns: Ints) -> Floats:
         """Mass of the nearest start to each time, (n,)."""

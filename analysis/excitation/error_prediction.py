@@ -103,15 +103,15 @@ class Filters:
             (n, 2, 6) regressor and (n, 2) force and torque.
         """
         force, torque, s_x, s_y, speed, yaw_rate = (
-            _filter_equation_columns(each, self.mean) for each in raw
+            _apply_filter_without_ends(each, self.mean) for each in raw
         )
-        turn = _filter_equation_columns(raw.yaw_rate_rad_s, self.difference)
+        turn = _apply_filter_without_ends(raw.yaw_rate_rad_s, self.difference)
         return planar_rows.regressor(s_x, s_y, speed, yaw_rate, turn), np.stack([force, torque], -1)
 
 
-def _filter_equation_columns(raw: Floats, weights: Floats) -> Floats:
+def _apply_filter_without_ends(channel: Floats, weights: Floats) -> Floats:
     """Apply filter weights to a raw channel, without its ends."""
-    return np.convolve(raw, weights[::-1], "valid")
+    return np.convolve(channel, weights[::-1], "valid")
 
 
 def window_system(

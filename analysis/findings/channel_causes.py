@@ -337,7 +337,7 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
             f"{sides.smaller_over_larger_1:.1%} (± {sides.std_1:.1%}) of the {other} one: "
             "one of the two is wrong",
             channel=smaller,
-            change=lambda: change_if_smaller_is_wrong(inputs, sides),
+            change=lambda: mass_change_if_smaller_is_wrong(inputs, sides),
         )
     if sides.kind == "slip":
         return Symptom(
@@ -346,7 +346,7 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
             f"by {abs(sides.value_1):.1%} ± {sides.std_1:.1%} more than in soft ones, "
             "by the gyroscope",
             channel=larger,
-            change=lambda: change_by_wheel_speed(inputs),
+            change=lambda: mass_change_by_wheel_speed(inputs),
             alternatives=("slip",),
         )
     wrong = find_wrong_speed(inputs, sides)
@@ -361,7 +361,7 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
         channel=larger if wrong is None else wrong[0],
         setting=setting,
         value=value,
-        change=lambda: change_by_wheel_speed(inputs),
+        change=lambda: mass_change_by_wheel_speed(inputs),
     )
 
 
@@ -384,7 +384,9 @@ def find_wrong_speed(inputs: FindingInputs, sides: SideDifference) -> tuple[str,
     return SPEEDS[1 - right], gains[right] / gains[1 - right]
 
 
-def change_if_smaller_is_wrong(inputs: FindingInputs, sides: SideDifference) -> MassChange | None:
+def mass_change_if_smaller_is_wrong(
+    inputs: FindingInputs, sides: SideDifference
+) -> MassChange | None:
     """Mass change if the smaller side is wrong; as uncertain, since the larger may be."""
     if inputs.fit is None or sides.smaller_over_larger_1 <= -1.0:
         return None
@@ -392,7 +394,7 @@ def change_if_smaller_is_wrong(inputs: FindingInputs, sides: SideDifference) -> 
     return MassChange(kg, kg)
 
 
-def change_by_wheel_speed(inputs: FindingInputs) -> MassChange | None:
+def mass_change_by_wheel_speed(inputs: FindingInputs) -> MassChange | None:
     """Mass change of 0 ± half the answer's uncertainty; None without an accelerometer."""
     fit = inputs.fit
     return (

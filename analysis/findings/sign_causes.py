@@ -76,7 +76,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             10.0 * strength,
-            f"force and acceleration correlate by {of_force:+.2f} with the speed's share taken out"
+            f"force and acceleration have the correlation {of_force:+.2f} at equal speed"
             + (f", the accelerometer reads {gain:+.2f} of the wheels'" if by_imu else ""),
             channel=names[0],
             setting=setting,
@@ -112,7 +112,7 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             LIMITS.sign_rank * abs(together),
-            f"left and right torque correlate by {together:+.2f} while the machine drives straight",
+            f"left and right torque have the correlation {together:+.2f} in straight driving",
             channel=wrong,
             setting=setting,
             value=value,

@@ -70,7 +70,7 @@ CHAINED_LINES: Final = Extract(
 
 
 def make_table_2(extracts: Extracts) -> Table2:
-    """Average the lines over the campaigns."""
+    """Mean slope and offset of the calibration line by chain and method, over the campaigns."""
     lines = pl.concat(
         [*extracts.results_of_extract(IDEAL_LINES), *extracts.results_of_extract(CHAINED_LINES)],
         how="vertical_relaxed",

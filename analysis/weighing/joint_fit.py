@@ -263,7 +263,7 @@ def drop_unlikely_effects(
     )
 
 
-def add_gain_by_load(found: JointFit, priors: PriorSettings) -> JointFit:
+def fit_gain_by_load(found: JointFit, priors: PriorSettings) -> JointFit:
     """Add a change of the accelerometer's gain with the load, if the motion shows one."""
     wheels, loads, states = found.kinematics, found.found.relative_loads, found.states
     if wheels is None or loads is None or states is None:

@@ -102,7 +102,7 @@ def make_learnt_mean_responses(
     moved_kg = errors.mass_shifts_kg(weighing)
 
     def make_rows_of_kind(mass_kind: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
-        return _make_response_rows(mass_kind, weighing, machine, errors.terms, moved_kg, sums)
+        return _make_mass_response_rows(mass_kind, weighing, machine, errors.terms, moved_kg, sums)
 
     rows = make_rows_of_kind(of_mass, {k: fit.weights_of_state(k) for k in states})
     if empty:
@@ -126,7 +126,7 @@ def make_learnt_mean_responses(
     }
 
 
-def _make_response_rows(
+def _make_mass_response_rows(
     mass_kind: str,
     weighing: Weighing,
     machine: Machine,

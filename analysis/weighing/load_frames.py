@@ -72,12 +72,12 @@ def _span_of_each_state(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[i
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    of = states.membership[_manoeuvre_of_samples(fit, states)]
+    of = states.membership[_manoeuvre_index_of_samples(fit, states)]
     inside = (used[of == state] for state in range(fit.count))
     return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
 
 
-def _manoeuvre_of_samples(fit: JointFit, states: LoadStates) -> Ints:
+def _manoeuvre_index_of_samples(fit: JointFit, states: LoadStates) -> Ints:
     """Index of each fitted sample's manoeuvre among those with a load state."""
     return np.searchsorted(states.unit, unit_of_each_sample(fit.motion))
 
@@ -87,7 +87,7 @@ def make_load_change_rows(weighing: Weighing | None) -> list[int]:
     if weighing is None or weighing.fit.states is None:
         return []
     fit, states = weighing.fit, weighing.fit.states
-    of = states.membership[_manoeuvre_of_samples(fit, states)]
+    of = states.membership[_manoeuvre_index_of_samples(fit, states)]
     used = np.flatnonzero(fit.motion.used)
     return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
 
@@ -318,7 +318,7 @@ def make_manoeuvre_frame(
     fit, states = weighing.fit, weighing.fit.states
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    place = _manoeuvre_of_samples(fit, states)
+    place = _manoeuvre_index_of_samples(fit, states)
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well

@@ -22,9 +22,9 @@ from analysis.weighing.growing_load import (
 )
 from analysis.weighing.joint_fit import (
     JointFitInputs,
-    add_gain_by_load,
     add_motion_responses,
     drop_unlikely_effects,
+    fit_gain_by_load,
     fit_rows,
     joint_fit,
     refit_with_changes,
@@ -235,7 +235,7 @@ def _weigh_with_priors(
     doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
 
     fit = drop_unlikely_effects(fit, columns, priors)
-    fit = add_gain_by_load(fit, priors)
+    fit = fit_gain_by_load(fit, priors)
     fit = add_motion_responses(fit, columns, priors)
     if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
         return None
@@ -275,9 +275,9 @@ def _has_enough_samples(motion: MotionSamples) -> bool:
     return int(motion.used.sum()) >= fewest and motion.drives
 
 
-def _exclude_manoeuvres(motion: MotionSamples, units: Sequence[int]) -> MotionSamples:
+def _exclude_manoeuvres(motion: MotionSamples, excluded_units: Sequence[int]) -> MotionSamples:
     """Exclude manoeuvres by their numbers."""
-    return motion.exclude_samples(np.isin(motion.unit, units))
+    return motion.exclude_samples(np.isin(motion.unit, excluded_units))
 
 
 def _fit_without_learnt(

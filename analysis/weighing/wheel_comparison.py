@@ -98,7 +98,9 @@ def _compare_wheels_and_accelerometer(
     """
     if motion.specific_force is None:
         return None
-    told = None if earlier is None or not earlier.is_found else earlier.own or earlier
+    told = (
+        None if earlier is None or not earlier.can_start_next_comparison else earlier.own or earlier
+    )
     found = _fit_comparison(motion.specific_force, motion, noise, priors, told)
     if found is None:
         return None

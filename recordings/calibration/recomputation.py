@@ -270,7 +270,7 @@ def compare_fit(
     notes: list[str],
 ) -> Findings:
     """Compare fit, budget, verdict and points."""
-    fitted, drift = _refit_line_to_readings(document, readings)
+    fitted, drift = _refit_campaign_or_check(document, readings)
     stored = document.calibration
     pairs: tuple[tuple[str, Any, Any], ...] = (
         ("calibration", _convert_to_json(stored), _convert_to_json(fitted.calibration)),
@@ -299,7 +299,7 @@ def compare_fit(
     yield from compare_earlier_line(document, fitted.frame)
 
 
-def _refit_line_to_readings(
+def _refit_campaign_or_check(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> tuple[CampaignFit, DriftCheck | None]:
     """Refit the readings; for a single-mass check, under the calibration's line."""

@@ -53,6 +53,10 @@ def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
     Args:
         points: means of runs.
         day_known_kg: known deviation between days, in kg of m̂; None if unknown.
+
+    Returns:
+        The F test: its ratio, probability and degrees of freedom, all None if the points allow no
+        test, and what the loads' deviations are compared with.
     """
     design = (points.load[:, None] == np.unique(points.load)[None, :]).astype(np.float64)
     loads, count = design.shape[1], points.y_kg.size

@@ -74,7 +74,7 @@ def calibrate_loads(
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
     check = find_empty_machine(rows, calibration, log)
-    refused = log.refused or reason_of_change(check, log)
+    refused = log.refused or machine_change_text(check, log)
     told = check is not None and check.drifted is not None
     empties = sum(row["manoeuvres"] for row in rows if row["empty"])
     found = [
@@ -216,7 +216,7 @@ def find_empty_machine(
     return check_drift_against(calibration, log.empty_kg, u_kg, point)
 
 
-def reason_of_change(check: DriftCheck | None, log: LaterLog) -> str:
+def machine_change_text(check: DriftCheck | None, log: LaterLog) -> str:
     """Why the calibration no longer applies to this machine; "" if it does."""
     if check is None or check.p_1 is None or check.p_1 > _RARE or log.empty_kg is None:
         return ""

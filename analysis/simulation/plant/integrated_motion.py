@@ -13,7 +13,7 @@ from analysis.simulation.motion.timeline import DrivenManoeuvre
 from analysis.simulation.plant import plant
 from analysis.simulation.scenario.scenario import Scenario
 from estimators.arrays import Floats
-from estimators.compiled import inlined, uncounted
+from estimators.compiled import compiled_without_refcounts, inlined
 
 #: What changes how fast: the force on the ground, the yaw rate, the acceleration, the mass.
 FORCE_RATE, TURN, JERK, FILLING = range(4)
@@ -173,7 +173,7 @@ def _rate_at_row(rows: Floats, at: int, which: int) -> float:
     return total / max(known, 1.0)
 
 
-@uncounted
+@compiled_without_refcounts
 def interpolate_rows(
     rows: Floats, time_s: Floats, now: Floats, slopes: Floats, last: NDArray[np.int64]
 ) -> None:

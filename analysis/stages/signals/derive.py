@@ -14,7 +14,7 @@ from analysis.expressions.parse import (
     iter_channel_names,
     iter_differentiated_channels,
 )
-from analysis.expressions.values import NEAR_ZERO, evaluate
+from analysis.expressions.values import NEAR_ZERO, evaluate_and_count_near_zero
 from analysis.model.loss import Loss
 from analysis.model.machine import Channel, Machine
 from analysis.model.machine_body import BODY_NUMBERS
@@ -155,7 +155,7 @@ def _evaluate_arithmetic(
     for each in BODY_NUMBERS:
         number = getattr(machine.machine, each)
         values[each] = np.full(at.size, np.nan if number is None else number)
-    x, near_zero = evaluate(tree, values, at.size)
+    x, near_zero = evaluate_and_count_near_zero(tree, values, at.size)
     if near_zero:
         notes.append(
             f"{name}: {near_zero:,} of {at.size:,} samples divide by nearly zero (below "
