@@ -13,7 +13,7 @@ import polars as pl
 import typer
 
 from analysis import Machine
-from analysis.model.axes import straight_regressor
+from analysis.model.axes import straight_regressor_and_force
 from analysis.simulation import simulate_campaign
 from analysis.stages.estimation.masses import summarise_masses
 from analysis.stages.estimation.trace import trace_estimates
@@ -65,7 +65,7 @@ def one_log(frame: pl.DataFrame, machine: Machine) -> dict[str, np.ndarray]:
     settings = machine.settings
     gated = gate_windows(frame, settings)
     ids = pooled_samples(frame, gated, settings)
-    A, f = straight_regressor(frame, settings)
+    A, f = straight_regressor_and_force(frame, settings)
     segments = pooled.trace(A, f, ids)
     mass = segments.theta[:, 0]
     textbook, newey_west = of_others(A, f, ids)

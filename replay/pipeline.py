@@ -51,11 +51,11 @@ from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.grid_rate import machine_at_rate_of_log
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.timestamps import assign_timestamps
-from analysis.weighing.empty_mass_datum import note_weighbridge_tickets
+from analysis.weighing.empty_mass_datum import weighbridge_ticket_notes
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.learnt_means import make_learnt_mean_responses
 from analysis.weighing.load_frames import (
-    make_load_change_rows,
+    find_load_change_rows,
     make_load_frame,
     make_manoeuvre_frame,
 )
@@ -204,7 +204,7 @@ def run(
                 *order_note(offsets_ns(logs, channel_fields(machine))),
                 *chosen,
                 *seen.notes,
-                *note_weighbridge_tickets(machine.machine, seen.case.check_inputs.t0_unix_ns),
+                *weighbridge_ticket_notes(machine.machine, seen.case.check_inputs.t0_unix_ns),
                 *why,
             ],
         ),
@@ -251,7 +251,7 @@ def _run_stages(
     on_stage("segments")  # pooled over each manoeuvre
     table = pool_by_manoeuvre(excitation, gated, settings, noise)
     on_stage("trace")  # the estimators over the accepted windows; recursions load by load
-    estimates = trace_estimates(excitation, gated, settings, noise, make_load_change_rows(weighing))
+    estimates = trace_estimates(excitation, gated, settings, noise, find_load_change_rows(weighing))
     on_stage("verdict")  # what the ungated log, and that fit, say of all this
     everything = summarise_masses(excitation, gated, estimates, machine, noise)
     evidence = CheckInputs(

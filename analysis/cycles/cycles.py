@@ -31,9 +31,9 @@ from analysis.cycles.load_passes import NO_PASSES, Passes, find_load_passes
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build_frame
-from analysis.model.uncertainty_sources import combined_u, unknown_scale
+from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
 from analysis.model.verdict import Verdict
-from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine, payload_sources
+from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine, payload_uncertainty_sources
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Floats
@@ -118,13 +118,13 @@ def weigh_cycles(
         parts, contradicts = add_boom_cycles(parts, found, digs, *motion)
     if not parts:
         return LogCycles(_cycle_frame([]), {}, ShiftScale())
-    withheld = ", ".join(check.check for check in verdict.failed("mass"))
+    withheld = ", ".join(check.check for check in verdict.withholding_checks("mass"))
     withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
     fuel = FuelOnBoard.from_channel(machine.machine, motion[0])
     empty = empty_machine(weighing, machine, found, fuel)
-    withheld = withheld or (empty.contradiction if empty else "")
+    withheld = withheld or (empty.contradiction_text if empty else "")
     share = _weight_of_tare_before(found)
     worth = shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
     clean = clean_bucket_mass_kg(found)
@@ -355,9 +355,9 @@ def shared_uncertainty(
         return _SharedUncertainty(none, none, 1.0, ShiftScale())
     datum = empty.relate_to_empty_mass(pass_weights_by_state(weighing.fit, passes) @ weights)
     own = common_uncertainty(weighing, machine, passes, weights, None)
-    gain_1, gain_u_1 = empty.gain or (None, None)
-    sources = payload_sources(weighing, machine, datum, empty.weights)
-    unknown = unknown_scale(sources)
+    gain_1, gain_u_1 = empty.weighed_over_stated or (None, None)
+    sources = payload_uncertainty_sources(weighing, machine, datum, empty.weights)
+    unknown = names_of_unknown_scale_sources(sources)
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
     if datum is None:
@@ -378,7 +378,7 @@ def common_uncertainty(
     fit = weighing.fit
     of_states = pass_weights_by_state(fit, passes)
     summed = of_states @ weights
-    sources = payload_sources(weighing, machine, datum, summed)
+    sources = payload_uncertainty_sources(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
     total_kg = max(abs(float(weights @ passes.mass_kg)), 1e-9)
     kept = (combined_u(sources, "random") / by_1) ** 2 - float(weights**2 @ passes.u_kg**2)

@@ -16,12 +16,17 @@ import polars as pl
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import RawSignals
 from analysis.diagnosis.side_comparison import SideDifference, side_differences
-from analysis.model.axes import Z, available_axes, spin_regressor, straight_regressor
+from analysis.model.axes import (
+    Z,
+    available_axes,
+    spin_regressor_and_torque,
+    straight_regressor_and_force,
+)
 from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combined_u
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import yaw_speeding_sign
-from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, factors_without_uncertainty
+from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, names_of_factors_without_u
 from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Bools, Floats
@@ -207,7 +212,7 @@ class CheckInputs:
     def straight_motion(self) -> AxisMotion:
         """Samples of straight motion, without the position-dependent force."""
         settings = self.machine.settings
-        A, f = straight_regressor(self.excitation, settings)
+        A, f = straight_regressor_and_force(self.excitation, settings)
         if self.position_dependent_force is not None:
             f = f - self.position_dependent_force
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
@@ -226,7 +231,7 @@ class CheckInputs:
         """Samples of spins; None if the channels do not allow it or there are too few."""
         if Z not in available_axes(self.excitation):
             return None
-        A, f = spin_regressor(self.excitation)
+        A, f = spin_regressor_and_torque(self.excitation)
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
         spinning = known & self.is_phase("spinning")
         changes = yaw_speeding_sign(A[:, 1], self.machine.settings)
@@ -255,7 +260,7 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
     lightest = int(np.argmin(fit.masses_kg))
     sources = budget_of_mass(weighing, machine, fit.weights_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
-    unknown = bool(factors_without_uncertainty(sources))
+    unknown = bool(names_of_factors_without_u(sources))
     scale_kg = UNKNOWN_SCALE * abs(mass_kg) if unknown else 0.0
     u_kg = float(np.linalg.norm([combined_u(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:

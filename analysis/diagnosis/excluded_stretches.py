@@ -15,10 +15,10 @@ import polars as pl
 from analysis.diagnosis.measured_channels import RawSignals, Spans
 from analysis.model.machine import Machine
 from analysis.model.verdict_limits import VerdictLimits
-from analysis.model.windows import flagged_windows
+from analysis.model.windows import mark_flagged_windows
 from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import speed_rate_span_rows
-from analysis.weighing.weigh import Weighing, mean_difference_kg
+from analysis.weighing.weigh import Weighing, mean_mass_difference_kg
 from estimators.arrays import Bools
 
 #: So many standard uncertainties of the answer without a stretch are no other answer.
@@ -107,7 +107,7 @@ def refit_without_stretches(
         if found.is_harmless:
             rows |= held
             # the moving mean and the phase look back
-            seen = flagged_windows(
+            seen = mark_flagged_windows(
                 held, speed_rate_span_rows(machine.settings) + machine.settings.smooth.samples
             )
             gated = refuse_windows(gated, seen, why, machine.settings)
@@ -134,7 +134,7 @@ def _mass_shift_u(whole: Weighing, without: Weighing | None) -> float:
     """Change of the mass without the stretches, in its uncertainty."""
     if without is None:
         return np.inf
-    moved_u = abs(mean_difference_kg(without.fit, whole.fit)) / without.fit.u_kg
+    moved_u = abs(mean_mass_difference_kg(without.fit, whole.fit)) / without.fit.u_kg
     return moved_u if np.isfinite(moved_u) else np.inf
 
 

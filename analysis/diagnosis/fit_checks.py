@@ -89,7 +89,7 @@ def _mass_shift_by_other_motion_u(inputs: CheckInputs, _: AxisMotion) -> float |
     """Mass change if wheels and accelerometer swap roles, in u."""
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
-    return None if other is None else other.mass_shift_u
+    return None if other is None else other.mass_shift_in_u
 
 
 def _describe_other_motion(inputs: CheckInputs, _: AxisMotion) -> str:
@@ -98,7 +98,7 @@ def _describe_other_motion(inputs: CheckInputs, _: AxisMotion) -> str:
         return ""
     one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
     other = weighing.other_motion
-    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.mass_shift_u:.1f} u"
+    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.mass_shift_in_u:.1f} u"
 
 
 def _count_contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:

@@ -16,7 +16,7 @@ from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_without_rows
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.model.windows import flagged_windows
+from analysis.model.windows import mark_flagged_windows
 from analysis.stages.signals.filters import period_ns
 from estimators.arrays import Bools, Floats, Ints
 
@@ -144,7 +144,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
             return None
         near = np.abs(inputs.fit.motion.force) > limit_N
         return refit_without_rows(
-            inputs, flagged_windows(near, 5) | flagged_windows(near[::-1], 5)[::-1]
+            inputs, mark_flagged_windows(near, 5) | mark_flagged_windows(near[::-1], 5)[::-1]
         )
 
     return [
@@ -307,7 +307,7 @@ def samples_near(inputs: FindingInputs, unix_ns: Ints) -> Bools:
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
-    return flagged_windows(at, _BESIDE) | flagged_windows(at[::-1], _BESIDE)[::-1]
+    return mark_flagged_windows(at, _BESIDE) | mark_flagged_windows(at[::-1], _BESIDE)[::-1]
 
 
 def is_near_spike(inputs: FindingInputs) -> Bools:

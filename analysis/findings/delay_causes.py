@@ -18,7 +18,7 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, search_likelihood
 from analysis.findings.refit import refit_corrected
 from analysis.model.schema import column_values
-from analysis.model.windows import flagged_windows
+from analysis.model.windows import mark_flagged_windows
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.friction_warming import WARMING
@@ -73,7 +73,7 @@ def _search_delay(inputs: FindingInputs) -> LongDelay | None:
     if _is_long_delay(seen):
         # the one that the force begins with is in time
         before = round(LIMITS.driving_start_s / step_s)
-        rows = flagged_windows(drives[::-1], before)[::-1]
+        rows = mark_flagged_windows(drives[::-1], before)[::-1]
         v = channels["v"]
         later = np.interp(np.arange(v.size) + seen[0] / step_s, np.arange(v.size), v)
         by_imu, by_speed = (

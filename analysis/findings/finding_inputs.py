@@ -15,7 +15,7 @@ from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.verdict import Verdict
-from analysis.model.windows import flagged_windows
+from analysis.model.windows import mark_flagged_windows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
@@ -93,7 +93,7 @@ class FindingInputs:
             round(s * self.machine.settings.align.rate_hz)
             for s in (LIMITS.stand_after_motion_s, LIMITS.stand_before_motion_s)
         )
-        return ~(flagged_windows(near, after) | flagged_windows(near[::-1], before)[::-1])
+        return ~(mark_flagged_windows(near, after) | mark_flagged_windows(near[::-1], before)[::-1])
 
     @property
     def series(self) -> Mapping[str, Series]:

@@ -307,7 +307,9 @@ def relative_mass_u(inputs: FindingInputs) -> float:
     weighing = inputs.check_inputs.weighing
     if weighing is None:
         return float("inf")
-    parts = weighing.fit.parts_kg(weighing.fit.weights_of_state(weighing.fit.main_state))
+    parts = weighing.fit.uncertainty_parts_kg(
+        weighing.fit.weights_of_state(weighing.fit.main_state)
+    )
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
     return u_kg / abs(weighing.fit.mass_kg)
@@ -332,7 +334,7 @@ def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.fit
     if fit is None:
         return []
-    parts = fit.parts_kg(fit.weights_of_state(fit.main_state))
+    parts = fit.uncertainty_parts_kg(fit.weights_of_state(fit.main_state))
     by_term = {term.name: parts[term.name] for term in fit.terms}
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)

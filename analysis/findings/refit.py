@@ -71,7 +71,7 @@ def refit_corrected(
     if before is None or after is None:
         return None
     kg = after - before
-    of_noise = fit.parts_kg(fit.weights_of_state(fit.main_state))["noise"]
+    of_noise = fit.uncertainty_parts_kg(fit.weights_of_state(fit.main_state))["noise"]
     return MassChange(
         kg,
         float(
@@ -103,9 +103,9 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
     motion = renumber_and_drop_short_stretches(
         motion.cut_to_first_stretches(LIMITS.refit_max_stretches)
     )
-    if motion.used.sum() < LIMITS.refit_min_samples or not motion.drives:
+    if motion.used.sum() < LIMITS.refit_min_samples or not motion.has_enough_motion:
         return None
-    motion = motion.near_fitted(LIMITS.refit_reach_s)
+    motion = motion.keep_near_fitted(LIMITS.refit_reach_s)
     states = None if fit.states is None else fit.states.restrict_to(motion)
     if states is not None and states.count != inputs.kept.setdefault("states", states.count):
         return None
@@ -157,7 +157,7 @@ def refit_warm_started(
         known: whether force and speed are unchanged, so that the lag is known.
     """
     part = earlier.motion.cut_to_first_stretches(LIMITS.refit_pilot_stretches)
-    if part is earlier.motion or not part.drives:
+    if part is earlier.motion or not part.has_enough_motion:
         return refit_with_changes(earlier, noise, priors, rounds=LIMITS.refit_rounds - known)
     if known:
         return refit_with_changes(earlier, noise, priors)

@@ -17,7 +17,7 @@ from analysis.findings.fit_causes import relative_mass_u
 from analysis.model.methods import METHODS, FeedKind
 from analysis.model.schema import column_values
 from analysis.stages.estimation import fit_quality
-from analysis.weighing.load_frames import make_load_change_rows
+from analysis.weighing.load_frames import find_load_change_rows
 from estimators.arrays import Bools, Floats, Ints
 
 #: Braking takes a large part of the windows from this share on.
@@ -99,7 +99,7 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
         inputs.check_inputs.is_phase(each)[rows] for each in ("accelerating", "cruising")
     )
     # a recursion begins anew with each load, and learns in each start
-    load = np.searchsorted(make_load_change_rows(inputs.check_inputs.weighing), rows, "right")
+    load = np.searchsorted(find_load_change_rows(inputs.check_inputs.weighing), rows, "right")
     parts = np.flatnonzero(run_starts(starts) | run_starts(load))
     least_kg = apply_to_parts(np.fmin.accumulate, std_kg, parts)
     steady = apply_to_parts(np.cumsum, cruises.astype(np.float64), parts)

@@ -5,17 +5,17 @@ import numpy as np
 from estimators.arrays import Bools, Ints
 
 
-def flagged_windows(flag: Bools, window: int) -> Bools:
+def mark_flagged_windows(flag: Bools, window: int) -> Bools:
     """Whether any of the `window` rows that end at each row is flagged (fewer at the start)."""
     count = np.concatenate([[0], np.cumsum(flag)])
     start = np.maximum(np.arange(flag.size) + 1 - window, 0)
     return count[1:] > count[start]
 
 
-def samples_in_windows(accepted: Bools, window: int) -> Bools:
+def mark_samples_in_windows(accepted: Bools, window: int) -> Bools:
     """Whether each row lies inside at least one accepted window."""
     # the windows that hold row k end at k … k + window - 1
-    return flagged_windows(accepted[::-1], window)[::-1]
+    return mark_flagged_windows(accepted[::-1], window)[::-1]
 
 
 def runs_of_flagged_samples(flag: Bools) -> tuple[Ints, Ints]:

@@ -213,7 +213,7 @@ class GrowingLog:
         assert self.basis is not None
         settings = self.basis.machine.settings
         kept_s = _KEPT_S
-        if any(channel.differentiates for channel in self.basis.machine.channels.values()):
+        if any(channel.is_derivative for channel in self.basis.machine.channels.values()):
             kept_s += _SETTLED_CYCLES / settings.filter.cutoff_hz
         oldest = self._last_t_ns + self.basis.origin.start_ns - round(kept_s * 1e9)
         for topic, frame in self._raw.items():

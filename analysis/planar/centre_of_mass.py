@@ -17,7 +17,7 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build_frame
 from analysis.model.settings import Settings
-from analysis.model.uncertainty_sources import combined_u, unknown_scale
+from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
 from analysis.model.verdict import Verdict
 from analysis.planar.planar_budget import (
     list_uncertainty_sources,
@@ -345,7 +345,7 @@ def list_missing_values(fitted: PlanarFit, gradients: list[Floats], machine: Mac
     """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [list_uncertainty_sources(fitted.estimate, g, fitted.priors, machine) for g in told]
-    names = (name for found in each for name in unknown_scale(found))
+    names = (name for found in each for name in names_of_unknown_scale_sources(found))
     return ", ".join(dict.fromkeys(names))
 
 

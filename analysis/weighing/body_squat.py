@@ -39,7 +39,7 @@ class LoadSquat:
     relative_load: Floats
 
     @property
-    def mass_overestimation(self) -> Floats:
+    def mass_overestimation_factor(self) -> Floats:
         """(masses,) factor by which each mass is overestimated."""
         return 1.0 + self.gain * self.relative_load
 
@@ -53,7 +53,7 @@ class LoadSquat:
         return abs(float(weights @ (masses_kg * self.relative_load))) * self.std
 
 
-def find_squat(
+def estimate_load_squat(
     motion: MotionSamples,
     wheels: WheelKinematics,
     loads: RelativeLoads,
@@ -73,14 +73,14 @@ def find_squat(
         None if the change is undetermined.
     """
     if motion.without_gravity is not None:
-        gain, variance = scale_squat_with_load(
+        gain, variance = gain_change_by_load_squat(
             wheels.squat[0], estimate_squat_by_pitch(motion, loads)
         )
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
-    found = _estimate_by_wheels(_stretch_rows(motion, wheels, loads))
+    found = _estimate_by_wheels(_make_stretch_rows(motion, wheels, loads))
     if wheels.squat[0] > 0.0:
         seen = None if found is None else (found.gain, found.variance)
-        gain, variance = scale_squat_with_load(wheels.squat[0], seen)
+        gain, variance = gain_change_by_load_squat(wheels.squat[0], seen)
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     if found is None:
         return None
@@ -106,7 +106,7 @@ def find_squat(
     )
 
 
-def scale_squat_with_load(
+def gain_change_by_load_squat(
     share: float, pitch_change: tuple[float, float] | None
 ) -> tuple[float, float]:
     """Change of gain with the load, and its variance, from the squat of the loaded body.
@@ -128,7 +128,7 @@ def scale_squat_with_load(
 _Stretch = tuple[Floats, Floats, Floats, float]
 
 
-def _stretch_rows(
+def _make_stretch_rows(
     motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads
 ) -> list[_Stretch]:
     """Centred columns (means, 4), response, time and load of each stretch."""
@@ -136,7 +136,7 @@ def _stretch_rows(
     # such a squat is itself a reason why wheels and accelerometer do not go together
     known = wheels.is_consistent
     delay_s, slip_1_N = (wheels.delay_s[0], wheels.slip_1_N[0]) if known else (0.0, 0.0)
-    in_time = motion.shift_speed(delay_s)
+    in_time = motion.advance_speed(delay_s)
     ground = in_time.speed * ground_speed_ratio(in_time.speed, motion.force, slip_1_N)
     relative = loads.relative_load_of(motion.unit)
     found: list[_Stretch] = []

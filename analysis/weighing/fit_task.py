@@ -74,7 +74,7 @@ class FitTask:
             slip_1_N=(self._slip_from_wheels() or (0.0, 0.0))[0],
             motion_gain=self._squat_gain(),
             swing=self._body_swing(),
-            speed_late_s=self._speed_late_s(),
+            speed_late_s=self._speed_delay_s(),
             relative_loads=(loads := self._relative_loads()),
             route=self._find_route(loads),
             uneven_1_s=self.uneven_1_s,
@@ -103,14 +103,14 @@ class FitTask:
         """
         lag = term_index("lag", self.terms)
         std = np.zeros(len(self.terms))
-        levels = None if self.states is None else self.states.levels(self.motion)
+        levels = None if self.states is None else self.states.random_intercepts(self.motion)
         known = begin.found if begin else self.initial_estimates
         known = known if shift else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
         cost = begin and self._slip_cost(begin.theta, begin.solution, begin.terms)
         for number in range(rounds):
             mean, std = self._priors_of_round(cost)
-            self._narrow_gain_drift(std)
+            self._narrow_gain_drift_prior(std)
             known_s = known.lag_s
             mean[lag] -= known_s
             if number or rows is None:
@@ -226,7 +226,7 @@ class FitTask:
             np.unique(unit_of_each_stretch(self.motion), return_inverse=True)[1],
         )
 
-    def _speed_late_s(self) -> float:
+    def _speed_delay_s(self) -> float:
         """Delay of the speed in s, if wheels and accelerometer determine it."""
         wheels = self.wheels
         told = wheels is not None and wheels.is_consistent and self.motion.by_accelerometer
@@ -270,7 +270,7 @@ class FitTask:
             mass_kg, friction, (float(theta[count + 1 + place]) / mass_kg, std / mass_kg)
         )
 
-    def _narrow_gain_drift(self, std: Floats) -> None:
+    def _narrow_gain_drift_prior(self, std: Floats) -> None:
         """Set the prior of a gain drift to 0 if loads return.
 
         Payloads are then differences of neighbours, in which a drift cancels; free masses would
@@ -289,10 +289,10 @@ class FitTask:
             if term.name in learnt and not (by_wheels and term.name == "slip")
         ]
 
-    def _prior_means(self, mean: Floats, moved_s: float) -> PriorMeans:
+    def _prior_means(self, mean: Floats, advanced_s: float) -> PriorMeans:
         """Prior means of a round whose force was advanced by a delay in s."""
         mean, mean_u = mean.copy(), np.zeros(len(self.terms))
-        mean[term_index("lag", self.terms)] += moved_s
+        mean[term_index("lag", self.terms)] += advanced_s
         for place, term in self._indices_of_learnt_terms():
             mean_u[place] = term.mean_u
         return PriorMeans(mean, mean_u)

@@ -5,7 +5,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
-from analysis.model.windows import flagged_windows
+from analysis.model.windows import mark_flagged_windows
 from analysis.stages.gating.gate import accepted_samples, possibly_braking_samples
 from analysis.stages.gating.segments import number_manoeuvres
 from analysis.stages.motion.phases import stopping_samples
@@ -13,7 +13,7 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
 
-def path_positions(
+def path_positions_and_length_m(
     speed: Floats, used: Bools, silences: Ints, rate_hz: float
 ) -> tuple[Floats, float]:
     """Position of the machine on its path, (n,), and the length of the path in m.
@@ -36,7 +36,7 @@ def running_standstill_count(excitation: pl.DataFrame) -> Ints:
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
 
 
-def count_silences(known: Bools, shortest: int) -> Ints:
+def running_silence_count(known: Bools, shortest: int) -> Ints:
     """Number of gaps of at least `shortest` samples up to each sample, (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(np.int8)))
     first, end = edges[::2], edges[1::2]
@@ -45,7 +45,7 @@ def count_silences(known: Bools, shortest: int) -> Ints:
     return np.cumsum(begun)
 
 
-def cut_drives(stood: Ints, longest: int) -> Ints:
+def number_and_cut_drives(stood: Ints, longest: int) -> Ints:
     """Number the manoeuvres, (n,), and split drives of twice `longest` samples or more."""
     cuts = np.append(True, stood[1:] != stood[:-1])
     drive_begins = np.flatnonzero(cuts)
@@ -54,7 +54,7 @@ def cut_drives(stood: Ints, longest: int) -> Ints:
     return (np.cumsum(cuts) - 1 + stood[0]).astype(np.int64)
 
 
-def fitted_manoeuvres(
+def fitted_manoeuvre_of_samples(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     machine: Machine,
@@ -99,14 +99,14 @@ def is_first_of_stretch(group: Ints) -> Bools:
     return (group >= 0) & (np.append(-1, group[:-1]) != group)
 
 
-def last_of_stretch(group: Ints) -> Bools:
+def is_last_of_stretch(group: Ints) -> Bools:
     """Whether each sample is the last of its stretch, (n,)."""
     return (group >= 0) & (np.append(group[1:], -1) != group)
 
 
 def stretch_spans(group: Ints) -> Ints:
     """First sample of each stretch, and the one behind its last, (stretches, 2)."""
-    first, last = (np.flatnonzero(of(group)) for of in (is_first_of_stretch, last_of_stretch))
+    first, last = (np.flatnonzero(of(group)) for of in (is_first_of_stretch, is_last_of_stretch))
     return np.column_stack([first, last + 1])
 
 
@@ -135,12 +135,12 @@ def trim_to_break_away(
     return grown
 
 
-def number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
+def number_one_way_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     """Number the runs of adjacent samples that move one way; at a reversal friction turns."""
     used = group >= 0
     forwards = _three_sample_mean(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
-    near = flagged_windows(turns, mixed) | flagged_windows(turns[::-1], mixed + 1)[::-1]
+    near = mark_flagged_windows(turns, mixed) | mark_flagged_windows(turns[::-1], mixed + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
     return np.where(group >= 0, np.cumsum(is_first_of_stretch(group)) - 1, -1).astype(np.int64)
 

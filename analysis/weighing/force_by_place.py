@@ -74,13 +74,13 @@ _OF_EVERY_LOAD: Final = (
 PLACE: Final = (*_OF_EVERY_LOAD, *map(_load_proportional_term, _OF_EVERY_LOAD))
 
 
-def forces_by_place(place_1: Floats) -> Floats:
+def make_place_force_columns(place_1: Floats) -> Floats:
     """(n, terms) columns of a spring and of half waves at positions on the path."""
     waves = (_half_wave_cosine(place_1, half_waves) for half_waves in range(1, _HALF_WAVES + 1))
     return np.column_stack([_make_spring_column(place_1), *waves])
 
 
-def slopes_by_place(place_1: Floats) -> Floats:
+def make_place_slope_columns(place_1: Floats) -> Floats:
     """(n, terms) derivatives of these columns by the position."""
     numbers = np.pi * np.arange(1, _HALF_WAVES + 1)
     waves = -numbers * np.sin(numbers * (place_1[:, None] + 0.5))

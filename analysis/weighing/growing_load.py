@@ -20,7 +20,7 @@ from scipy.special import ndtri
 
 from analysis.model.settings import PriorSettings
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.weighing.fit_columns import FitRows, average_columns, mean_stride
+from analysis.weighing.fit_columns import FitRows, average_columns, stride_between_means
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit, term_index
 from analysis.weighing.load_states import unit_of_each_sample, unit_of_each_stretch
@@ -244,5 +244,5 @@ def _row_variance(fit: JointFit, noise: ColumnNoiseModel) -> float:
     """Variance of a row by sensor noise, summed over overlapping rows, in N²."""
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous, -1.0])
-    overlap = samples / mean_stride(samples)
+    overlap = samples / stride_between_means(samples)
     return overlap * float(gradient @ noise.covariance(samples) @ gradient)

@@ -30,7 +30,7 @@ _HINTED: Final = 0.4
 _MOST_PLACES: Final = 6
 
 
-def hauling_patterns(motion: MotionSamples) -> list[Ints]:
+def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
     """Partitions into load states that the driving pattern suggests, (units,) each.
 
     States that only follow the driving direction count only if something else shows that loads

@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.model.settings import PriorSettings
 from analysis.stages.signals.grid_rate import rows_in_duration
-from analysis.weighing.body_squat import find_squat
+from analysis.weighing.body_squat import estimate_load_squat
 from analysis.weighing.fit_columns import (
     FitColumns,
     FitRows,
@@ -86,7 +86,7 @@ def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> Joint
         motion, inputs.noise, inputs.priors, terms, inputs.wheels, states, inputs.uneven_1_s
     )
     part = whole.cut_to_first_stretches(_TRIED)
-    part = part if part.motion.drives else whole
+    part = part if part.motion.has_enough_motion else whole
     longest = (
         int(np.median(np.bincount(motion.group[motion.used]))) / LIMITS.disjoint_means_per_stretch
     )
@@ -114,8 +114,8 @@ def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> Joint
     best = next(
         found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
     )
-    whole = _take_slip_on_ground(inputs, whole, best)
-    chosen = _fit_whole(whole, best.mean_samples)
+    whole = _compare_wheels_after_pilot_fit(inputs, whole, best)
+    chosen = _fit_all_stretches(whole, best.mean_samples)
     share = _relative_averaging_effect(
         first, next(k for k, found in enumerate(first) if found is best)
     )
@@ -124,7 +124,7 @@ def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> Joint
     swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
     if swings and transient > best.mean_samples:
         # what all starts have in common and no term describes averages out over a longer mean
-        longer = _fit_whole(whole, transient)
+        longer = _fit_all_stretches(whole, transient)
         if longer.fit.misfit_ratio < misfit:
             share, chosen = _relative_averaging_effect([chosen, longer], 1), longer
     return replace(chosen, averaging_share=share)
@@ -139,18 +139,20 @@ def applicable_terms(motion: MotionSamples, *, several: bool) -> tuple[Nuisance,
     )
 
 
-def _take_slip_on_ground(inputs: JointFitInputs, task: FitTask, pilot: JointFit) -> FitTask:
+def _compare_wheels_after_pilot_fit(
+    inputs: JointFitInputs, task: FitTask, pilot: JointFit
+) -> FitTask:
     """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
     if not (abs(pilot.lag_s) > LIMITS.short_lag_s or pilot.found.transfer_s2_m):
         return task
     # slip is of the force on the ground at that moment
-    in_time = inputs.motion.shift_force(pilot.lag_s)
+    in_time = inputs.motion.advance_force(pilot.lag_s)
     acting = replace(in_time, force=pilot.found.ground_force(in_time))
     wheels = _find_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
     return replace(task, wheels=wheels)
 
 
-def _fit_whole(task: FitTask, samples: int) -> JointFit:
+def _fit_all_stretches(task: FitTask, samples: int) -> JointFit:
     """Fit all stretches, with the force either advanced by its lag or taken as low-passed."""
     moved = task.fit_means(samples, LIMITS.lag_rounds)
     if abs(moved.lag_s) < LIMITS.short_lag_s:
@@ -226,7 +228,7 @@ def refit_with_changes(
         priors: of the nuisances.
         extra: terms to add after the others.
         rounds: maximum number of rounds.
-        rows: `fit_rows` of the earlier fit, with at least these terms, if already computed.
+        rows: `make_refit_rows` of the earlier fit, with at least these terms, if already computed.
     """
     if found.effects is not None:
         priors = found.effects.narrow_left_out(priors)
@@ -246,7 +248,9 @@ def refit_with_changes(
     )
 
 
-def fit_rows(found: JointFit, noise: ColumnNoiseModel, extra: tuple[Nuisance, ...] = ()) -> FitRows:
+def make_refit_rows(
+    found: JointFit, noise: ColumnNoiseModel, extra: tuple[Nuisance, ...] = ()
+) -> FitRows:
     """Rows of the first round of a refit from `found`, with additional terms if any."""
     terms = (*found.terms, *extra)
     return average_columns(found.motion, noise, terms, found.mean_samples, found.found)
@@ -256,7 +260,7 @@ def drop_unlikely_effects(
     found: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit:
     """Refit without the effects that the log is unlikely to have."""
-    likely = LikelyEffects.weigh_choices(found.fit, found.count, found.terms, found.prior_std)
+    likely = LikelyEffects.from_fit(found.fit, found.count, found.terms, found.prior_std)
     found = replace(found, effects=likely)
     return (
         refit_with_changes(found, noise, priors, rounds=2) if likely and likely.left_out else found
@@ -273,7 +277,9 @@ def fit_gain_by_load(found: JointFit, priors: PriorSettings) -> JointFit:
         return found
     first = np.unique(states.membership, return_index=True)[1]
     for _ in range(LIMITS.squat_rounds):
-        squat = find_squat(found.motion, wheels, loads, loads.value[first], priors.gain_by_load)
+        squat = estimate_load_squat(
+            found.motion, wheels, loads, loads.value[first], priors.gain_by_load
+        )
         found = replace(found, squat=squat)
         # a squat that is not taken off makes loads of another size
         shares = loads.weight_shares

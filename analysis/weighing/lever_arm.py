@@ -109,7 +109,7 @@ def estimate_swing(measured: Floats, motion: MotionSamples, springs: BodySwing) 
     return replace(found, u_s2=float(np.hypot(found.u_s2, LIMITS.lever_shape_u * found.lever_s2)))
 
 
-def search_springs(measured: Floats, motion: MotionSamples) -> BodySwing | None:
+def fit_springs(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     """Springs that leave the smallest residual between wheels and accelerometer.
 
     Args:

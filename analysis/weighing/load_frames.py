@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import CALIBRATED, FRAMES, build_frame
-from analysis.model.uncertainty_sources import combined_u, unknown_scale
+from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.fuel_on_board import FuelOnBoard
@@ -55,7 +55,7 @@ def make_load_frame(
     said = "; ".join(
         filter(
             None,
-            (_note_on_states(fit, machine), against, _note_growing_loads(weighing, excitation)),
+            (_load_states_note(fit, machine), against, _growing_loads_note(weighing, excitation)),
         )
     )
     if machine.settings.loads.empty_from_s is not None and not empty:
@@ -82,7 +82,7 @@ def _manoeuvre_index_of_samples(fit: JointFit, states: LoadStates) -> Ints:
     return np.searchsorted(states.unit, unit_of_each_sample(fit.motion))
 
 
-def make_load_change_rows(weighing: Weighing | None) -> list[int]:
+def find_load_change_rows(weighing: Weighing | None) -> list[int]:
     """Grid rows at which a different load begins to move."""
     if weighing is None or weighing.fit.states is None:
         return []
@@ -132,7 +132,7 @@ def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machi
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
         if state == lightest:
             continue
-        weights = difference_weights(weighing, state, found)
+        weights = weights_of_difference(weighing, state, found)
         random_kg = combined_u(budget_of_mass(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
@@ -163,16 +163,16 @@ def _choose_empty_datum(
     if not empty or len(empty) == fit.count:
         return None, ""
     # less the mass of none: the empty ones alone
-    weights = fit.weights_of_state(0) - difference_weights(weighing, 0, empty)
+    weights = fit.weights_of_state(0) - weights_of_difference(weighing, 0, empty)
     found = EmptyMachine(weighing, machine, weights, fuel_kg=fuel_kg)
-    if found.contradiction:
-        return None, f"{found.contradiction}: payloads are on the log's own scale"
+    if found.contradiction_text:
+        return None, f"{found.contradiction_text}: payloads are on the log's own scale"
     others = [state for state in range(fit.count) if state not in empty]
-    payloads = np.sum([difference_weights(weighing, state, empty) for state in others], axis=0)
+    payloads = np.sum([weights_of_difference(weighing, state, empty) for state in others], axis=0)
     return found.relate_to_empty_mass(payloads), ""
 
 
-def difference_weights(weighing: Weighing, state: int, empty: list[int]) -> Floats:
+def weights_of_difference(weighing: Weighing, state: int, empty: list[int]) -> Floats:
     """(masses,) weights of a mass minus the mean of others, by number of manoeuvres."""
     states = weighing.fit.states
     assert states is not None
@@ -197,7 +197,7 @@ def _make_load_row(
     sources = budget_of_mass(weighing, machine, fit.weights_of_state(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
     u_kg = combined_u(sources)
-    withheld = [check.check for check in verdict.failed("mass")]
+    withheld = [check.check for check in verdict.withholding_checks("mass")]
     # as the check of that name judges the load that most manoeuvres are of
     known = relative_u(weighing, machine, state) <= machine.settings.verdict.relative_std_max
     if not known and "relative_u" not in withheld:
@@ -227,7 +227,7 @@ def _make_load_row(
         "scatter_known": states.scatter_known,
         "mean_samples": fit.mean_samples,
         "braking_left_out": weighing.braking_left_out,
-        "scale_unknown": ", ".join(unknown_scale(sources)),
+        "scale_unknown": ", ".join(names_of_unknown_scale_sources(sources)),
         "payload_scale_unknown": ", ".join(unknown),
         "withheld": bool(withheld),
         "withheld_for": ", ".join(withheld),
@@ -246,7 +246,7 @@ def _payload_with_uncertainty(
     names = ("kg", "u_kg", "u_random_kg")
     if not empty and body.empty_mass_kg is None:
         return {f"{of}_{name}": None for of in ("payload", "own_payload") for name in names}, []
-    weights = difference_weights(weighing, state, empty)
+    weights = weights_of_difference(weighing, state, empty)
     sources = budget_of_mass(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
     u_kg = combined_u(sources)
@@ -256,16 +256,16 @@ def _payload_with_uncertainty(
     own = (own_kg, u_kg, combined_u(sources, "random"))
     told = own
     if datum is not None:
-        sources = datum.payload_sources(weights)
+        sources = datum.payload_uncertainty_sources(weights)
         told = (datum.scale_1 * own_kg, combined_u(sources), combined_u(sources, "random"))
     found: dict[str, float | None] = {
         f"payload_{n}": value for n, value in zip(names, told, strict=True)
     }
     found |= {f"own_payload_{n}": value for n, value in zip(names, own, strict=True)}
-    return found, unknown_scale(sources)
+    return found, names_of_unknown_scale_sources(sources)
 
 
-def _note_on_states(fit: JointFit, machine: Machine) -> str:
+def _load_states_note(fit: JointFit, machine: Machine) -> str:
     """Note about the load states for the reader."""
     states = fit.states
     assert states is not None
@@ -290,7 +290,7 @@ def _note_on_states(fit: JointFit, machine: Machine) -> str:
     return "; ".join(said)
 
 
-def _note_growing_loads(weighing: Weighing, excitation: pl.DataFrame) -> str:
+def _growing_loads_note(weighing: Weighing, excitation: pl.DataFrame) -> str:
     """Note that names the manoeuvres whose load changes; "" if none does."""
     t_ns = excitation["t_ns"].to_numpy()
     told = [

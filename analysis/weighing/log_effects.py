@@ -67,7 +67,7 @@ class LikelyEffects:
     removed_kg: Mapping[str, Floats]
 
     @classmethod
-    def weigh_choices(
+    def from_fit(
         cls, fit: MapFit, masses: int, terms: tuple[Nuisance, ...], prior_std: Floats
     ) -> Self | None:
         """Compute the probabilities of all choices of effects; None without effects.

@@ -25,8 +25,8 @@ from analysis.weighing.joint_fit import (
     add_motion_responses,
     drop_unlikely_effects,
     fit_gain_by_load,
-    fit_rows,
     joint_fit,
+    make_refit_rows,
     refit_with_changes,
 )
 from analysis.weighing.joint_result import JointFit
@@ -35,7 +35,7 @@ from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
     MotionSamples,
-    motion_samples,
+    collect_motion_samples,
 )
 from analysis.weighing.nuisances import CURVATURE, FILLING
 from analysis.weighing.other_motion import (
@@ -187,7 +187,9 @@ def _weigh_with_priors(
     columns = _DerivativeNoise(known, rate_hz) if machine.differentiates_speed else known
 
     def select_motion(*, braking: bool) -> MotionSamples:
-        found = motion_samples(aligned, excitation, gated, machine, columns, braking=braking)
+        found = collect_motion_samples(
+            aligned, excitation, gated, machine, columns, braking=braking
+        )
         return align_records(found)
 
     def fit_load_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
@@ -223,9 +225,9 @@ def _weigh_with_priors(
             lags_apart = abs(alone.lag_s - fit.lag_s) > LIMITS.same_lag_s
             if (
                 not (beyond or lags_apart)
-                and not fit_curvature(alone, columns, priors).is_significant
+                and not fit_force_curvature(alone, columns, priors).is_significant
             ):
-                braking_kg = mean_difference_kg(fit, alone)
+                braking_kg = mean_mass_difference_kg(fit, alone)
                 allowed = LIMITS.braking_left_out_u * float(np.hypot(fit.u_kg, alone.u_kg))
                 left_out = abs(braking_kg) > max(
                     allowed, LIMITS.braking_min_fraction * abs(alone.mass_kg)
@@ -241,7 +243,7 @@ def _weigh_with_priors(
         return None
     alone = _fit_without_learnt(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
-    rows = fit_rows(fit, columns, (CURVATURE, FILLING))
+    rows = make_refit_rows(fit, columns, (CURVATURE, FILLING))
     halved_kg, doubled_kg = (
         refit_with_changes(fit, columns, _scale_prior_stds(priors, factor), rows=rows).masses_kg
         for factor in (0.5, 2.0)
@@ -253,7 +255,7 @@ def _weigh_with_priors(
         braking_kg,
         left_out,
         doubted,
-        fit_curvature(fit, columns, priors, rows),
+        fit_force_curvature(fit, columns, priors, rows),
         fit_filling(own, columns, own_priors, rows if own is fit else None),
         grown,
         refit_with_wheel_or_imu_motion(fit, columns, priors)
@@ -272,7 +274,7 @@ def _weigh_with_priors(
 def _has_enough_samples(motion: MotionSamples) -> bool:
     """Whether enough samples may be fitted."""
     fewest = rows_in_duration(LIMITS.shortest_log_s, motion.rate_hz, FEWEST_READINGS)
-    return int(motion.used.sum()) >= fewest and motion.drives
+    return int(motion.used.sum()) >= fewest and motion.has_enough_motion
 
 
 def _exclude_manoeuvres(motion: MotionSamples, excluded_units: Sequence[int]) -> MotionSamples:
@@ -306,7 +308,7 @@ def widen_learnt_priors(priors: PriorSettings) -> PriorSettings:
     return priors.model_copy(update={"learnt": learnt})
 
 
-def mean_difference_kg(one: JointFit, other: JointFit) -> float:
+def mean_mass_difference_kg(one: JointFit, other: JointFit) -> float:
     """Mean difference of two fits' masses over the same manoeuvres, in kg."""
     mine, theirs = one.states, other.states
     if mine is None or theirs is None:
@@ -317,7 +319,7 @@ def mean_difference_kg(one: JointFit, other: JointFit) -> float:
     return float(np.mean(one.masses_kg[mine.membership[a]] - other.masses_kg[theirs.membership[b]]))
 
 
-def fit_curvature(
+def fit_force_curvature(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
 ) -> ForceCurvature:
     """Refit with a term in a·|a|; 0 where the log does not determine it.

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 from scipy.signal import lfilter
 
-from analysis.model.axes import straight_regressor
+from analysis.model.axes import straight_regressor_and_force
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pool_by_manoeuvre, pooled_samples
@@ -82,7 +82,9 @@ def found(seeds, starts, plain):
             pl.col("mass_kg").is_not_null()
         )
         ids = pooled_samples(excitation, gated, plain.settings)
-        textbook = textbook_deviations(*straight_regressor(excitation, plain.settings), ids)
+        textbook = textbook_deviations(
+            *straight_regressor_and_force(excitation, plain.settings), ids
+        )
         rows.append(np.column_stack([table["mass_kg"], table["mass_std_kg"], textbook]))
     return np.concatenate(rows).T
 

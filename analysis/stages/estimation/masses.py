@@ -11,9 +11,9 @@ from analysis.model.axes import (
     X,
     Z,
     available_axes,
-    estimated_parameters,
-    regressor,
-    rows_of_axis,
+    read_parameters_and_stds,
+    regressor_and_force,
+    select_rows_of_axis,
     theta_columns,
 )
 from analysis.model.machine import Machine
@@ -51,7 +51,7 @@ def summarise_masses(
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
     for axis in available_axes(excitation):
         rows: dict[str, pl.DataFrame] = {
-            method: rows_of_axis(axis, frame) for method, frame in estimates.items()
+            method: select_rows_of_axis(axis, frame) for method, frame in estimates.items()
         }
         known = axis_noise(axis, machine.settings, noise)
         totals = total_estimates(axis, excitation, gated, rows, machine.settings, known)
@@ -100,7 +100,7 @@ def fit_pooled_over_log(
     method: Method = METHODS["pooled"],
 ) -> tuple[Floats, Floats]:
     """Fit every accepted sample of an axis; parameters and standard deviations, (p,) each."""
-    A, f = regressor(axis, excitation, settings)
+    A, f = regressor_and_force(axis, excitation, settings)
     used = accepted_samples(excitation, gated, settings, axis)
     if not used.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
@@ -118,7 +118,7 @@ def total_estimates(
     noise: AxisNoise,
 ) -> tuple[Floats, Floats]:
     """Parameters and standard deviations, (methods, p) each; NaN without an estimate."""
-    A, f = regressor(axis, excitation, settings)
+    A, f = regressor_and_force(axis, excitation, settings)
     t_ns = excitation["t_ns"].to_numpy()
     theta = np.full((len(estimates), A.shape[1]), np.nan)
     std = theta.copy()
@@ -132,11 +132,11 @@ def total_estimates(
                     axis, excitation, gated, settings, noise, method
                 )
             case LogSummary.LAST:
-                traced, traced_std = estimated_parameters(axis, frame)
+                traced, traced_std = read_parameters_and_stds(axis, frame)
                 theta[row], std[row] = traced[-1], traced_std[-1]
             case LogSummary.MEAN:
                 index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
-                windows = estimated_parameters(axis, frame)
+                windows = read_parameters_and_stds(axis, frame)
                 unseen = systematic_errors(method, A, f, index, windows[0], settings, noise)
                 theta[row], std[row] = mean_estimate(
                     A, f, settings.gate.window_samples, index, *windows, unseen

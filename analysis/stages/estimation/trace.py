@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, available_axes, regressor, trace_columns
+from analysis.model.axes import Axis, available_axes, regressor_and_force, trace_columns
 from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
@@ -63,7 +63,7 @@ def _trace_methods(
     begins: Sequence[int],
 ) -> dict[str, Trace]:
     """Traces of every method over one axis."""
-    A, f = regressor(axis, excitation, settings)
+    A, f = regressor_and_force(axis, excitation, settings)
     window = settings.gate.window_samples
 
     @cache

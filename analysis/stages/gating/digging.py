@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import X, regressor
+from analysis.model.axes import X, regressor_and_force
 from analysis.model.machine import Machine
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
@@ -106,7 +106,7 @@ class _PileContact:
 
 def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list[_PileContact]:
     """Starts whose resistance significantly changes by the size of a pile's, in order of time."""
-    A, force = regressor(X, excitation, machine.settings)
+    A, force = regressor_and_force(X, excitation, machine.settings)
     acceleration, speed = A[:, 0], A[:, 1]
     driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
     slowing = (excitation["phase"] == "braking").fill_null(False).to_numpy()

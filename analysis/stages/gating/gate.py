@@ -3,10 +3,10 @@
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, X, available_axes, regressor
+from analysis.model.axes import Axis, X, available_axes, regressor_and_force
 from analysis.model.schema import PHASE, REASON, build_frame, column_values
 from analysis.model.settings import Settings
-from analysis.model.windows import flagged_windows, samples_in_windows
+from analysis.model.windows import mark_flagged_windows, mark_samples_in_windows
 from analysis.stages.gating.gate_rules import UNKNOWN, Codes, decide_windows, flag_rows, is_braking
 from analysis.stages.motion.phases import (
     average_like_speed_rate,
@@ -51,12 +51,12 @@ def _make_gate_columns(
 ) -> dict[str, Floats | pl.Series]:
     """Columns of `gate` for one axis."""
     window, letter = settings.gate.window_samples, axis.letter
-    A, f = regressor(axis, excitation, settings)
+    A, f = regressor_and_force(axis, excitation, settings)
     n = f.size
     phase = phase_codes(excitation)
     # a row of unknown phase might be braking, and is in no manoeuvre
     missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f)) | (phase == UNKNOWN)
-    complete = ~flagged_windows(missing, window)
+    complete = ~mark_flagged_windows(missing, window)
     complete[: window - 1] = False
     rows = np.flatnonzero(complete).astype(np.int64)
     seen = ls.WindowStatistics(*(np.full(n, np.nan) for _ in ls.WindowStatistics._fields))
@@ -80,7 +80,7 @@ def _make_gate_columns(
         axis,
         seen,
         np.arange(n) < first + window - 1,
-        {why: flagged_windows(flag, window) for why, flag in flags.items()},
+        {why: mark_flagged_windows(flag, window) for why, flag in flags.items()},
         window_information,
         settings.gate,
     )
@@ -115,7 +115,7 @@ def accepted_samples(
     standstill alone would cost 150 kg of 3614. The phase detects braking late by up to its span and
     the moving mean; windows must accept that on board, pooling need not.
     """
-    used = samples_in_windows(
+    used = mark_samples_in_windows(
         gated[f"accepted_{axis.letter}"].to_numpy(), settings.gate.window_samples
     )
     used &= (excitation["phase"] != "standstill").fill_null(True).to_numpy()
@@ -131,7 +131,7 @@ def refuse_windows(gated: pl.DataFrame, rows: Bools, why: str, settings: Setting
         why: the reason.
         settings: settings with the window.
     """
-    held = pl.Series(flagged_windows(rows, settings.gate.window_samples))
+    held = pl.Series(mark_flagged_windows(rows, settings.gate.window_samples))
     accepted = pl.col("accepted_x")
     reason = (
         pl.when(held & accepted).then(pl.lit(why)).otherwise(pl.col("reason_x").cast(pl.String))
@@ -155,9 +155,9 @@ def settled_windows(
 
 def possibly_braking_samples(braking: Bools, settings: Settings) -> Bools:
     """Braking samples, and those before them that may brake undetected, (rows,)."""
-    return flagged_windows(braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples)[
-        ::-1
-    ]
+    return mark_flagged_windows(
+        braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples
+    )[::-1]
 
 
 def excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, X, Z, available_axes, regressor, trace_columns
+from analysis.model.axes import Axis, X, Z, available_axes, regressor_and_force, trace_columns
 from analysis.model.methods import METHODS
 from analysis.model.schema import PHASE, REASON, build_frame
 from analysis.model.settings import Settings
@@ -65,7 +65,7 @@ def pool_by_manoeuvre(
     for axis in available_axes(excitation):
         pooled_ids = pooled_samples(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
-        A, f = regressor(axis, excitation, settings)
+        A, f = regressor_and_force(axis, excitation, settings)
         method = METHODS["pooled"]
         options = method.options(settings.trace, axis_noise(axis, settings, noise))
         traced = method.estimator.trace(A, f, pooled_ids, options)

@@ -95,7 +95,7 @@ def is_hidden_by_grid(
     rate_hz, cutoff_hz = machine.settings.align.rate_hz, machine.settings.filter.cutoff_hz
     causal = machine.settings.filter.causal
     own_hz = {name: 1e9 / rates.mean_period_ns(t, 1e9 / PAPER_HZ) for name, (t, _) in read.items()}
-    derived = any(channel.differentiates for channel in machine.channels.values())
+    derived = any(channel.is_derivative for channel in machine.channels.values())
 
     def source_rates_hz(names: Iterable[str]) -> list[float]:
         made_of = frozenset[str]().union(*(rates.source_channels(name, machine) for name in names))
@@ -231,7 +231,7 @@ def response_of_each_column(axis: tuple[str, ...], machine: Machine) -> list[Col
         else name
         for name in axis
     ]
-    filtered = any(channel.differentiates for channel in channels.values())
+    filtered = any(channel.is_derivative for channel in channels.values())
     cutoff = machine.settings.filter.cutoff_hz / machine.settings.align.rate_hz
     found: list[ColumnResponse] = []
     for name in names:

@@ -58,7 +58,7 @@ def derive(
     """
     settings = machine.settings
     notes: list[str] = []
-    filtering = any(channel.differentiates for channel in machine.channels.values())
+    filtering = any(channel.is_derivative for channel in machine.channels.values())
     picked = _low_pass_channel(read, settings, notes) if filtering else dict(read)
 
     series = mounting.rotate_to_machine_axes(picked, machine.machine.imu, settings.align)
