@@ -19,8 +19,8 @@ from analysis.model.axes import X, straight_regressor_and_force
 from analysis.model.machine import Channel, Machine
 from analysis.model.windows import mark_samples_in_windows
 from analysis.simulation import simulate_campaign
-from analysis.stages.gating.gate import settled_windows
-from analysis.stages.noise.column_noise import axis_noise
+from analysis.stages.gating.gate import mark_settled_windows
+from analysis.stages.noise.column_noise import collect_axis_noise
 from benchmarks.page import markdown
 from benchmarks.simulated import scenario
 from replay import load_machine, run
@@ -51,7 +51,7 @@ def restricted(
     A, f = straight_regressor_and_force(excitation, machine.settings)
     z = np.column_stack([A, f])[samples]
     weights = FORGETTING ** np.arange(len(z))[::-1]
-    covariance = axis_noise(X, machine.settings, noise).mean
+    covariance = collect_axis_noise(X, machine.settings, noise).mean
     gram = (z * weights[:, None]).T @ z
     _, vectors = eigh(gram, covariance)
     return float(-vectors[0, 0] / vectors[-1, 0])
@@ -75,7 +75,7 @@ def main(logs: int = 40) -> None:
                 errors.setdefault("joint fit", []).append(answer[0] - truth)
             # what `rtls` is fed
             excitation, settings = frames["excitation"], machine.settings
-            settled = settled_windows(excitation, frames["gate"], settings)
+            settled = mark_settled_windows(excitation, frames["gate"], settings)
             fed = mark_samples_in_windows(settled, settings.gate.window_samples)
             mass = restricted(excitation, fed, machine, frames["noise"])
             errors.setdefault("restricted TLS", []).append(mass - truth)

@@ -43,8 +43,8 @@ from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.noise.channel_noise import channel_noise
-from analysis.stages.noise.channel_noise import note_noise_sources as noise_notes
+from analysis.stages.noise.channel_noise import estimate_channel_noise
+from analysis.stages.noise.channel_noise import noise_source_notes as noise_notes
 from analysis.stages.signals.align import align
 from analysis.stages.signals.align import alignment_notes as grid_notes
 from analysis.stages.signals.derive import derive, read_measured_channels
@@ -230,7 +230,7 @@ def _run_stages(
     excitation = compute_excitation(smoothed, machine)
     del smoothed
     on_stage("noise")  # of every column, from standstill and fast changes
-    noise = channel_noise(aligned, excitation, machine, read)
+    noise = estimate_channel_noise(aligned, excitation, machine, read)
     notes += noise_notes(noise)
     on_stage("gate")  # the index (11) over each window, and a reason for each
     gated = gate_windows(excitation, settings, noise)

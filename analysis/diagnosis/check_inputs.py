@@ -151,7 +151,7 @@ class AxisMotion:
     @cached_property
     def fit(self) -> UngatedFit:
         """Fit of the axis' model to every moving sample."""
-        return UngatedFit(*fit_quality.ungated_fit(self.A, self.f, self.moving))
+        return UngatedFit(*fit_quality.fit_ungated(self.A, self.f, self.moving))
 
     @property
     def speed(self) -> Floats:

@@ -20,7 +20,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import build_frame, column_values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
-from analysis.stages.gating.gate import accepted_samples
+from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.motion.phases import average_like_speed_rate, speed_rate_span_rows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in_duration
@@ -130,7 +130,7 @@ def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
 
 
 def _count_accepted_stretches(inputs: CheckInputs, _: AxisMotion) -> float:
-    accepted = accepted_samples(inputs.excitation, inputs.gated, inputs.machine.settings)
+    accepted = mark_samples_to_pool(inputs.excitation, inputs.gated, inputs.machine.settings)
     return float((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
 
 
@@ -165,7 +165,7 @@ def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
 
 def _spin_centre_offset_m(inputs: CheckInputs, motion: AxisMotion) -> float:
     x, y = (column_values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
-    return fit_quality.centre_offset(x, y, motion.speed, motion.A[:, 0], motion.known)
+    return fit_quality.spin_centre_offset_m(x, y, motion.speed, motion.A[:, 0], motion.known)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,11 @@ import numpy as np
 import polars as pl
 
 from analysis.model.windows import runs_of_flagged_samples
-from analysis.stages.signals.clocks import RelativeDrift, clock_drifts, relative_drift
+from analysis.stages.signals.clocks import (
+    RelativeDrift,
+    find_largest_relative_drift,
+    measure_clock_drifts,
+)
 from analysis.stages.signals.filters import period_ns
 from estimators.arrays import Floats, Ints
 
@@ -176,7 +180,9 @@ def collect_raw_signals(
         channels: readings as `analysis.stages.signals.derive.measured` returns them.
     """
     span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
-    return RawSignals(channels, relative_drift(clock_drifts(raw)), span_ns / 1e9)
+    return RawSignals(
+        channels, find_largest_relative_drift(measure_clock_drifts(raw)), span_ns / 1e9
+    )
 
 
 def _interpolate_at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:

@@ -66,7 +66,7 @@ def _braking_over_driving_mass(evidence: CheckInputs) -> float:
 
 
 def _fit_mass(A: np.ndarray, f: np.ndarray, chosen_rows: Bools) -> tuple[float, float]:
-    mass_kg, std_kg, _ = fit_quality.ungated_fit(A, f, chosen_rows)
+    mass_kg, std_kg, _ = fit_quality.fit_ungated(A, f, chosen_rows)
     return mass_kg, std_kg
 
 

@@ -14,7 +14,12 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.schema import PHASES
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import find_slipping_samples, subtract_gravity
-from analysis.stages.gating.gate_rules import UNKNOWN, decide_windows, flag_rows, is_braking
+from analysis.stages.gating.gate_rules import (
+    UNKNOWN,
+    decide_windows,
+    flag_rows_by_reason,
+    is_braking,
+)
 from analysis.stages.motion.phases import TURNS, speed_rate_span_rows, yaw_speeding_sign
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.incremental import WindowState, window_statistics
@@ -99,7 +104,9 @@ class GateState:
 def start_gate(axis: Axis, settings: Settings) -> GateState:
     """State before the first row."""
     nothing = np.zeros(1, np.bool_)
-    reasons = flag_rows(axis, np.zeros(1, np.uint8), np.zeros(1), nothing, nothing, settings.gate)
+    reasons = flag_rows_by_reason(
+        axis, np.zeros(1, np.uint8), np.zeros(1), nothing, nothing, settings.gate
+    )
     return GateState(
         axis=axis,
         row=-1,
@@ -187,7 +194,7 @@ def append_row(
     else:
         yaw_rates = (*yaw_rates[1:], cell_value(row["yaw_rate_rad_s"]))
         slows = yaw_speeding_sign(np.array(yaw_rates), settings)[-1:] < 0
-    flags = flag_rows(axis, phase, sample[-1:], slows, slips, settings.gate)
+    flags = flag_rows_by_reason(axis, phase, sample[-1:], slows, slips, settings.gate)
     happens = {"gap": missing, **{why: bool(flag[0]) for why, flag in flags.items()}}
     kind = None
     if known:

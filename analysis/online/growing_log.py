@@ -18,7 +18,7 @@ from analysis.model.schema import HINTS
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.phases import speed_rate_span_rows
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.signals.align import Origin, align_on_grid, find_origin
+from analysis.stages.signals.align import Origin, align_on_grid, find_grid_origin
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.grid_rate import machine_at_rate_of_log
 from analysis.stages.signals.timestamps import assign_timestamps
@@ -181,7 +181,7 @@ class GrowingLog:
             machine,
             {topic: log_time_offset_ns(frame, labels[topic]) for topic, frame in head.items()},
             labels,
-            find_origin(channels, machine),
+            find_grid_origin(channels, machine),
             tuple(notes),
         )
         self._raw = {

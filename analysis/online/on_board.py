@@ -19,7 +19,7 @@ from analysis.model.axes import Axis, axes_of_columns, regressor_columns
 from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
 from analysis.model.settings import Settings
 from analysis.online.gate_state import GateRow, GateState, cell_value, start_gate, step_gate
-from analysis.stages.noise.column_noise import axis_noise
+from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.arrays import Floats
 from estimators.estimate import Estimate
 from estimators.methods import incremental
@@ -182,7 +182,7 @@ def _start_axes(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, 
             AxisState(
                 settings,
                 axis,
-                axis_noise(axis, settings, state.noise),
+                collect_axis_noise(axis, settings, state.noise),
                 incremental.start_window(parameters, window),
                 start_gate(axis, settings),
                 incremental.start_pool(parameters),

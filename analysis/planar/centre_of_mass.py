@@ -29,7 +29,7 @@ from analysis.planar.planar_regressor import Regressor
 from analysis.planar.planar_samples import PlanarSamples, collect_planar_samples, planar_noise
 from analysis.planar.planar_terms import TERMS, terms_of_drive
 from analysis.stages.estimation import fit_quality
-from analysis.stages.gating.gate import accepted_samples
+from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.gating.segments import number_manoeuvres
 from estimators.arrays import Bools, Floats, Ints
 from estimators.planar import base_parameters
@@ -154,7 +154,7 @@ def prior_from_axis(
     nothing = Prior.around_zero({}, 2)
     if axis is Z and not log.plane.has_torque:
         return nothing
-    used = accepted_samples(log.excitation, gated, log.machine.settings, axis)
+    used = mark_samples_to_pool(log.excitation, gated, log.machine.settings, axis)
     used &= log.plane.known
     if not used.any():
         return nothing

@@ -6,9 +6,9 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.windows import mark_flagged_windows
-from analysis.stages.gating.gate import accepted_samples, possibly_braking_samples
+from analysis.stages.gating.gate import mark_possible_braking, mark_samples_to_pool
 from analysis.stages.gating.segments import number_manoeuvres
-from analysis.stages.motion.phases import stopping_samples
+from analysis.stages.motion.phases import mark_stopping_samples
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
@@ -68,7 +68,7 @@ def fitted_manoeuvre_of_samples(
     """
     settings = machine.settings
     without = settings.gate.exclude_braking or not braking
-    accepted = accepted_samples(excitation, gated, settings)
+    accepted = mark_samples_to_pool(excitation, gated, settings)
     segment_id = number_manoeuvres(excitation, settings)
     informative = np.unique(segment_id[accepted & (segment_id >= 0)])
     phase = excitation["phase"]
@@ -77,10 +77,10 @@ def fitted_manoeuvre_of_samples(
     if without:
         brakes = (phase == "braking").fill_null(False).to_numpy()
         stands = (phase == "standstill").fill_null(False).to_numpy()
-        brakes |= stopping_samples(
+        brakes |= mark_stopping_samples(
             column_values(excitation, "speed_x_m_s"), stands, moves_m_s, settings
         )
-        driving &= ~possibly_braking_samples(brakes, settings)
+        driving &= ~mark_possible_braking(brakes, settings)
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 
 

@@ -17,7 +17,7 @@ from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.noise.channel_noise import channel_noise
+from analysis.stages.noise.channel_noise import estimate_channel_noise
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.mounting import rotation_to_machine_axes
@@ -171,7 +171,7 @@ def replayed(said, loader=None):
     loader = loader or machine()
     settings = loader.settings
     aligned, excitation = _to_excitation(said, loader)
-    noise = channel_noise(aligned, excitation, loader)
+    noise = estimate_channel_noise(aligned, excitation, loader)
     gated = gate_windows(excitation, settings, noise)
     estimates = trace_estimates(excitation, gated, settings, noise)
     judged = judge_checks(CheckInputs(excitation, gated, loader))

@@ -13,9 +13,13 @@ from analysis.model.axes import Axis, available_axes, regressor_and_force, trace
 from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import settled_windows
-from analysis.stages.gating.segments import pooled_samples
-from analysis.stages.noise.column_noise import axis_noise, least_std, systematic_errors
+from analysis.stages.gating.gate import mark_settled_windows
+from analysis.stages.gating.segments import pooled_manoeuvre_of_samples
+from analysis.stages.noise.column_noise import (
+    attenuation_errors,
+    collect_axis_noise,
+    stds_by_column_noise_alone,
+)
 from estimators.arrays import Floats, Ints
 from estimators.estimate import Trace
 
@@ -41,7 +45,7 @@ def trace_estimates(
     """
     axes_traced = {
         axis: _trace_methods(
-            axis, excitation, gated, settings, axis_noise(axis, settings, noise), begins
+            axis, excitation, gated, settings, collect_axis_noise(axis, settings, noise), begins
         )
         for axis in available_axes(excitation)
     }
@@ -72,9 +76,9 @@ def _trace_methods(
             case FeedKind.WINDOWS:
                 return window, gated[f"accepted_{axis.letter}"].to_numpy()
             case FeedKind.SETTLED:
-                return window, settled_windows(excitation, gated, settings, axis)
+                return window, mark_settled_windows(excitation, gated, settings, axis)
             case FeedKind.SEGMENTS:
-                return (pooled_samples(excitation, gated, settings, axis),)
+                return (pooled_manoeuvre_of_samples(excitation, gated, settings, axis),)
 
     traces: dict[str, Trace] = {}
     for name in settings.trace.methods:
@@ -86,10 +90,12 @@ def _trace_methods(
         else:
             traced = method.estimator.trace(A, f, *inputs_for_feed(method.feed), options)
         if method.feed is not FeedKind.SEGMENTS:
-            unseen = systematic_errors(method, A, f, traced.index, traced.theta, settings, noise)
+            unseen = attenuation_errors(method, A, f, traced.index, traced.theta, settings, noise)
             std = traced.std
             if method.feed is FeedKind.WINDOWS:
-                std = np.maximum(std, least_std(A, f, window, traced.index, traced.theta, noise))
+                std = np.maximum(
+                    std, stds_by_column_noise_alone(A, f, window, traced.index, traced.theta, noise)
+                )
             traced = replace(traced, std=np.hypot(std, unseen))
         traces[name] = traced
     return traces

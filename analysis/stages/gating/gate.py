@@ -7,13 +7,19 @@ from analysis.model.axes import Axis, X, available_axes, regressor_and_force
 from analysis.model.schema import PHASE, REASON, build_frame, column_values
 from analysis.model.settings import Settings
 from analysis.model.windows import mark_flagged_windows, mark_samples_in_windows
-from analysis.stages.gating.gate_rules import UNKNOWN, Codes, decide_windows, flag_rows, is_braking
+from analysis.stages.gating.gate_rules import (
+    UNKNOWN,
+    Codes,
+    decide_windows,
+    flag_rows_by_reason,
+    is_braking,
+)
 from analysis.stages.motion.phases import (
     average_like_speed_rate,
     speed_rate_span_rows,
     yaw_speeding_sign,
 )
-from analysis.stages.noise.column_noise import axis_noise
+from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods import ls
 from estimators.numerics import nearest_neighbours
@@ -60,7 +66,7 @@ def _make_gate_columns(
     complete[: window - 1] = False
     rows = np.flatnonzero(complete).astype(np.int64)
     seen = ls.WindowStatistics(*(np.full(n, np.nan) for _ in ls.WindowStatistics._fields))
-    known = axis_noise(axis, settings, noise).mean
+    known = collect_axis_noise(axis, settings, noise).mean
     for whole, part in zip(seen, ls.window_statistics(A, f, window, rows, known), strict=True):
         whole[rows] = part
 
@@ -69,7 +75,7 @@ def _make_gate_columns(
         column_values(excitation, "speed_rate_x_m_s2"), _forward_acceleration(excitation), settings
     )
     brakes = _decelerates_on_axis(axis, excitation, settings)
-    flags = {"gap": missing, **flag_rows(axis, phase, f, brakes, slips, settings.gate)}
+    flags = {"gap": missing, **flag_rows_by_reason(axis, phase, f, brakes, slips, settings.gate)}
 
     def window_information(left: Ints) -> Floats:
         return nearest_neighbours.window_mutual_information(
@@ -106,7 +112,7 @@ def phase_codes(excitation: pl.DataFrame) -> Codes:
     return (codes.fill_null(UNKNOWN) if codes.null_count() else codes).to_numpy()
 
 
-def accepted_samples(
+def mark_samples_to_pool(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Bools:
     """Samples to pool, (rows,): inside an accepted window, not standing, not about to brake.
@@ -119,7 +125,9 @@ def accepted_samples(
         gated[f"accepted_{axis.letter}"].to_numpy(), settings.gate.window_samples
     )
     used &= (excitation["phase"] != "standstill").fill_null(True).to_numpy()
-    return used & ~possibly_braking_samples(excluded_braking(axis, excitation, settings), settings)
+    return used & ~mark_possible_braking(
+        mark_excluded_braking(axis, excitation, settings), settings
+    )
 
 
 def refuse_windows(gated: pl.DataFrame, rows: Bools, why: str, settings: Settings) -> pl.DataFrame:
@@ -139,7 +147,7 @@ def refuse_windows(gated: pl.DataFrame, rows: Bools, why: str, settings: Setting
     return gated.with_columns(accepted_x=accepted & ~held, reason_x=reason.cast(REASON))
 
 
-def settled_windows(
+def mark_settled_windows(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Bools:
     """Accepted windows without braking soon after, (rows,), which recursions are fed.
@@ -148,19 +156,19 @@ def settled_windows(
     it 17 kg of 3614. On board its estimate is delayed by that much.
     """
     accepted = gated[f"accepted_{axis.letter}"].to_numpy()
-    return accepted & ~possibly_braking_samples(
-        excluded_braking(axis, excitation, settings), settings
+    return accepted & ~mark_possible_braking(
+        mark_excluded_braking(axis, excitation, settings), settings
     )
 
 
-def possibly_braking_samples(braking: Bools, settings: Settings) -> Bools:
+def mark_possible_braking(braking: Bools, settings: Settings) -> Bools:
     """Braking samples, and those before them that may brake undetected, (rows,)."""
     return mark_flagged_windows(
         braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples
     )[::-1]
 
 
-def excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
+def mark_excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
     """Braking samples if braking is excluded, (rows,)."""
     if not settings.gate.exclude_braking:
         return np.zeros(excitation.height, np.bool_)

@@ -58,7 +58,7 @@ class Decision(NamedTuple):
     chosen: Codes
 
 
-def flag_rows(
+def flag_rows_by_reason(
     axis: Axis, phase: Codes, force: Floats, brakes: Bools, slips: Bools, settings: GateSettings
 ) -> dict[str, Bools]:
     """Flags of rows that exclude a window, by reason in order of precedence.

@@ -41,7 +41,7 @@ class RelativeDrift(NamedTuple):
     drift_std_ppm: float
 
 
-def clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
+def measure_clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
     """Measure the drift of each topic's header stamps against log time.
 
     The log is cut into 24 parts; the slope of the line through the parts' low latencies is the
@@ -71,11 +71,11 @@ def clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
     return pl.DataFrame(rows, schema=_SCHEMA, orient="row")
 
 
-def relative_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
+def find_largest_relative_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
     """The two topics whose clocks differ most, in standard deviations.
 
     Args:
-        drifts: frame from `clock_drifts`.
+        drifts: frame from `measure_clock_drifts`.
 
     Returns:
         None if fewer than two topics have a drift.

@@ -86,7 +86,7 @@ def derive(
         name: [pl.Series("unix_ns", t), pl.Series(name, x)] for name, (t, x) in series.items()
     }
     if settings.filter.causal:
-        for name, known_ns in sample_known_times(read, picked, series, machine).items():
+        for name, known_ns in known_times_of_samples(read, picked, series, machine).items():
             columns[name].append(pl.Series("known_ns", known_ns))
     return {name: pl.DataFrame(each) for name, each in columns.items()}, notes
 
@@ -268,7 +268,7 @@ def usable_readings(
     delay_ns = round(channel.delay_s * 1e9)
     if t.size > 1 and (np.abs(x) <= _LARGEST_SI).all() and (np.diff(t) > 0).all():
         # nothing to leave out: what a follower has at nearly every look
-        return t - delay_ns, flush_unresolved(x)
+        return t - delay_ns, zero_unresolved(x)
     finite = np.isfinite(x)
     if not finite.any():
         raise DataError(f"{name}: {where} holds no number in {x.size} samples")
@@ -299,7 +299,7 @@ def usable_readings(
     t, x = t[told][last], x[told][last]
     if t.size < 2:
         raise DataError(f"{name}: {where} holds a single sample")
-    return t - delay_ns, flush_unresolved(x)
+    return t - delay_ns, zero_unresolved(x)
 
 
 def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
@@ -308,10 +308,10 @@ def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series
         raise DataError(
             f"{name}: no stretch of the log without gaps is long enough to derive this channel"
         )
-    return t, flush_unresolved(x)
+    return t, zero_unresolved(x)
 
 
-def flush_unresolved(x: filters.Floats) -> filters.Floats:
+def zero_unresolved(x: filters.Floats) -> filters.Floats:
     """Set values below any sensor's resolution to 0; filters ring down to the smallest number."""
     return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
 
@@ -325,11 +325,11 @@ def mean_of_channels(
     """
     if filters.period_ns(b[0]) > filters.OTHER_RATE * filters.period_ns(a[0]):
         a, b = b, a
-    t, other = filters.interpolate_line(*b, a[0], filters.longest_step_ns(b[0], settings))
+    t, other = filters.interpolate_linearly(*b, a[0], filters.longest_step_ns(b[0], settings))
     return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0
 
 
-def sample_known_times(
+def known_times_of_samples(
     read: Mapping[str, mounting.Series],
     picked: Mapping[str, mounting.Series],
     series: Mapping[str, mounting.Series],
