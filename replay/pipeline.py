@@ -19,9 +19,9 @@ from analysis.diagnosis import (
 from analysis.findings import (
     FindingInputs,
     add_masked_findings,
+    cut_to_first_hour,
     drop_findings_of_work,
     find_causes,
-    findings_of_first_hour,
 )
 from analysis.model.loss import Loss
 from analysis.model.machine import Machine
@@ -293,7 +293,7 @@ def _find_causes(
     stages: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine
 ) -> pl.DataFrame:
     """Find the causes of the log, and those behind a cause that masks the others."""
-    part = findings_of_first_hour(raw)
+    part = cut_to_first_hour(raw)
 
     def find_causes_with(changed: Machine) -> pl.DataFrame | None:
         try:
@@ -303,4 +303,6 @@ def _find_causes(
             return None
 
     whole = all(part[topic].height == frame.height for topic, frame in raw.items())
-    return add_masked_findings(find_causes(stages.case), machine, find_causes_with, whole=whole)
+    return add_masked_findings(
+        find_causes(stages.case), machine, find_causes_with, is_whole_log=whole
+    )

@@ -88,7 +88,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
             f"the channel repeats one reading {times} {total_s[name]:.1f} s in all, while others "
             f"change{_format_refit(found)}",
             channel=name,
-            span_ns=inputs.since_first_sample_ns(*spans[0]),
+            span_ns=inputs.span_since_first_sample_ns(*spans[0]),
             change=lambda: refit_without_rows(inputs, holds),
             harmless=_is_harmless(inputs, found),
             explains=_OF_DEAD if 1e9 * total_s[name] > _DEAD_1 * (t[-1] - t[0]) else (),
@@ -164,7 +164,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     """Find a channel whose resolution is coarser than its noise."""
     found: list[Symptom] = []
     for name in inputs.measured_equation_channels:
-        repeats, lsb = reading_resolution(inputs, name)
+        repeats, lsb = repeat_share_and_resolution(inputs, name)
         if not lsb:
             continue
         found.append(
@@ -178,7 +178,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     return keep_strongest_symptom(found)
 
 
-def reading_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
+def repeat_share_and_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
     """Fraction of repeated readings in motion, and the channel's resolution in SI units.
 
     The resolution is 0 if the steps have no common divisor.
@@ -199,7 +199,7 @@ def reading_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
 
 def _is_coarse(inputs: FindingInputs, name: str) -> bool:
     """Whether readings repeat because of the channel's resolution."""
-    repeats, lsb = reading_resolution(inputs, name)
+    repeats, lsb = repeat_share_and_resolution(inputs, name)
     return bool(lsb) and repeats > _REPEATS
 
 
@@ -229,7 +229,9 @@ def find_spikes(inputs: FindingInputs) -> list[Symptom]:
                 f"{each.unix_ns.size} single readings are off by {each.size:.3g} (median), up to "
                 f"{each.ratio:.0f} deviations",
                 channel=name,
-                span_ns=inputs.since_first_sample_ns(int(each.unix_ns[0]), int(each.unix_ns[-1])),
+                span_ns=inputs.span_since_first_sample_ns(
+                    int(each.unix_ns[0]), int(each.unix_ns[-1])
+                ),
                 change=lambda near=each.near: refit_without_rows(inputs, near),
             )
             for name, each in spikes_by_channel(inputs).items()
@@ -252,7 +254,9 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
         # a coarse channel is off by a step now and then
-        scale = np.maximum(local_std(middle), reading_resolution(inputs, name)[1] / np.sqrt(12.0))
+        scale = np.maximum(
+            local_stds(middle), repeat_share_and_resolution(inputs, name)[1] / np.sqrt(12.0)
+        )
         far = np.abs(middle) > _SPIKE * scale
         far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
         places = np.flatnonzero(far) + 1
@@ -264,7 +268,7 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
             t[places],
             float(np.median(size)),
             min(float(np.max(size / scale[places - 1])), _MOST_DEVIATIONS),
-            samples_near(inputs, t[places]),
+            is_near_stamps(inputs, t[places]),
         )
     return found
 
@@ -279,7 +283,7 @@ def are_mechanical_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: 
         t, x = inputs.series[other]
         if inputs.machine.channels[other].topic == topic or x.size < 3 * _BLOCK:
             continue
-        scale = local_std(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
+        scale = local_stds(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
         near_ns = _BESIDE_PERIODS * max(period_ns(t), period_ns(inputs.series[name][0]))
         ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
         around = np.searchsorted(t, unix_ns[:, None] + np.array([-_AROUND_NS, _AROUND_NS]))
@@ -291,7 +295,7 @@ def are_mechanical_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: 
     return felt
 
 
-def local_std(x: Floats) -> Floats:
+def local_stds(x: Floats) -> Floats:
     """Robust standard deviation (n,) of each block; at least that of all samples."""
     size = x.size // _BLOCK * _BLOCK
     blocks = STD_OF_MAD * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
@@ -302,7 +306,7 @@ def local_std(x: Floats) -> Floats:
     return np.append(out, np.full(x.size - size, around[-1] if around.size else 0.0))
 
 
-def samples_near(inputs: FindingInputs, unix_ns: Ints) -> Bools:
+def is_near_stamps(inputs: FindingInputs, unix_ns: Ints) -> Bools:
     """Grid samples next to the given stamps, (n,)."""
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
@@ -320,11 +324,13 @@ def is_near_spike(inputs: FindingInputs) -> Bools:
 
 def find_unlike_sides(inputs: FindingInputs) -> list[Symptom]:
     """Find the largest difference between the left and right side."""
-    found = [_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()]
+    found = [
+        _make_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()
+    ]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
+def _make_side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
     least = LIMITS.unlike_slip_1 if sides.kind == "slip" else LIMITS.unlike_sides_1
     strength = abs(sides.value_1) / max(least + sides.resistance_1, SURELY * sides.std_1)
     left, right = _CHANNELS[sides.kind]
@@ -349,8 +355,10 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
             change=lambda: mass_change_by_wheel_speed(inputs),
             alternatives=("slip",),
         )
-    wrong = find_wrong_speed(inputs, sides)
-    setting, value = (None, None) if wrong is None else inputs.scale_channels((wrong[0],), wrong[1])
+    wrong = find_wrong_speed_and_factor(inputs, sides)
+    setting, value = (
+        (None, None) if wrong is None else inputs.keys_and_values_to_scale((wrong[0],), wrong[1])
+    )
     by_imu = (
         "" if wrong is None else f"; the accelerometer agrees with the {_other_side(wrong[0])} ones"
     )
@@ -369,7 +377,9 @@ def _other_side(channel: str) -> str:
     return "right" if channel == SPEEDS[0] else "left"
 
 
-def find_wrong_speed(inputs: FindingInputs, sides: SideDifference) -> tuple[str, float] | None:
+def find_wrong_speed_and_factor(
+    inputs: FindingInputs, sides: SideDifference
+) -> tuple[str, float] | None:
     """Wheel speed that the accelerometer contradicts, and the factor for its scale."""
     wheels = None if inputs.fit is None else inputs.fit.kinematics
     if wheels is None or not wheels.is_consistent:

@@ -55,11 +55,11 @@ class LongDelay:
 def find_long_delay(inputs: FindingInputs) -> LongDelay | None:
     """Find the channel that is far behind the two others, which agree."""
     if "long delay" not in inputs.kept:
-        inputs.kept["long delay"] = _search_delay(inputs)
+        inputs.kept["long delay"] = _search_long_delay(inputs)
     return inputs.kept["long delay"]  # type: ignore[return-value]
 
 
-def _search_delay(inputs: FindingInputs) -> LongDelay | None:
+def _search_long_delay(inputs: FindingInputs) -> LongDelay | None:
     step_s, channels = channel_accelerations(inputs)
     if not {"speed", "force"} <= channels.keys():
         return None
@@ -69,7 +69,7 @@ def _search_delay(inputs: FindingInputs) -> LongDelay | None:
         seen = _find_force_lag(force, speed, channels["v"], drives, step_s)
         return LongDelay("force", seen[0], seen[1:], "speed") if _is_long_delay(seen) else None
     imu = channels["imu"]
-    seen = find_lag(speed, imu, step_s)
+    seen = find_lag_and_correlations(speed, imu, step_s)
     if _is_long_delay(seen):
         # the one that the force begins with is in time
         before = round(LIMITS.driving_start_s / step_s)
@@ -122,7 +122,7 @@ def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> floa
 def _find_force_lag(
     force: Floats, acceleration: Floats, v: Floats, drives: Bools, step_s: float
 ) -> tuple[float, float, float]:
-    """Lag of the force where no brakes act; returns the same values as `find_lag`."""
+    """Lag of the force where no brakes act, with the values of `find_lag_and_correlations`."""
     longest = round(LIMITS.longest_delay_s / step_s)
     inside = drives.copy()
     inside[:longest] = inside[-longest:] = False
@@ -169,7 +169,9 @@ def channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Float
     return size / rate_hz, {**channels, "v": np.nan_to_num(speed)}
 
 
-def find_lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, float]:
+def find_lag_and_correlations(
+    one: Floats, other: Floats, step_s: float
+) -> tuple[float, float, float]:
     """Find the lag of one signal behind another.
 
     Returns:
@@ -225,7 +227,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     channel = pick.name.partition(":")[2]
     late_s, std_s = pick.value, pick.std
     names = _delayed_channels(inputs, channel)
-    setting, value = inputs.shift_channels(names, late_s)
+    setting, value = inputs.keys_and_values_to_undo_delay(names, late_s)
     rivals = [each.partition(":")[2] for each in pick.rivals if each.startswith("delay")]
     words = "late" if late_s > 0 else "early"
     against = " and ".join(_SHOWN[each] for each in _SHOWN if each != channel)
@@ -259,7 +261,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
 
 def _make_long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
     names = _delayed_channels(inputs, late.channel)
-    setting, value = inputs.shift_channels(names, late.late_s)
+    setting, value = inputs.keys_and_values_to_undo_delay(names, late.late_s)
     words = "late" if late.late_s > 0.0 else "early"
     rest = [late.rival] if late.rival else [each for each in _SHOWN if each != late.channel]
     against = " and ".join(_SHOWN[each] for each in rest)

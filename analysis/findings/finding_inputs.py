@@ -122,12 +122,12 @@ class FindingInputs:
         """Names of the channels that measure the speed."""
         return self.measured_channels(*SPEEDS, "position_x_m")
 
-    def channel_of(self, topic: str) -> str | None:
+    def channel_of_topic(self, topic: str) -> str | None:
         """Name of a channel of the topic, preferring one that the equation needs."""
         names = (*self.measured_equation_channels, *self.machine.channels)
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
 
-    def since_first_sample_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
+    def span_since_first_sample_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
         """Convert two unix stamps to ns since the first aligned sample."""
         t0 = self.check_inputs.t0_unix_ns
         return int(begin_unix_ns) - t0, int(end_unix_ns) - t0
@@ -144,7 +144,7 @@ class FindingInputs:
             return 1.0 / body.force_share
         return 1.0 / (float(body.wheel_radius_m or np.nan) * body.force_share)
 
-    def scale_channels(self, names: tuple[str, ...], times: float) -> tuple[str, str]:
+    def keys_and_values_to_scale(self, names: tuple[str, ...], factor: float) -> tuple[str, str]:
         """Keys and values of the machine file that multiply channels by a factor.
 
         A speed without a declared unit gets one; a scale alone could be a wheel radius.
@@ -156,13 +156,15 @@ class FindingInputs:
             if n in SPEEDS and channels[n].unit is None and channels[n].scale == 1.0
         ]
         keys = (f"channels.{name}.scale" for name in names)
-        scaled = (f"{channels[name].scale * times:.6g}" for name in names)
+        scaled = (f"{channels[name].scale * factor:.6g}" for name in names)
         return (
             ", ".join([*keys, *(f"channels.{name}.unit" for name in as_read)]),
             ", ".join([*scaled, *('"m/s"' for _ in as_read)]),
         )
 
-    def shift_channels(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
+    def keys_and_values_to_undo_delay(
+        self, names: tuple[str, ...], late_s: float
+    ) -> tuple[str, str]:
         """Keys and values of the machine file that correct a delay of channels."""
         channels = self.machine.channels
         return (
@@ -170,13 +172,13 @@ class FindingInputs:
             ", ".join(f"{channels[name].delay_s + late_s:.5f}" for name in names),
         )
 
-    def standstill_level(self, column: str) -> tuple[float, float]:
+    def standstill_mean_and_std(self, column: str) -> tuple[float, float]:
         """Mean and standard deviation of a grid column at standstill; NaN if it never stands."""
         if column not in self.aligned.columns:
             return float("nan"), float("nan")
-        return self.standstill_level_of(column_values(self.aligned, column))
+        return self.standstill_mean_and_std_of(column_values(self.aligned, column))
 
-    def standstill_level_of(self, x: Floats) -> tuple[float, float]:
+    def standstill_mean_and_std_of(self, x: Floats) -> tuple[float, float]:
         """Mean and standard deviation of (n,) values at standstill, by means over half a second."""
         x = x[self.resting_samples]
         x = x[np.isfinite(x)]

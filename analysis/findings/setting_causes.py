@@ -100,7 +100,7 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
     )
     # a recursion begins anew with each load, and learns in each start
     load = np.searchsorted(find_load_change_rows(inputs.check_inputs.weighing), rows, "right")
-    parts = np.flatnonzero(run_starts(starts) | run_starts(load))
+    parts = np.flatnonzero(mark_run_starts(starts) | mark_run_starts(load))
     least_kg = apply_to_parts(np.fmin.accumulate, std_kg, parts)
     steady = apply_to_parts(np.cumsum, cruises.astype(np.float64), parts)
     grown = np.minimum(np.log(std_kg / least_kg), -0.5 * steady * np.log(trace.forgetting))
@@ -119,7 +119,7 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
     )
 
 
-def run_starts(x: Bools | Ints) -> Bools:
+def mark_run_starts(x: Bools | Ints) -> Bools:
     """(n,) True where a run of True values begins, or where a number increases."""
     return np.diff(x.astype(np.int64), prepend=0) > 0
 
