@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.shared_errors import SharedErrors
-from analysis.calibration.use.mass_differences import difference_on_line
+from analysis.calibration.use.mass_differences import calibrate_payloads_by_line
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.cycles.haul_spillage import subtract_spillage_from_payloads
 from analysis.model.schema import MOVED, QUALITY, column_values, conform_to_schema
@@ -47,7 +47,7 @@ def calibrate_cycles(
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
     scale_1 = column_values(cycles, "scale_1")
     payload_kg = column_values(cycles, "payload_kg") / scale_1
-    on_line = difference_on_line(calibration, shared_errors, numbers, payload_kg)
+    on_line = calibrate_payloads_by_line(calibration, shared_errors, numbers, payload_kg)
     common, shared = (
         on_line.common_kg_beside_line(column_values(cycles, f"own_u_{n}_kg")) for n in _COMMON
     )

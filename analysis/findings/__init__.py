@@ -14,7 +14,7 @@ __all__ = [
     "UNKNOWN",
     "FindingInputs",
     "add_masked_findings",
+    "cut_to_first_hour",
     "drop_findings_of_work",
     "find_causes",
-    "cut_to_first_hour",
 ]

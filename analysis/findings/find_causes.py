@@ -154,7 +154,8 @@ def add_masked_findings(
     Args:
         found: the frame `findings`.
         machine: machine file of the replay.
-        find_with_machine: computes the findings with another machine file; None if the log cannot be replayed.
+        find_with_machine: finds causes with another machine file; None if the log cannot be
+            replayed.
         is_whole_log: whether `find_with_machine` replays the whole log rather than its beginning.
 
     Returns:

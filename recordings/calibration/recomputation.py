@@ -10,7 +10,7 @@ from pydantic_core import to_jsonable_python
 
 from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
-    check_known_mass,
+    compare_known_mass,
     fit_campaign,
     make_calibration_options,
 )
@@ -305,7 +305,7 @@ def _refit_campaign_or_check(
     """Refit the readings; for a single-mass check, under the calibration's line."""
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
-        return check_known_mass(campaign, body, readings, document.calibration)
+        return compare_known_mass(campaign, body, readings, document.calibration)
     responses = () if document.learnt is None else document.learnt.responses
     return fit_campaign(campaign, body, readings, document.options, responses), None
 

@@ -98,14 +98,14 @@ class Inversion:
         Source:
             Fieller (1954); Draper and Smith, Applied Regression Analysis, 3.2 (inverse regression).
         """
-        new = self._new_value_effects(readings)
+        new = self._effect_factors_of_new_value(readings)
         beyond = self._excess_random_variance_kg2(new, u_random_kg)
-        return self._solve_estimates(y_kg, new, beyond + self.extra_kg2, confidence_1)
+        return self._invert_with_effect_factors(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
     def invert_without_scatter(self, y_kg: float, confidence_1: float) -> InverseReading:
         """Mass at which the line itself has the value `y_kg`: of a reading without scatter."""
         none = np.zeros((1, self.variance_kg2.size))
-        return self._solve_estimates(np.array([y_kg]), none, np.zeros(1), confidence_1)
+        return self._invert_with_effect_factors(np.array([y_kg]), none, np.zeros(1), confidence_1)
 
     def slope_interval(self, confidence_1: float) -> tuple[float, float]:
         """Confidence interval of the slope."""
@@ -114,10 +114,12 @@ class Inversion:
         half = float(np.sqrt((squared * gradient) @ self.variance_kg2)[0])
         return self.slope_1 - half, self.slope_1 + half
 
-    def parts_kg2(self, readings: float) -> Floats:
+    def variance_parts_kg2(self, readings: float) -> Floats:
         """(effects,) variance that each new draw adds to a later mass, in kg² of mass."""
         return (
-            self._new_value_effects(np.array([readings]))[0] * self.variance_kg2 / self.slope_1**2
+            self._effect_factors_of_new_value(np.array([readings]))[0]
+            * self.variance_kg2
+            / self.slope_1**2
         )
 
     def add_common_u(self, u_kg: float) -> "Inversion":
@@ -126,7 +128,7 @@ class Inversion:
 
     def u_kg(self, mass_kg: float, readings: float, u_random_kg: float = 0.0) -> float:
         """Standard uncertainty of a later mass, in kg."""
-        return self._half_interval_kg(mass_kg, None, readings, u_random_kg)
+        return self._half_interval_or_u_kg(mass_kg, None, readings, u_random_kg)
 
     def half_interval_kg(
         self, mass_kg: float, confidence_1: float, readings: float, u_random_kg: float = 0.0
@@ -139,7 +141,7 @@ class Inversion:
             readings: number of readings in its mean.
             u_random_kg: own random standard uncertainty in kg of m̂; 0 if unknown.
         """
-        return self._half_interval_kg(mass_kg, confidence_1, readings, u_random_kg)
+        return self._half_interval_or_u_kg(mass_kg, confidence_1, readings, u_random_kg)
 
     def exceedance_probability(
         self, distance_kg: float, mass_kg: float, readings: float, u_random_kg: float = 0.0
@@ -160,12 +162,12 @@ class Inversion:
             else 0.5
         )
 
-    def _half_interval_kg(
+    def _half_interval_or_u_kg(
         self, mass_kg: float, confidence_1: float | None, readings: float, u_random_kg: float
     ) -> float:
         """Half interval; one standard uncertainty if no confidence is given."""
         away = np.array([1.0, mass_kg - self.centre_kg])
-        new = self._new_value_effects(np.array([readings]))
+        new = self._effect_factors_of_new_value(np.array([readings]))
         gradient = new + np.einsum("i,kij,j->k", away, self.on_line, away)
         more_kg2 = self._excess_random_variance_kg2(new, np.array([u_random_kg])) + self.extra_kg2
         scaled, of_more = gradient, 1.0
@@ -187,7 +189,7 @@ class Inversion:
         """Index of the effect that averages out over readings, or of the one that contains it."""
         return self.effects.get(REPEATABILITY, self.effects.get(RUN, 0))
 
-    def _new_value_effects(self, readings: Floats) -> Floats:
+    def _effect_factors_of_new_value(self, readings: Floats) -> Floats:
         """Factor of each variance component in the variance of a later value, (n, effects)."""
         new = np.tile(self.scatters, (readings.size, 1))
         if self.variance_kg2[self.effects.get(RUN, 0)] < 0.0:
@@ -197,7 +199,7 @@ class Inversion:
             new[:, self.effects[REPEATABILITY]] /= readings
         return new
 
-    def _solve_estimates(
+    def _invert_with_effect_factors(
         self, y_kg: Floats, new: Floats, more_kg2: Floats, confidence_1: float
     ) -> InverseReading:
         """Mass, uncertainty and interval of later values, given the factor of each effect."""
@@ -241,8 +243,10 @@ class Inversion:
             k = self.effects[name]
             if self.variance_kg2[k] > 0.0:
                 rest[:, k] = 0.0
-                squared[:, k] = student_factor(confidence_1, np.array([float(freedom)]))[0] ** 2
-        common = student_factor(
+                squared[:, k] = (
+                    two_sided_student_factor(confidence_1, np.array([float(freedom)]))[0] ** 2
+                )
+        common = two_sided_student_factor(
             confidence_1, self._dof_of_variances(rest, rest @ self.variance_kg2 + more_kg2)
         )
         return np.where(squared > 0.0, squared, common[:, None] ** 2), common**2
@@ -254,13 +258,13 @@ class Inversion:
         variances = Variances(self.variance_kg2[self.estimated], self.covariance)
         return np.array(
             [
-                variances.dof(row[self.estimated], float(all_kg2))
+                variances.degrees_of_freedom_of(row[self.estimated], float(all_kg2))
                 for row, all_kg2 in zip(gradient, total, strict=True)
             ]
         )
 
 
-def student_factor(confidence_1: float, freedom: Floats) -> Floats:
+def two_sided_student_factor(confidence_1: float, freedom: Floats) -> Floats:
     """Student's factor of a two-sided interval; the normal one for infinite degrees of freedom."""
     level = 0.5 + 0.5 * confidence_1
     finite = np.isfinite(freedom)

@@ -46,7 +46,7 @@ class Variances:
         """Variances of the linear combinations `coefficients` @ value."""
         return Variances(coefficients @ self.value, coefficients @ self.covariance @ coefficients.T)
 
-    def dof(self, weight: Floats, total: float) -> float:
+    def degrees_of_freedom_of(self, weight: Floats, total: float) -> float:
         """Degrees of freedom of a variance `total` whose estimated part is `weight` @ value.
 
         Source:
@@ -56,7 +56,7 @@ class Variances:
         return max(2.0 * total**2 / uncertain, 1.0) if uncertain > 0.0 else float("inf")
 
 
-def restricted_likelihood(
+def estimate_variances_by_reml(
     residual: Floats,
     design: Floats,
     effects: Floats,
@@ -115,10 +115,10 @@ def expected_information(
     """(effects, effects) expected information on the variances.
 
     Args:
-        design: as `restricted_likelihood` takes it.
+        design: as `estimate_variances_by_reml` takes it.
         effects: likewise.
         known: likewise.
-        within_run: as in `restricted_likelihood`; its sum of squares is not used.
+        within_run: as in `estimate_variances_by_reml`; its sum of squares is not used.
         value: (effects,) the variances.
     """
     return _fisher_information(

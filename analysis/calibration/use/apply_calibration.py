@@ -9,8 +9,12 @@ import polars as pl
 
 from analysis.calibration.line.calibration import CalibratedMass, Calibration
 from analysis.calibration.line.shared_errors import SharedErrors
-from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_drift_against
-from analysis.calibration.use.mass_differences import NORMAL, difference_on_line
+from analysis.calibration.use.calibration_drift import (
+    CheckPoint,
+    DriftCheck,
+    check_drift_by_known_mass,
+)
+from analysis.calibration.use.mass_differences import NORMAL, calibrate_payloads_by_line
 from analysis.model.schema import CALIBRATED, conform_to_schema
 from estimators.errors import DataError, nearest
 
@@ -73,7 +77,7 @@ def calibrate_loads(
         )
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
-    check = find_empty_machine(rows, calibration, log)
+    check = check_empty_machine_drift(rows, calibration, log)
     refused = log.refused or machine_change_text(check, log)
     told = check is not None and check.drifted is not None
     empties = sum(row["manoeuvres"] for row in rows if row["empty"])
@@ -114,7 +118,7 @@ def _calibrate_load_columns(
     said["calibrated_unlike_u_kg"] = unlike_u_kg / abs(calibration.c1_1)
     if calibration.is_of_one_day and not drift_was_checked:
         said["calibrated_said"] = log.unseen.get(row["load_id"], "")
-    payload = payload_interval(row, calibration, log, one, empty_weighings)
+    payload = payload_with_u_and_half_interval(row, calibration, log, one, empty_weighings)
     if payload is not None:
         mass_kg, u_kg, half_kg = payload
         said |= {
@@ -157,7 +161,7 @@ def _calibrate_load(
     return calibration.calibrate_estimate(estimate_kg - off_kg, random_kg, count, unlike_u_kg)
 
 
-def payload_interval(
+def payload_with_u_and_half_interval(
     row: Mapping[str, Any],
     calibration: Calibration,
     log: LaterLog,
@@ -183,7 +187,7 @@ def payload_interval(
     u_kg, u_random_kg = row["own_payload_u_kg"], row["own_payload_u_random_kg"]
     random_kg = max(u_random_kg, repeats_kg)
     common_kg = float(np.sqrt(max(u_kg**2 - u_random_kg**2, 0.0)))
-    found = difference_on_line(
+    found = calibrate_payloads_by_line(
         calibration,
         log.shared_errors,
         [("payload", row["load_id"])],
@@ -195,7 +199,7 @@ def payload_interval(
     return float(found.payload_kg[0]), u_kg, max(calibration.coverage_k_1, NORMAL) * u_kg
 
 
-def find_empty_machine(
+def check_empty_machine_drift(
     rows: list[dict[str, Any]], calibration: Calibration, log: LaterLog
 ) -> DriftCheck | None:
     """Check of the log's empty part against the known mass; None without one."""
@@ -213,7 +217,7 @@ def find_empty_machine(
     unlike_u_kg = float(share @ [u for _, u in apart]) / abs(calibration.c1_1)
     point = CheckPoint(mass_kg, random_kg, int(count.sum()))
     u_kg = float(np.hypot(log.empty_u_kg, unlike_u_kg))
-    return check_drift_against(calibration, log.empty_kg, u_kg, point)
+    return check_drift_by_known_mass(calibration, log.empty_kg, u_kg, point)
 
 
 def machine_change_text(check: DriftCheck | None, log: LaterLog) -> str:

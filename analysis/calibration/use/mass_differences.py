@@ -55,7 +55,7 @@ class DifferenceOnLine:
         return np.sqrt(np.maximum(common_kg**2 - self.taken_kg**2, 0.0)) / self.size_1
 
 
-def difference_on_line(
+def calibrate_payloads_by_line(
     calibration: Calibration,
     shared_errors: SharedErrors | None,
     numbers: Sequence[tuple[str, int]],
@@ -70,7 +70,7 @@ def difference_on_line(
         payload_kg: (n,) uncalibrated payloads; NaN if missing.
     """
     absolute = calibration.method == "joint_payload"
-    gain = line_gain(calibration) if absolute else _combine_gains(calibration, shared_errors)
+    gain = slope_gain(calibration) if absolute else _combine_gains(calibration, shared_errors)
     slope, size = gain.slope_1, abs(gain.slope_1)
     level_kg = calibration.c0_kg if absolute else 0.0
     mass_kg = (payload_kg - level_kg) / slope
@@ -123,7 +123,7 @@ class DifferenceGain:
     by_level_1: float
 
 
-def line_gain(calibration: Calibration) -> DifferenceGain:
+def slope_gain(calibration: Calibration) -> DifferenceGain:
     """Gain by the slope of the line alone."""
     return DifferenceGain(calibration.c1_1, calibration.covariance[2], 0.0)
 
@@ -131,7 +131,7 @@ def line_gain(calibration: Calibration) -> DifferenceGain:
 def _combine_gains(calibration: Calibration, shared_errors: SharedErrors | None) -> DifferenceGain:
     """Gain of mass differences: slope and level of the line, weighted by uncertainty."""
     if shared_errors is None or not calibration.responses:
-        return line_gain(calibration)
+        return slope_gain(calibration)
     at_kg, slope = calibration.centre_kg, calibration.c1_1
     level_variance, both, slope_variance = calibration.covariance
     # the line's own uncertainty at its centre, of c0 + c1 m
@@ -140,7 +140,7 @@ def _combine_gains(calibration: Calibration, shared_errors: SharedErrors | None)
     by_level, by_level_kg2 = calibration.level_kg / at_kg, max(own, 0.0) + means_kg**2
     variances = np.array([by_level_kg2 / at_kg**2, slope_variance + (_BY_LOAD_1 * slope) ** 2])
     if abs(by_level - slope) > _APART * float(np.sqrt(variances.sum())):
-        return line_gain(calibration)
+        return slope_gain(calibration)
     share = float(variances[1] / variances.sum())
     variance = share**2 * max(own, 0.0) / at_kg**2 + (1.0 - share) ** 2 * float(variances[1])
     return DifferenceGain(share * by_level + (1.0 - share) * slope, variance, share)

@@ -250,7 +250,7 @@ class MachineDriver:
             ScenarioError: the machine becomes too fast.
         """
         steps = steps or max(math.ceil(duration_s / self._step_s - 1e-9), 1)
-        rows = self.kept.free_rows(2 * steps + 4)
+        rows = self.kept.provide_free_rows(2 * steps + 4)
         self.time_s, kept, self._moved = plant.integrate_plant(
             stage.begin_s + duration_s,
             steps,

@@ -45,7 +45,7 @@ def sample_times_ns(timeline: Timeline, rate_hz: float, phase_s: float) -> NDArr
     return first_ns + np.rint(np.arange(samples) * period_ns).astype(np.int64)
 
 
-def record_topics(
+def record_topic(
     scenario: Scenario,
     topic: TopicName,
     at_ns: NDArray[np.int64],

@@ -14,7 +14,7 @@ from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.sensors.recorder import rate_hz, recorded_topics
 from analysis.simulation.trials.arc import arc_phases
-from analysis.simulation.trials.switches import check_switches
+from analysis.simulation.trials.switches import check_plant_supports_settings
 from estimators.errors import ScenarioError
 
 #: No loader is faster: beyond it a scenario is a slip of the pen, and a stop takes forever.
@@ -25,7 +25,7 @@ _LEAST_BRAKING_M_S2: Final = 0.1
 _HABITS: Final = {"throttle_least", "throttle_most", "coulomb_std_N", "stick_share", "stick_hz"}
 
 
-def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
+def check_scenario_can_be_driven(scenario: Scenario, loads_kg: Sequence[float]) -> None:
     """Raise an error if the scenario cannot be driven with one of the loads.
 
     Args:
@@ -36,7 +36,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
         ScenarioError: the key and the fault.
     """
     machine, full_N = scenario.machine, scenario.campaign.throttle_force_N
-    check_switches(scenario)
+    check_plant_supports_settings(scenario)
     if (
         scenario.log.latency_jitter_s
         * max(rate_hz(scenario, topic) for topic in recorded_topics(scenario))
@@ -248,7 +248,7 @@ class _TrialLimits:
         return moment * abs(self.heaviest.uphill_m_s2)
 
 
-def check_shift_limits(scenario: Scenario, shift: SimulatedShift) -> None:
+def check_shift_can_be_driven(scenario: Scenario, shift: SimulatedShift) -> None:
     """Raise an error if a shift cannot be driven.
 
     Raises:
@@ -284,7 +284,7 @@ def check_shift_limits(scenario: Scenario, shift: SimulatedShift) -> None:
         update={"campaign": campaign.model_copy(update={"manoeuvres": both}), "shift": None}
     )
     try:
-        check_limits(driven, [0.0, shift.load_most_kg])
+        check_scenario_can_be_driven(driven, [0.0, shift.load_most_kg])
     except ScenarioError as fault:
         named = re.sub(
             r"campaign\.manoeuvres\.\d+(\.start_s)?", "starts.throttle_least", str(fault)
