@@ -83,7 +83,7 @@ def find_boom_dumps(
             and the boom dumps where it reaches up.
     """
     t_ns, boom = excitation["t_ns"].to_numpy(), column_values(aligned, "boom_rad")
-    slow = is_creeping(excitation)
+    slow = is_standing_or_creeping(excitation)
     whole = np.isfinite(boom)
     driving = whole & ~slow
     if not driving.any() or not (slow & whole).any():
@@ -102,7 +102,7 @@ def find_boom_dumps(
         return NO_DUMPS
     reach = away / typical_rad
     out = whole & (reach > LIMITS.boom_out_fraction)
-    stands = out & find_standing_samples(excitation)
+    stands = out & is_standing(excitation)
     inside_ns = t_ns[whole & ~out]
     spans = [
         _trim_to_standstills(span, t_ns[stands], reach[stands])
@@ -118,9 +118,9 @@ def find_boom_dumps(
     return BoomDumps(tells=True, dumps=tuple(dumps))
 
 
-def is_creeping(excitation: pl.DataFrame) -> Bools:
+def is_standing_or_creeping(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands or creeps, (n,)."""
-    stands = find_standing_samples(excitation)
+    stands = is_standing(excitation)
     speed = np.abs(column_values(excitation, "speed_x_m_s"))
     moving = speed[np.isfinite(speed) & ~stands]
     if not moving.size:
@@ -131,7 +131,7 @@ def is_creeping(excitation: pl.DataFrame) -> Bools:
     )
 
 
-def find_standing_samples(excitation: pl.DataFrame) -> Bools:
+def is_standing(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands, (n,)."""
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 

@@ -21,10 +21,10 @@ from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
     ShiftScale,
-    carry_back_variance,
-    clean_bucket_mass_kg,
-    empty_machine,
+    carry_back_variance_kg2,
+    machine_mass_with_clean_bucket_kg,
     pass_weights_by_state,
+    weigh_empty_machine,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
 from analysis.cycles.load_passes import NO_PASSES, Passes, find_load_passes
@@ -123,11 +123,13 @@ def weigh_cycles(
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
     fuel = FuelOnBoard.from_channel(machine.machine, motion[0])
-    empty = empty_machine(weighing, machine, found, fuel)
+    empty = weigh_empty_machine(weighing, machine, found, fuel)
     withheld = withheld or (empty.contradiction_text if empty else "")
     share = _weight_of_tare_before(found)
-    worth = shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
-    clean = clean_bucket_mass_kg(found)
+    worth = compute_shared_uncertainty(
+        weighing, machine, found, _sum_weights(found, parts, share), empty
+    )
+    clean = machine_mass_with_clean_bucket_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
         weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
@@ -287,7 +289,7 @@ def _weight_of_tare_before(passes: Passes) -> Floats:
     """Minimum-variance weight of the empty pass before each loaded pass, (passes,)."""
     share = np.full(passes.mass_kg.size, 0.5)
     empties = np.flatnonzero(~passes.loaded)
-    spread = 2.0 * carry_back_variance(passes)
+    spread = 2.0 * carry_back_variance_kg2(passes)
     for loaded in np.flatnonzero(passes.loaded):
         place = int(np.searchsorted(empties, loaded))
         if 0 < place < empties.size:
@@ -298,7 +300,7 @@ def _weight_of_tare_before(passes: Passes) -> Floats:
 
 def _carry_back_variance_kg2(part: CycleParts, passes: Passes, share: Floats) -> float:
     """Variance of a payload due to a different carry-back before it, in kg²."""
-    variance = 2.0 * carry_back_variance(passes)
+    variance = 2.0 * carry_back_variance_kg2(passes)
     if part.loaded is None:
         return 0.0
     before = 0.0 if part.before is None else 1.0 if part.after is None else share[part.loaded]
@@ -332,7 +334,7 @@ class _SharedUncertainty:
     scale: ShiftScale
 
 
-def shared_uncertainty(
+def compute_shared_uncertainty(
     weighing: Weighing | None,
     machine: Machine,
     passes: Passes,
@@ -354,7 +356,7 @@ def shared_uncertainty(
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
         return _SharedUncertainty(none, none, 1.0, ShiftScale())
     datum = empty.relate_to_empty_mass(pass_weights_by_state(weighing.fit, passes) @ weights)
-    own = common_uncertainty(weighing, machine, passes, weights, None)
+    own = compute_common_uncertainty(weighing, machine, passes, weights, None)
     gain_1, gain_u_1 = empty.weighed_over_stated or (None, None)
     sources = payload_uncertainty_sources(weighing, machine, datum, empty.weights)
     unknown = names_of_unknown_scale_sources(sources)
@@ -363,11 +365,14 @@ def shared_uncertainty(
     if datum is None:
         return _SharedUncertainty(own, own, 1.0, scale)
     return _SharedUncertainty(
-        own, common_uncertainty(weighing, machine, passes, weights, datum), datum.scale_1, scale
+        own,
+        compute_common_uncertainty(weighing, machine, passes, weights, datum),
+        datum.scale_1,
+        scale,
     )
 
 
-def common_uncertainty(
+def compute_common_uncertainty(
     weighing: Weighing, machine: Machine, passes: Passes, weights: Floats, datum: EmptyDatum | None
 ) -> _CommonUncertainty:
     """Uncertainty common to the uncalibrated payloads, with the fit's correlations.

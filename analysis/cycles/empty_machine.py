@@ -78,7 +78,7 @@ def pass_weights_by_state(fit: JointFit, passes: Passes) -> Floats:
     return weights
 
 
-def carry_back_variance(passes: Passes) -> float:
+def carry_back_variance_kg2(passes: Passes) -> float:
     """Variance of the carry-back in kg²: variance of the empty passes beyond their noise."""
     mass, u = passes.mass_kg[~passes.loaded], passes.u_kg[~passes.loaded]
     if mass.size < LIMITS.carried_min_passes:
@@ -87,7 +87,7 @@ def carry_back_variance(passes: Passes) -> float:
     return max(float(np.mean(np.diff(mass) ** 2 - u[1:] ** 2 - u[:-1] ** 2)) / 2.0, 0.0)
 
 
-def clean_bucket_mass_kg(passes: Passes) -> tuple[float, float]:
+def machine_mass_with_clean_bucket_kg(passes: Passes) -> tuple[float, float]:
     """Mass of the machine with a clean bucket, and its uncertainty, in kg.
 
     The spread of empty passes exceeds that of the carry-back, so quantiles are shrunk towards the
@@ -97,14 +97,14 @@ def clean_bucket_mass_kg(passes: Passes) -> tuple[float, float]:
     if not mass.size:
         return float("nan"), float("nan")
     noise = float(np.mean(u**2))
-    true = carry_back_variance(passes)
+    true = carry_back_variance_kg2(passes)
     kept = float(np.sqrt(true / (true + noise))) if true + noise > 0 else 0.0
     middle = float(np.mean(mass))
     least = middle + kept * (float(np.quantile(mass, LIMITS.clean_bucket_quantile)) - middle)
     return least, float(np.sqrt(noise / mass.size + true * (1.0 - kept)))
 
 
-def empty_machine(
+def weigh_empty_machine(
     weighing: Weighing | None, machine: Machine, passes: Passes, fuel: FuelOnBoard | None = None
 ) -> EmptyMachine | None:
     """The empty machine as weighed by the empty passes; None without any.
@@ -120,7 +120,7 @@ def empty_machine(
         return None
     share = np.where(empty, 1.0 / passes.u_kg**2, 0.0)
     share /= share.sum()
-    least_kg, least_u_kg = clean_bucket_mass_kg(passes)
+    least_kg, least_u_kg = machine_mass_with_clean_bucket_kg(passes)
     carried_kg = max(float(share @ passes.mass_kg) - least_kg, 0.0)
     # the noise of the passes is in their own masses
     noise_kg2 = float(np.mean(passes.u_kg[empty] ** 2)) / int(empty.sum())

@@ -12,7 +12,7 @@ from analysis.cycles.energy_integrals import (
     MotionErrors,
     PhaseIntegrals,
     PhaseSpan,
-    advance_drive,
+    advance_driving_samples,
     centred_motion,
     collect_energy_samples,
     excitation_delay_rows,
@@ -21,9 +21,9 @@ from analysis.cycles.energy_integrals import (
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
-    fitted_force_models,
-    fitted_motion_errors,
-    undetermined_coulomb_std,
+    coulomb_std_if_not_fitted,
+    fitted_force_model_and_u,
+    fitted_motion_errors_and_u,
 )
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
@@ -84,11 +84,11 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
     grids = frames["aligned"], frames["excitation"], frames["digging"]
     cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
     mass_kg = _machine_and_load_mass_kg(collect_energy_samples(*grids, machine), cycles, manoeuvres)
-    model, model_u = fitted_force_models(frames, mass_kg, machine.settings.priors)
-    errors, errors_u = fitted_motion_errors(frames["nuisances"], model, machine)
+    model, model_u = fitted_force_model_and_u(frames, mass_kg, machine.settings.priors)
+    errors, errors_u = fitted_motion_errors_and_u(frames["nuisances"], model, machine)
     samples = collect_energy_samples(*grids, machine, model.offset)
     mass_kg = _machine_and_load_mass_kg(samples, cycles, manoeuvres)
-    samples = advance_drive(samples, errors.force_late_s)
+    samples = advance_driving_samples(samples, errors.force_late_s)
     friction = model.viscous, model.direction
     by_accelerometer = machine.settings.forces.acceleration == "specific_force"
     return FittedDrive(
@@ -101,7 +101,7 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
         model_u,
         errors,
         errors_u,
-        undetermined_coulomb_std(frames, mass_kg, machine),
+        coulomb_std_if_not_fitted(frames, mass_kg, machine),
         # a speed that is wrong beside an acceleration of the wheels is wrong in both
         machine.machine.wheel_radius_u_1 or 0.0 if by_accelerometer else 0.0,
     )

@@ -79,7 +79,7 @@ class FrictionPart(NamedTuple):
     std_N_s_m: float
 
 
-def friction_parts(
+def fit_friction_of_parts(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[FrictionPart, ...]:
     """Fit the viscous friction b in F - m·a - constants = b·v, for each part of a shift.
@@ -160,7 +160,7 @@ def _state_mass_of_each_manoeuvre_kg(manoeuvres: pl.DataFrame) -> Floats:
     return means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)[state]
 
 
-def friction_trend(days: Sequence[FrictionDay], limit_N_s_m: float) -> FrictionTrend:
+def fit_friction_trend(days: Sequence[FrictionDay], limit_N_s_m: float) -> FrictionTrend:
     """Fit the trend, and estimate the day on which it reaches the limit.
 
     Args:

@@ -15,7 +15,7 @@ import polars as pl
 
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import RawSignals
-from analysis.diagnosis.side_comparison import SideDifference, side_differences
+from analysis.diagnosis.side_comparison import SideDifference, compare_sides
 from analysis.model.axes import (
     Z,
     available_axes,
@@ -76,7 +76,7 @@ class EmptyMassDifference:
         return (self.mass_kg - self.empty_kg) / self.u_kg
 
     @property
-    def factor(self) -> float:
+    def mass_ratio(self) -> float:
         """Ratio of the mass to the empty mass."""
         return self.mass_kg / self.empty_kg
 
@@ -95,7 +95,7 @@ class EmptyMassDifference:
         )
         payload = "" if self.difference_in_u < 0.0 or self.empty_known else "a payload, or "
         return (
-            f"{self.mass_kg:,.0f} ± {self.u_kg:,.0f} kg{scale}, is {self.factor:.3g} times the "
+            f"{self.mass_kg:,.0f} ± {self.u_kg:,.0f} kg{scale}, is {self.mass_ratio:.3g} times the "
             f"{self.empty_kg:,.0f} kg of the empty machine: {payload}"
             f"{' or '.join(self.possible_causes)}"
         )
@@ -103,9 +103,9 @@ class EmptyMassDifference:
     @property
     def possible_causes(self) -> list[str]:
         """Possible causes of this factor, as text."""
-        if self.factor <= 0.0:
+        if self.mass_ratio <= 0.0:
             return ["a force with the wrong sign"]
-        times = max(self.factor, 1.0 / self.factor)
+        times = max(self.mass_ratio, 1.0 / self.mass_ratio)
         body = self.machine.machine
         known = dict(_CANDIDATES)
         if body.force_share < 1.0:
@@ -117,7 +117,7 @@ class EmptyMassDifference:
         near = [(abs(np.log(times / each)), f"{each:.4g}, {what}") for each, what in known.items()]
         named = [what for off, what in sorted(near) if off < _NEAR]
         gear = f"a gear or gain of {times:.3g}"
-        return [gear if self.factor > 1.0 else f"{gear} the other way", *named[:3]]
+        return [gear if self.mass_ratio > 1.0 else f"{gear} the other way", *named[:3]]
 
 
 class UngatedFit(NamedTuple):
@@ -206,7 +206,7 @@ class CheckInputs:
     @cached_property
     def side_differences(self) -> Mapping[str, SideDifference]:
         """Differences of right and left by kind: torque, speed, slip."""
-        return side_differences(self.excitation, self.signals, self.machine, self.t0_unix_ns)
+        return compare_sides(self.excitation, self.signals, self.machine, self.t0_unix_ns)
 
     @cached_property
     def straight_motion(self) -> AxisMotion:

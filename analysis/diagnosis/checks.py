@@ -139,7 +139,7 @@ def _empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
     return motion.fit.value / empty_kg if empty_kg else np.nan
 
 
-def _empty_mass_shortfall_u(inputs: CheckInputs, _: AxisMotion) -> float:
+def _empty_mass_shortfall_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
     """How far the lightest load is below the empty mass, in u."""
     found = inputs.empty_mass
     return np.nan if found is None else -found.difference_in_u
@@ -180,7 +180,7 @@ class AxisQuantityNames:
     moves: str
 
 
-def model_checks(about: EvidenceSubject, words: AxisQuantityNames) -> tuple[CheckRow, ...]:
+def make_model_checks(about: EvidenceSubject, words: AxisQuantityNames) -> tuple[CheckRow, ...]:
     """Checks of every axis: whether its model fits the moving samples."""
     force, moves = words.force, words.moves
     return (
@@ -239,7 +239,7 @@ CHECKS: Final = (
         optional=True,
         remedy="the sign is inverted: scale = -1 in channels.force_x_N, or of both torques",
     ),
-    *model_checks(
+    *make_model_checks(
         "mass", AxisQuantityNames("", "acceleration", "speed", "mass", "force", "motion")
     ),
     CheckRow(
@@ -270,7 +270,7 @@ CHECKS: Final = (
     CheckRow(
         "negative_payload",
         "mass",
-        _empty_mass_shortfall_u,
+        _empty_mass_shortfall_in_u,
         "lightest load below the machine's empty mass, in standard uncertainties including "
         "the scale's",
         maximum="negative_payload_max_u",
@@ -292,7 +292,7 @@ CHECKS: Final = (
     ),
     *FIT_CHECKS,
     *SIGNAL_CHECKS,
-    *model_checks(
+    *make_model_checks(
         "inertia",
         AxisQuantityNames("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin"),
     ),

@@ -77,7 +77,7 @@ class RawSignals:
     span_s: float
 
     @property
-    def clock_distance_s(self) -> float:
+    def clock_drift_over_log_s(self) -> float:
         """Drift between the clocks over the log in s; 0 if it may be noise."""
         if self.drift is None or self.drift.drift_ppm < 5.0 * self.drift.drift_std_ppm:
             return 0.0
@@ -140,7 +140,7 @@ class RawSignals:
         return max((sum(end - begin for begin, end in each) / 1e9 for each in spans), default=0.0)
 
     @cached_property
-    def clipping(self) -> dict[str, tuple[float, float]]:
+    def clipped_share_and_limit(self) -> dict[str, tuple[float, float]]:
         """Largest fraction of readings at one limit, and that limit, by force channel."""
         nothing = (0.0, float("nan"))
         return {
@@ -160,7 +160,7 @@ class RawSignals:
     @property
     def clipped_share(self) -> float:
         """Largest fraction of a force channel's readings at its limit."""
-        return max((share for share, _ in self.clipping.values()), default=0.0)
+        return max((share for share, _ in self.clipped_share_and_limit.values()), default=0.0)
 
     def interpolate_force_at(self, unix_ns: Ints) -> Floats | None:
         """Interpolate the unfiltered force, or the sum of both torques; None if it is derived."""
@@ -196,7 +196,7 @@ def find_equal_runs(x: Floats) -> tuple[Ints, Ints]:
     return first, np.append(first[1:], x.size) - 1
 
 
-def find_long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
+def find_long_runs_of_one_reading(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
     """Find long runs of one reading.
 
     Returns:
@@ -231,7 +231,7 @@ def _intersect_spans(some: Spans, others: Spans) -> Spans:
 def _find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
     """Stretches in which a channel repeats itself while others change."""
     t, x = channels[name]
-    runs, never = find_long_runs(t, x)
+    runs, never = find_long_runs_of_one_reading(t, x)
     if runs and float(np.ptp(x)) == 0.0:
         return runs if _should_have_changed(name, channels) else []
     # a machine that stands has no speed, one that coasts no force

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
-from analysis.diagnosis.measured_channels import find_long_runs
+from analysis.diagnosis.measured_channels import find_long_runs_of_one_reading
 from analysis.diagnosis.side_comparison import SPEEDS, SURELY, TORQUES, SideDifference
 from analysis.findings.cause import MassChange, Symptom, keep_strongest_symptom
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
@@ -111,7 +111,7 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
     if signals is None:
         return []
     limits = signals.force_limits.get(name, {})
-    runs, never = find_long_runs(*inputs.series[name])
+    runs, never = find_long_runs_of_one_reading(*inputs.series[name])
     # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
     return [
         (run.begin_ns, run.end_ns)
@@ -128,14 +128,16 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     """Find force readings that accumulate at an extreme value."""
     signals = inputs.check_inputs.signals
-    if signals is None or not signals.clipping:
+    if signals is None or not signals.clipped_share_and_limit:
         return []
-    name = max(signals.clipping, key=lambda each: signals.clipping[each][0])
-    share, extreme = signals.clipping[name]
+    name = max(
+        signals.clipped_share_and_limit, key=lambda each: signals.clipped_share_and_limit[each][0]
+    )
+    share, extreme = signals.clipped_share_and_limit[name]
     if not share:
         return []
     at = inputs.newtons_per_unit(name) * abs(extreme)
-    count = sum(1 for each, _ in signals.clipping.values() if each > 0.0)
+    count = sum(1 for each, _ in signals.clipped_share_and_limit.values() if each > 0.0)
     found = inputs.check_inputs.left_out.get("clipped_share")
     limit_N = 0.98 * at * max(count, 1)
 

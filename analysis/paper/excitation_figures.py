@@ -107,7 +107,7 @@ def make_figure_3_data(campaign: ReplayedCampaign) -> Figure3:
         frame=series,
         true_mass_kg=truth["mass_kg"],
         rms_kg=_rms_error_by_method(series, "mass_kg", "true_mass_kg"),
-        converging=rms_error_after_convergence(series),
+        converging=early_and_late_rms_errors(series),
         memory_samples=(1.0 + settings.trace.forgetting) / (1.0 - settings.trace.forgetting),
         window_samples=settings.gate.window_samples,
     )
@@ -219,7 +219,7 @@ def _rms_error_by_method(series: pl.DataFrame, value: str, true: str) -> dict[st
     return dict(errors.iter_rows())
 
 
-def rms_error_after_convergence(series: pl.DataFrame) -> dict[str, EarlyAndLateRms]:
+def early_and_late_rms_errors(series: pl.DataFrame) -> dict[str, EarlyAndLateRms]:
     """R.m.s. error of LS and RLS in the first `EARLY_S`, and later."""
     squares = series.with_columns(
         square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,

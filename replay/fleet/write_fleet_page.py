@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, friction_trend
+from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_friction_trend
 from analysis.fleet.attention import rank_concerns
 from analysis.fleet.calibration_steps import find_line_changes
 from analysis.fleet.daily_figures import (
@@ -154,4 +154,4 @@ def fleet_friction_trends(results: pl.DataFrame, limit_N_s_m: float) -> dict[str
     columns = ("machine", "t0_unix_ns", "friction_x_N_s_m", "friction_x_std_N_s_m")
     for machine, begin_ns, friction, std in known.select(columns).iter_rows():
         days[machine].append(FrictionDay(begin_ns / _DAY_NS, friction, std))
-    return {machine: friction_trend(each, limit_N_s_m) for machine, each in days.items()}
+    return {machine: fit_friction_trend(each, limit_N_s_m) for machine, each in days.items()}

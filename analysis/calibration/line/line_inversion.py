@@ -258,7 +258,7 @@ class Inversion:
         variances = Variances(self.variance_kg2[self.estimated], self.covariance)
         return np.array(
             [
-                variances.degrees_of_freedom_of(row[self.estimated], float(all_kg2))
+                variances.degrees_of_freedom(row[self.estimated], float(all_kg2))
                 for row, all_kg2 in zip(gradient, total, strict=True)
             ]
         )

@@ -46,7 +46,7 @@ class Variances:
         """Variances of the linear combinations `coefficients` @ value."""
         return Variances(coefficients @ self.value, coefficients @ self.covariance @ coefficients.T)
 
-    def degrees_of_freedom_of(self, weight: Floats, total: float) -> float:
+    def degrees_of_freedom(self, weight: Floats, total: float) -> float:
         """Degrees of freedom of a variance `total` whose estimated part is `weight` @ value.
 
         Source:
