@@ -90,7 +90,7 @@ def shift_spans_to_time_of_a(a: Run, b: Run) -> pl.DataFrame | None:
     if any(table.is_empty() for table in tables):
         return None
     pairs = pair_manoeuvres(*tables)
-    reach = [manoeuvre_reach(table) for table in tables]
+    reach = [manoeuvre_spans_with_half_gaps(table) for table in tables]
     rows: list[dict[str, int]] = []
     for i, j in pairs:
         shift = int(tables[0]["start_t_ns"][i]) - int(tables[1]["start_t_ns"][j])
@@ -100,7 +100,7 @@ def shift_spans_to_time_of_a(a: Run, b: Run) -> pl.DataFrame | None:
     return pl.DataFrame(rows) if rows else None
 
 
-def manoeuvre_reach(table: pl.DataFrame) -> list[tuple[int, int]]:
+def manoeuvre_spans_with_half_gaps(table: pl.DataFrame) -> list[tuple[int, int]]:
     """Span of each manoeuvre to the middles of its gaps; a minute beyond the outer ones."""
     starts, ends = table["start_t_ns"].to_list(), table["end_t_ns"].to_list()
     halves = [(end + start) // 2 for end, start in zip(ends[:-1], starts[1:], strict=True)]

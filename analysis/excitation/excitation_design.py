@@ -240,11 +240,11 @@ def design_excitation(
         for ways in get_args(Ways)
     ]
     return ExcitationDesign(
-        drive, response_s, window_s, accuracy, scores, best_score(scores, yard_m)
+        drive, response_s, window_s, accuracy, scores, find_best_score(scores, yard_m)
     )
 
 
-def best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> WaveformScore | None:
+def find_best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> WaveformScore | None:
     """Score with the smallest error that fits the yard; None if none fits."""
     fitting = [score for score in scores if yard_m is None or score.reach_m <= yard_m]
     return min(fitting, key=lambda score: score.relative_error, default=None)
@@ -317,7 +317,8 @@ def _score_shape(
     noisy = float(noise.torque_z_N_m if drive == "spin" else noise.force_x_N)
     varies = float(applied[repeats].std())
     allowed = [
-        predictions[name].allowed_force_noise(accuracy * predictions[name].value) for name in asked
+        predictions[name].allowed_force_noise_std(accuracy * predictions[name].value)
+        for name in asked
     ]
     known = [each for each in allowed if each is not None]
     # the torque's noise goes with that of the force

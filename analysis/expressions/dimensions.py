@@ -33,10 +33,10 @@ def convert_to_si(
         ExpressionError: both sides, where they cannot be added or compared; an unknown unit.
     """
     if isinstance(tree, Name):
-        gain, dimension = si_gain(units[tree.name], tree.name, registry)
+        gain, dimension = si_gain_and_dimension(units[tree.name], tree.name, registry)
         return (tree if gain == 1.0 else Call("*", (Number(gain), tree))), dimension
     if isinstance(tree, Number):
-        gain, dimension = si_gain(tree.unit or "", expression_text(tree), registry)
+        gain, dimension = si_gain_and_dimension(tree.unit or "", expression_text(tree), registry)
         return Number(tree.value * gain), dimension
     parts = [convert_to_si(argument, units, registry) for argument in tree.arguments]
     found = Call(tree.function, tuple(part for part, _ in parts))
@@ -97,7 +97,7 @@ def format_dimension(dimension: Any) -> str:
     return f"in {'·'.join(parts)}"
 
 
-def si_gain(unit: str, expression: str, registry: Any) -> tuple[float, Any]:
+def si_gain_and_dimension(unit: str, expression: str, registry: Any) -> tuple[float, Any]:
     """Factor that converts a number to SI units, and its dimension."""
     import pint
 

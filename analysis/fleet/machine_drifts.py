@@ -123,10 +123,10 @@ class MachineChart(NamedTuple):
 
 def drift_limit() -> float:
     """Limit of each chart that allows half a false alarm per machine and year in total."""
-    return chart_limit(len(SIGNALS) * _DAYS / _ALARMS_A_YEAR)
+    return cusum_limit(len(SIGNALS) * _DAYS / _ALARMS_A_YEAR)
 
 
-def machine_charts(days: pl.DataFrame) -> list[MachineChart]:
+def make_machine_charts(days: pl.DataFrame) -> list[MachineChart]:
     """Control charts by machine, quantity and calibration; each starts a new baseline.
 
     Args:
@@ -168,7 +168,7 @@ def make_control_chart(values: Floats, limit: float) -> ControlChart:
 
     Args:
         values: (n,) values in order of time, without NaN.
-        limit: limit of the sums, from `chart_limit`.
+        limit: limit of the sums, from `cusum_limit`.
     """
     innovation = standardise_innovations(whiten_series(values))
     up, down = np.zeros(values.size), np.zeros(values.size)
@@ -232,7 +232,7 @@ def _change_since(values: Floats, since: int | None) -> tuple[float, float]:
 
 
 @cache
-def chart_limit(run_length: float) -> float:
+def cusum_limit(run_length: float) -> float:
     """CUSUM limit, in standard deviations, for false alarms on average `run_length` values apart.
 
     Args:

@@ -168,7 +168,7 @@ class GrowingLog:
                 missing = ", ".join(t for t in self.topics if t not in self._raw)
                 raise DataError(f"no message arrived on the topics {missing}")
             return False
-        head = take_first_seconds(self._raw)
+        head = cut_to_first_seconds(self._raw)
         if head is None:
             if not is_whole:
                 return False
@@ -237,7 +237,7 @@ def sort_by_time(frame: pl.DataFrame, key: str) -> pl.DataFrame:
     return frame if frame[key].is_sorted() else frame.sort(key, maintain_order=True)
 
 
-def take_first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame] | None:
+def cut_to_first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame] | None:
     """First seconds of every topic, up to a common time; None if one has fewer.
 
     The cut does not depend on how much was available, so that following again begins equally.

@@ -26,8 +26,12 @@ from analysis.planar.planar_budget import (
 )
 from analysis.planar.planar_motion import make_drive
 from analysis.planar.planar_regressor import Regressor
-from analysis.planar.planar_samples import PlanarSamples, collect_planar_samples, planar_noise
-from analysis.planar.planar_terms import TERMS, terms_of_drive
+from analysis.planar.planar_samples import (
+    PlanarSamples,
+    collect_planar_samples,
+    planar_column_noise,
+)
+from analysis.planar.planar_terms import TERMS, select_terms_of_drive
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.gating.segments import number_manoeuvres
@@ -100,7 +104,7 @@ def fit_planar(
     rows += [joint[0]] if joint else []
     declared = FRAMES["planar"].columns
     table = pl.DataFrame(rows, schema={c.name: c.dtype for c in declared}, orient="row")
-    parts = uncertainty_rows(*joint, machine) if joint else []
+    parts = make_uncertainty_rows(*joint, machine) if joint else []
     declared = FRAMES["planar_budget"].columns
     budget = pl.DataFrame(parts, schema={c.name: c.dtype for c in declared}, orient="row")
     return build_frame("planar", table.to_dict()), build_frame("planar_budget", budget.to_dict())
@@ -161,14 +165,14 @@ def prior_from_axis(
     fitted = fit_in_rounds(log, np.where(used, 0, -1), start, nothing, rows, columns).estimate
     if not np.isfinite(fitted.theta).all():
         return nothing
-    own = [n for n, name in enumerate(fitted.parameters) if is_of_axis_alone(name, axis)]
+    own = [n for n, name in enumerate(fitted.parameters) if is_of_one_axis_only(name, axis)]
     mean = np.zeros((2, len(own)))
     mean[rows] = fitted.by_axis[:, own]
     names = tuple(fitted.parameters[n] for n in own)
     return Prior(names, mean, fitted.covariance[np.ix_(own, own)])
 
 
-def is_of_axis_alone(name: str, axis: Axis) -> bool:
+def is_of_one_axis_only(name: str, axis: Axis) -> bool:
     """Whether a parameter or term occurs in the equation of one axis only."""
     return name in PARAMETERS or any(
         term.name == name and term.axes == axis.letter for term in TERMS
@@ -183,7 +187,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
         return None
     of = np.where(used, 0, -1)
     start = base_parameters.fit(
-        plane.motion, plane.f, PARAMETERS, of, noise=planar_noise(plane, used)
+        plane.motion, plane.f, PARAMETERS, of, noise=planar_column_noise(plane, used)
     ).coefficients
     fitted = fit_in_rounds(log, of, start, Prior.around_zero({}, 2), _BOTH)
     row = _make_fit_row("joint", log, used, fitted, ())
@@ -264,13 +268,15 @@ def fit_with_coefficients(
     part = slice(int(where[0]), int(where[-1]) + 1)
     of_columns = np.array(columns)
     drive = make_drive(log.plane, log.excitation, log.machine, coefficients)
-    terms = terms_of_drive(drive, "xz"[rows])
+    terms = select_terms_of_drive(drive, "xz"[rows])
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known.names}
     regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)
     used, arm_y_m = segment_id >= 0, regressor.imu_position_m[1]
-    noise = planar_noise(log.plane, used, arm_y_m)[rows][:, of_columns]
-    prior = prior_for_rows(known, rows, names).joined_with(Prior.around_zero(width, noise.shape[0]))
+    noise = planar_column_noise(log.plane, used, arm_y_m)[rows][:, of_columns]
+    prior = restrict_prior_to_rows(known, rows, names).joined_with(
+        Prior.around_zero(width, noise.shape[0])
+    )
     fitted = base_parameters.fit(
         regressor,
         log.plane.f[part, rows],
@@ -283,7 +289,7 @@ def fit_with_coefficients(
     return PlanarFit(fitted, prior.names)
 
 
-def prior_for_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
+def restrict_prior_to_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
     """The part of a prior that a fit of these rows has parameters of."""
     own = [n for n, name in enumerate(prior.names) if name in names]
     return Prior(
@@ -328,10 +334,10 @@ def _make_fit_row(
         row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*_MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
-    row["scale_unknown"] = list_missing_values(
+    row["scale_unknown"] = missing_values_text(
         fitted, [quantity_gradient(estimate, name) for name in sorted(told)], log.machine
     )
-    row["com_scale_unknown"] = list_missing_values(
+    row["com_scale_unknown"] = missing_values_text(
         fitted, [estimate.slope(moment, "mass_kg")[1] for moment in _MOMENTS], log.machine
     )
     for name, rms in zip(
@@ -341,7 +347,7 @@ def _make_fit_row(
     return row
 
 
-def list_missing_values(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
+def missing_values_text(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
     """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [list_uncertainty_sources(fitted.estimate, g, fitted.priors, machine) for g in told]
@@ -359,7 +365,7 @@ _QUANTITIES: Final = {
 }
 
 
-def uncertainty_rows(
+def make_uncertainty_rows(
     row: Mapping[str, Any], fitted: PlanarFit, machine: Machine
 ) -> list[dict[str, Any]]:
     """Rows on the sources of uncertainty of each quantity that all motion determines."""

@@ -60,10 +60,12 @@ def list_uncertainty_sources(
             found.append(UncertaintySource(name, "common", float(u), term.meaning, term.shrinks))
         else:
             stated[term.stated.name] = float(np.hypot(stated.get(term.stated.name, 0.0), u))
-    return sort_largest_first([*found, *machine_parts(estimate, gradient, stated, machine)])
+    return sort_largest_first(
+        [*found, *machine_uncertainty_sources(estimate, gradient, stated, machine)]
+    )
 
 
-def machine_parts(
+def machine_uncertainty_sources(
     estimate: BaseEstimate, gradient: Floats, fitted: dict[str, float], machine: Machine
 ) -> Iterator[UncertaintySource]:
     """Uncertainty sources that the machine file states or should state."""

@@ -95,7 +95,7 @@ def collect_planar_samples(
         stands = (phase == "standstill").fill_null(True).to_numpy()
         speeds_up = ((along > 0) | (about > 0)) & ~slows
         usable = known & ~mark_possible_braking(slows, settings)
-        usable &= ~is_ending_of_stop(slows, speeds_up, stands)
+        usable &= ~is_end_of_stop(slows, speeds_up, stands)
     return PlanarSamples(
         t_ns=excitation["t_ns"].to_numpy(),
         motion=motion,
@@ -110,7 +110,7 @@ def collect_planar_samples(
     )
 
 
-def is_ending_of_stop(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
+def is_end_of_stop(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
     """Samples between braking and the following stand, (n,).
 
     Unmeasured brakes still act there, too gently to be classified as braking.
@@ -122,7 +122,7 @@ def is_ending_of_stop(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
     return (event == 0) & (event[before] == 1) & (event[after] == 3)
 
 
-def planar_noise(plane: PlanarSamples, used: Bools, arm_y_m: float = 0.0) -> Floats:
+def planar_column_noise(plane: PlanarSamples, used: Bools, arm_y_m: float = 0.0) -> Floats:
     """Noise of each column of each row after the moving mean.
 
     Args:

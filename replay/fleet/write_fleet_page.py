@@ -19,7 +19,7 @@ from analysis.fleet.daily_figures import (
     sum_results,
     weekly_tonnes,
 )
-from analysis.fleet.machine_drifts import MachineChart, machine_charts
+from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
 from recordings.fleet.fleet_page import FleetPage, fleet_html
 from recordings.report.atomic_output import atomic_file
 from recordings.review.week_shifts import trend_sentences
@@ -103,7 +103,7 @@ def report_page(results: FleetResults, destination: str, name: str) -> FleetPage
         results=rows,
         days=days,
         weeks=weekly_tonnes(rows),
-        charts=machine_charts(days),
+        charts=make_machine_charts(days),
         calibrations=calibrations,
         changes=find_line_changes(calibrations),
         looks=add_commands(rank_concerns(rows, cycles, results.scan("findings")), destination),
