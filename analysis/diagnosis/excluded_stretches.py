@@ -130,11 +130,11 @@ def _mark_weighed_samples(weighing: Weighing) -> Bools:
     return motion.used | np.isin(motion.unit, [each.unit for each in weighing.growing])
 
 
-def _mass_shift_in_u(whole: Weighing, without: Weighing | None) -> float:
+def _mass_shift_in_u(all_samples: Weighing, without: Weighing | None) -> float:
     """Change of the mass without the stretches, in its uncertainty."""
     if without is None:
         return np.inf
-    moved_u = abs(mean_mass_difference_kg(without.fit, whole.fit)) / without.fit.u_kg
+    moved_u = abs(mean_mass_difference_kg(without.fit, all_samples.fit)) / without.fit.u_kg
     return moved_u if np.isfinite(moved_u) else np.inf
 
 

@@ -262,13 +262,13 @@ def _should_have_changed(name: str, channels: Mapping[str, Series]) -> bool:
     return any(float(np.ptp(x)) > 0.0 for x in beside)
 
 
-def _is_changing(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bool:
-    """Whether a channel changes by more than `least` between the halves of a stretch."""
+def _is_changing(t: Ints, x: Floats, min_change: float, begin_ns: int, end_ns: int) -> bool:
+    """Whether a channel changes by more than `min_change` between the halves of a stretch."""
     part = x[np.searchsorted(t, begin_ns) : np.searchsorted(t, end_ns, side="right")]
     if part.size < 4:
         return False
     half = part.size // 2
-    return abs(float(part[:half].mean() - part[half:].mean())) > least > 0.0
+    return abs(float(part[:half].mean() - part[half:].mean())) > min_change > 0.0
 
 
 def find_repeated_extremes(x: Floats) -> dict[float, float]:

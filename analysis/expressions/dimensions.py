@@ -43,18 +43,18 @@ def convert_to_si(
     return found, _derive_dimension(tree, [dimension for _, dimension in parts], registry)
 
 
-def _derive_dimension(tree: Call, each: list[Any], registry: Any) -> Any:
+def _derive_dimension(tree: Call, argument_dimensions: list[Any], registry: Any) -> Any:
     """Dimension of a call's result; an error if its arguments differ."""
     none = registry.dimensionless.dimensionality
     if tree.function == "*":
-        return each[0] * each[1]
+        return argument_dimensions[0] * argument_dimensions[1]
     if tree.function == "/":
-        return each[0] / each[1]
+        return argument_dimensions[0] / argument_dimensions[1]
     if tree.function == SLOPE:
-        return each[0] / registry.second.dimensionality
-    values, arguments = each, tree.arguments
+        return argument_dimensions[0] / registry.second.dimensionality
+    values, arguments = argument_dimensions, tree.arguments
     if tree.function == "where":
-        values, arguments = each[1:], tree.arguments[1:]
+        values, arguments = argument_dimensions[1:], tree.arguments[1:]
     for other, argument in zip(values[1:], arguments[1:], strict=True):
         if other != values[0]:
             one, differs = expression_text(arguments[0]), expression_text(argument)

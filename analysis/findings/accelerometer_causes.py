@@ -369,7 +369,9 @@ def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Float
     return np.arange(size // 2 + 1) * rate_hz / size, driving, standing, len(starts)
 
 
-def find_ends_of_held_force_rises(inputs: FindingInputs, force: Floats, size: int) -> list[int]:
+def find_ends_of_held_force_rises(
+    inputs: FindingInputs, force: Floats, held_samples: int
+) -> list[int]:
     """End (grid sample) of each rise of the force after a standstill that is then held."""
     rate_hz = inputs.machine.settings.align.rate_hz
     if not np.isfinite(force).any():
@@ -388,7 +390,7 @@ def find_ends_of_held_force_rises(inputs: FindingInputs, force: Floats, size: in
         int(k) + behind
         for k in rises
         if k > stood + clear
-        and k + behind + size < force.size
+        and k + behind + held_samples < force.size
         and inputs.standing_samples[k - stood - clear : k - clear].all()
-        and pushes[k + 2 * behind : k + size].mean() > LIMITS.start_held_fraction
+        and pushes[k + 2 * behind : k + held_samples].mean() > LIMITS.start_held_fraction
     ]

@@ -89,9 +89,9 @@ def _search_long_delay(inputs: FindingInputs) -> LongDelay | None:
     return LongDelay("force", seen[0], seen[1:]) if _is_long_delay(seen) else None
 
 
-def _is_long_delay(seen: tuple[float, float, float]) -> bool:
+def _is_long_delay(lag_and_correlations: tuple[float, float, float]) -> bool:
     """Whether a shift turns a poor correlation into a good one."""
-    late_s, after, before = seen
+    late_s, after, before = lag_and_correlations
     # the other way as they are: a sign
     return (
         abs(late_s) > LIMITS.shortest_long_delay_s

@@ -37,7 +37,7 @@ def refit_without_rows(inputs: FindingInputs, rows: Bools) -> MassChange | None:
 
 
 def refit_with_answer_u(
-    inputs: FindingInputs, mend: Mend, relative_u: float = 0.0
+    inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion, with the answer's uncertainty added to that of the change.
 
@@ -45,29 +45,32 @@ def refit_with_answer_u(
 
     Args:
         inputs: the log.
-        mend: returns the corrected motion.
+        correct_motion: returns the corrected motion.
         relative_u: see `refit_corrected`.
     """
-    change = refit_corrected(inputs, mend, relative_u)
+    change = refit_corrected(inputs, correct_motion, relative_u)
     if change is None or inputs.fit is None:
         return None
     return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.fit.u_kg)))
 
 
 def refit_corrected(
-    inputs: FindingInputs, mend: Mend, relative_u: float = 0.0
+    inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion from the joint fit on, and compare the masses.
 
     Args:
         inputs: the log.
-        mend: returns the corrected motion.
+        correct_motion: returns the corrected motion.
         relative_u: relative standard uncertainty of the correction.
     """
     fit = inputs.fit
     if fit is None:
         return None
-    before, after = _uncorrected_mass_kg(inputs, fit), _refit_mass_kg(inputs, mend(fit.motion))
+    before, after = (
+        _uncorrected_mass_kg(inputs, fit),
+        _refit_mass_kg(inputs, correct_motion(fit.motion)),
+    )
     if before is None or after is None:
         return None
     kg = after - before

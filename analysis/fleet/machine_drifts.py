@@ -222,11 +222,11 @@ def standardise_innovations(values: Floats) -> Floats:
     return found
 
 
-def _change_since(values: Floats, since: int | None) -> tuple[float, float]:
+def _change_since(values: Floats, since_row: int | None) -> tuple[float, float]:
     """Change of the mean at a row, and its standard deviation."""
-    if since is None or since < 2 or values.size - since < 2:
+    if since_row is None or since_row < 2 or values.size - since_row < 2:
         return float("nan"), float("nan")
-    before, after = values[:since], values[since:]
+    before, after = values[:since_row], values[since_row:]
     variance = before.var(ddof=1) / before.size + after.var(ddof=1) / after.size
     return float(after.mean() - before.mean()), float(np.sqrt(variance))
 

@@ -43,20 +43,20 @@ _FLOAT_BYTES: Final = 8
 
 
 def replay_with_accepted_windows(
-    campaign: ReplayedCampaign, how: Fed, settings: Settings
+    campaign: ReplayedCampaign, window_rule: Fed, settings: Settings
 ) -> ReplayedCampaign:
     """Campaign with other accepted windows and new estimates.
 
     Args:
         campaign: replayed campaign.
-        how: rule that selects the windows for the estimators.
+        window_rule: rule that selects the windows for the estimators.
         settings: settings of gate, estimators and forgetting.
     """
-    if how == "ungated":
+    if window_rule == "ungated":
         settings = settings.with_changes({"gate.exclude_braking": False})
     gated = gate_windows(campaign.replayed.frames["excitation"], settings)
-    if how != "gated":
-        refused = _INCOMPLETE if how == "ungated" else (*_INCOMPLETE, "braking")
+    if window_rule != "gated":
+        refused = _INCOMPLETE if window_rule == "ungated" else (*_INCOMPLETE, "braking")
         gated = gated.with_columns(accepted_x=~pl.col("reason_x").cast(pl.String).is_in(refused))
     return reestimate(campaign, gated, settings)
 
@@ -66,10 +66,12 @@ def cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
     return tuple(_cruise_error_kg(campaign, how, directional) for how, directional in CRUISE_FED)
 
 
-def _cruise_error_kg(campaign: ReplayedCampaign, how: Fed, directional: bool) -> float:
+def _cruise_error_kg(campaign: ReplayedCampaign, window_rule: Fed, directional: bool) -> float:
     """Error of RLS at the end of the cruise; NaN without an estimate."""
     methods = {"trace.methods": ("rls",), "trace.directional_forgetting": directional}
-    again = replay_with_accepted_windows(campaign, how, campaign.settings.with_changes(methods))
+    again = replay_with_accepted_windows(
+        campaign, window_rule, campaign.settings.with_changes(methods)
+    )
     cruised_ns = int(campaign.trials["braking_ns"][0]) - again.replayed.provenance.t0_unix_ns
     before = again.replayed.frames["estimates/rls"].filter(pl.col("t_ns") <= cruised_ns)
     if before.is_empty():

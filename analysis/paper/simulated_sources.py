@@ -91,9 +91,9 @@ class Extracts:
     def __init__(self) -> None:
         self._made: dict[Extract[Any, Any], list[Any]] = {}
 
-    def add(self, extract: Extract[Any, T], made: T) -> None:
+    def add(self, extract: Extract[Any, T], result: T) -> None:
         """Add the result of an extract from another repetition."""
-        self._made.setdefault(extract, []).append(made)
+        self._made.setdefault(extract, []).append(result)
 
     def results_of_extract(self, extract: Extract[Any, T]) -> list[T]:
         """Results of an extract from all repetitions."""

@@ -338,7 +338,7 @@ def _make_piece_columns(
         speed,
         ground_speed_ratio(speed, acting, previous.slip_1_N),
         acting,
-        derive_force_rate(force, motion.rate_hz, force_std, whole=wheels is not None),
+        derive_force_rate(force, motion.rate_hz, force_std, keep_small=wheels is not None),
         motion.direction,
         motion.progress,
         _count_samples_since_start(motion.group) / motion.rate_hz,
@@ -422,15 +422,15 @@ def _row_weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> 
     return np.sqrt(variances[-1] / np.maximum(variances[which], variances[-1]))
 
 
-def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, whole: bool) -> Floats:
+def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, keep_small: bool) -> Floats:
     """Derivative of the force in N/s; 0 where it is within the noise.
 
     Args:
         force: (n,) in N.
         rate_hz: rate of the grid.
         noise_N: standard deviation of a sample.
-        whole: keep small values as well if hardly any of the derivative is noise. Slip needs them:
-            without them masses were 0.3 % off where wheels slip by 2 %.
+        keep_small: keep small values as well if hardly any of the derivative is noise. Slip needs
+            them: without them masses were 0.3 % off where wheels slip by 2 %.
     """
     half = rows_in_duration(LIMITS.force_rate_half_width_s, rate_hz)
     steps = (
@@ -439,7 +439,7 @@ def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, whole: b
     rate = np.convolve(force, steps, "same")
     std = noise_N * float(np.sqrt(steps @ steps))
     clear = LIMITS.force_rate_min_std if half == 1 else LIMITS.clear_force_rate_std
-    if whole and float(np.sqrt(np.mean(rate**2))) > clear * std:
+    if keep_small and float(np.sqrt(np.mean(rate**2))) > clear * std:
         return rate
     return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
 

@@ -223,14 +223,14 @@ def _residual_force(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
     return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared_parameters
 
 
-def _regress_mass_slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
+def _regress_mass_slope(A: Floats, residual: Floats, std_ratios: Floats) -> tuple[float, float]:
     """Regress a residual on a linearly growing mass; returns the slope and its information.
 
     The manoeuvre's own mass, friction and constant are projected out as far as they may differ:
-    `tied` is (3,) a row's standard deviation over theirs. Both results are 0 if the manoeuvre
+    `std_ratios` is (3,) a row's standard deviation over theirs. Both results are 0 if the manoeuvre
     hardly accelerates.
     """
-    own = np.vstack([A[:, :_OWN], np.diag(tied)])
+    own = np.vstack([A[:, :_OWN], np.diag(std_ratios)])
     whole = A[:, 0] * np.linspace(-0.5, 0.5, residual.size)
     own_part = np.linalg.lstsq(own, np.append(whole, np.zeros(_OWN)))[0]
     grows = whole - A[:, :_OWN] @ own_part

@@ -103,13 +103,13 @@ def _medians_by_kind(values: Floats, kind: Ints) -> Floats:
     return medians
 
 
-def _find_loaded_between_standstills(on: Bools, off: Bools) -> Bools:
+def _find_loaded_between_standstills(loading_stands: Bools, unloading_stands: Bools) -> Bools:
     """Manoeuvres between a loading stand and the next unloading stand, (units,)."""
-    stand = np.arange(1, on.size + 1)
-    last_on = np.maximum.accumulate(np.where(on, stand, 0))
-    last_off = np.maximum.accumulate(np.where(off, stand, 0))
+    stand = np.arange(1, loading_stands.size + 1)
+    last_on = np.maximum.accumulate(np.where(loading_stands, stand, 0))
+    last_off = np.maximum.accumulate(np.where(unloading_stands, stand, 0))
     # before the first of either the load is what that one ends
-    begins = bool(off[np.argmax(on | off)])
+    begins = bool(unloading_stands[np.argmax(loading_stands | unloading_stands)])
     none_yet = np.maximum(last_on, last_off) == 0
     return np.append(begins, np.where(none_yet, begins, last_on > last_off))
 

@@ -93,7 +93,7 @@ def find_load_change_rows(weighing: Weighing | None) -> list[int]:
 
 
 def find_empty_states(
-    weighing: Weighing, times: list[tuple[int, int]], machine: Machine
+    weighing: Weighing, state_spans_ns: list[tuple[int, int]], machine: Machine
 ) -> list[int]:
     """Indices of the load states in which the machine is empty; none if the log cannot tell.
 
@@ -107,9 +107,11 @@ def find_empty_states(
         return []
     if settings.empty_from_s is not None and settings.empty_to_s is not None:
         first, last = settings.empty_from_s * 1e9, settings.empty_to_s * 1e9
-        shared = [min(last, end) - max(first, begin) for begin, end in times]
+        shared = [min(last, end) - max(first, begin) for begin, end in state_spans_ns]
         inside = [
-            state for state, (begin, end) in enumerate(times) if 2 * shared[state] > end - begin
+            state
+            for state, (begin, end) in enumerate(state_spans_ns)
+            if 2 * shared[state] > end - begin
         ]
         most = int(np.argmax(shared))
         return inside or ([most] if shared[most] > 0 else [])
@@ -143,7 +145,7 @@ def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machi
 def _fuel_since_ticket_kg(
     weighing: Weighing,
     empty: list[int],
-    times: list[tuple[int, int]],
+    state_spans_ns: list[tuple[int, int]],
     fuel: FuelOnBoard | None,
 ) -> tuple[float, float]:
     """Mean fuel mass of the empty states beyond that on the ticket, with its uncertainty."""
@@ -151,7 +153,7 @@ def _fuel_since_ticket_kg(
     if fuel is None or states is None or not empty:
         return 0.0, 0.0
     count = np.bincount(states.membership)[empty]
-    middles_ns = np.mean([times[state] for state in empty], axis=1)
+    middles_ns = np.mean([state_spans_ns[state] for state in empty], axis=1)
     return fuel.mass_since_ticket_kg(middles_ns, count / count.sum())
 
 

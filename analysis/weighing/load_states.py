@@ -232,31 +232,34 @@ def load_change_kinds(motion: MotionSamples) -> Ints:
 
 
 def classify_load_change(
-    motion: MotionSamples, end: int, begin: int, since: int, until: int
+    motion: MotionSamples, last_sample: int, next_sample: int, boom_begin: int, boom_end: int
 ) -> int:
     """Kind of evidence for a load change between two manoeuvres.
 
     Args:
         motion: samples, with arm angles and digging.
-        end: last sample of the first manoeuvre.
-        begin: first sample of the second one.
-        since: first sample of the boom to examine.
-        until: end sample of the boom to examine.
+        last_sample: last sample of the first manoeuvre.
+        next_sample: first sample of the second one.
+        boom_begin: first sample of the boom to examine.
+        boom_end: end sample of the boom to examine.
     """
-    if motion.digs is not None and motion.digs[end : begin + 1].any():
+    if motion.digs is not None and motion.digs[last_sample : next_sample + 1].any():
         return FILLED
-    if motion.empty is not None and motion.empty[end] != motion.empty[begin]:
+    if motion.empty is not None and motion.empty[last_sample] != motion.empty[next_sample]:
         return NAMED
-    if motion.empty is not None and motion.empty[end]:
+    if motion.empty is not None and motion.empty[last_sample]:
         return 0
-    if motion.stood is not None and motion.stood[end] == motion.stood[begin]:
+    if motion.stood is not None and motion.stood[last_sample] == motion.stood[next_sample]:
         return 0
     moved = any(
-        _known_range(arm[since : until + 1]) > LIMITS.arm_movement_rad for arm in motion.arms
+        _known_range(arm[boom_begin : boom_end + 1]) > LIMITS.arm_movement_rad
+        for arm in motion.arms
     )
     if moved:
         return HINTED
-    silent = motion.silences is not None and motion.silences[end] != motion.silences[begin]
+    silent = (
+        motion.silences is not None and motion.silences[last_sample] != motion.silences[next_sample]
+    )
     return RESTARTED if silent else 1
 
 

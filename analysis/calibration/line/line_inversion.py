@@ -177,10 +177,10 @@ class Inversion:
         variance = float((scaled @ self.variance_kg2)[0]) + of_more * float(more_kg2[0])
         return float(np.sqrt(variance)) / abs(self.slope_1)
 
-    def _excess_random_variance_kg2(self, new: Floats, u_random_kg: Floats) -> Floats:
+    def _excess_random_variance_kg2(self, effect_factors: Floats, u_random_kg: Floats) -> Floats:
         """Random variance of later values beyond that of the campaign's readings, (n,)."""
         random = (
-            new[:, self._index_of_random_effect()]
+            effect_factors[:, self._index_of_random_effect()]
             * self.variance_kg2[self._index_of_random_effect()]
         )
         return np.fmax(np.nan_to_num(u_random_kg) ** 2 - np.maximum(random, 0.0), 0.0)
@@ -200,18 +200,18 @@ class Inversion:
         return new
 
     def _invert_with_effect_factors(
-        self, y_kg: Floats, new: Floats, more_kg2: Floats, confidence_1: float
+        self, y_kg: Floats, effect_factors: Floats, more_kg2: Floats, confidence_1: float
     ) -> InverseReading:
         """Mass, uncertainty and interval of later values, given the factor of each effect."""
         away = (y_kg - self.level_kg) / self.slope_1
         at = np.stack([np.ones_like(away), away], -1)
-        gradient = new + np.einsum("ni,kij,nj->nk", at, self.on_line, at)
+        gradient = effect_factors + np.einsum("ni,kij,nj->nk", at, self.on_line, at)
         u_kg = np.sqrt(gradient @ self.variance_kg2 + more_kg2) / abs(self.slope_1)
         squared, of_more = self._squared_student_factors(gradient, more_kg2, confidence_1)
         # (d - s h)² = Σ t² (own + v00 + 2 h v01 + h² v11), for h from the centre
         scaled = squared * self.variance_kg2
         line = np.einsum("nk,kij->nij", scaled, self.on_line)
-        own = (scaled * new).sum(axis=1) + of_more * more_kg2
+        own = (scaled * effect_factors).sum(axis=1) + of_more * more_kg2
         d = y_kg - self.level_kg
         a = self.slope_1**2 - line[:, 1, 1]
         b = d * self.slope_1 + line[:, 0, 1]

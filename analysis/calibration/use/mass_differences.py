@@ -58,7 +58,7 @@ class DifferenceOnLine:
 def calibrate_payloads_by_line(
     calibration: Calibration,
     shared_errors: SharedErrors | None,
-    numbers: Sequence[tuple[str, int]],
+    kinds_and_numbers: Sequence[tuple[str, int]],
     payload_kg: Floats,
 ) -> DifferenceOnLine:
     """Calibrate payloads by a line.
@@ -66,7 +66,7 @@ def calibrate_payloads_by_line(
     Args:
         calibration: calibration of masses, or of payloads with a level.
         shared_errors: the log's estimate of errors shared with its campaign; None corrects none.
-        numbers: (n,) kind (`MOVED`) and number of each payload.
+        kinds_and_numbers: (n,) kind (`MOVED`) and number of each payload.
         payload_kg: (n,) uncalibrated payloads; NaN if missing.
     """
     absolute = calibration.method == "joint_payload"
@@ -74,23 +74,25 @@ def calibrate_payloads_by_line(
     slope, size = gain.slope_1, abs(gain.slope_1)
     level_kg = calibration.c0_kg if absolute else 0.0
     mass_kg = (payload_kg - level_kg) / slope
-    none = np.zeros(len(numbers))
+    none = np.zeros(len(kinds_and_numbers))
     off_kg, taken_kg, unlike_u_kg, shared_u_kg = none, none, none, none
     if shared_errors is not None and calibration.responses:
         centre_kg = calibration.centre_kg if absolute else 0.0
         nothing = np.zeros(len(shared_errors.terms))
-        moved = np.array([shared_errors.moved_kg.get(each, nothing) for each in numbers])
+        moved = np.array([shared_errors.moved_kg.get(each, nothing) for each in kinds_and_numbers])
         of_level = shared_errors.line_shifts(calibration.responses, 1.0, 0.0)
         of_slope = shared_errors.line_shifts(calibration.responses, 0.0, 1.0)
         each = (1.0 - gain.by_level_1) * of_slope
         each = each + gain.by_level_1 * of_level / calibration.centre_kg
         line = np.outer(mass_kg - centre_kg, each) + (of_level if absolute else 0.0)
-        told = np.array([each in shared_errors.moved_kg for each in numbers]) & np.isfinite(mass_kg)
+        told = np.array(
+            [each in shared_errors.moved_kg for each in kinds_and_numbers]
+        ) & np.isfinite(mass_kg)
         moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
         off = [shared_errors.offset_from_line_kg(*each) for each in zip(moved, line, strict=True)]
         off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
         share = np.nan_to_num(np.abs(mass_kg)) / max(float(np.nansum(np.abs(mass_kg))), 1e-9)
-        scale_kg = np.array([shared_errors.scale_kg.get(each, 0.0) for each in numbers])
+        scale_kg = np.array([shared_errors.scale_kg.get(each, 0.0) for each in kinds_and_numbers])
         taken_kg = np.hypot(share * shared_errors.learnt_part_kg(moved.sum(axis=0)), scale_kg)
         shared_u_kg = share * shared_errors.u_kg((moved - line).sum(axis=0))
     mass_kg = (payload_kg - off_kg - level_kg) / slope

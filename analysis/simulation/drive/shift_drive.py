@@ -175,7 +175,7 @@ class ShiftDriver(MachineDriver):
 
     def _drive_legs(
         self,
-        way: float,
+        direction: float,
         until_m: float,
         starts_most: int,
         operator: np.random.Generator,
@@ -189,16 +189,18 @@ class ShiftDriver(MachineDriver):
         count = max(int(operator.integers(1, starts_most + 1)), 1 + pours)
         parts = operator.uniform(0.7, 1.3, count)
         for number in range(count):
-            left_m = way * (until_m - self.position_m)
+            left_m = direction * (until_m - self.position_m)
             share = parts[number] / parts[number:].sum()
             if left_m > 2.0:
-                self._drive_start(way, float(left_m * share), operator)
+                self._drive_start(direction, float(left_m * share), operator)
                 if pours and number == 0:
                     self._pour_part_of_load()
 
-    def _drive_start(self, way: float, distance_m: float, operator: np.random.Generator) -> None:
+    def _drive_start(
+        self, direction: float, distance_m: float, operator: np.random.Generator
+    ) -> None:
         """Drive one start along the way (1) or against it (-1), and stand afterwards."""
-        sign = way * self.facing
+        sign = direction * self.facing
         body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
         throttle = self.draw_throttle()
         open_s = _OPEN_S if distance_m > 2.0 * self.shift.back_m else _SHORT_OPEN_S

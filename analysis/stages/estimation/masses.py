@@ -214,8 +214,8 @@ def _braking_remedy_text(reason: str) -> str:
     return "; if the force sensor measures the brakes, set settings.gate.exclude_braking = false"
 
 
-def _count_longest_run(good: pl.Series) -> int:
+def _count_longest_run(flags: pl.Series) -> int:
     """Longest run of true values, in rows."""
-    first, last = runs_of_flagged_samples(good.to_numpy())
+    first, last = runs_of_flagged_samples(flags.to_numpy())
     lengths = last + 1 - first
     return int(lengths.max()) if lengths.size else 0

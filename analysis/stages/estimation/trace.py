@@ -29,7 +29,7 @@ def trace_estimates(
     gated: pl.DataFrame,
     settings: Settings,
     noise: pl.DataFrame | None = None,
-    begins: Sequence[int] = (),
+    load_begin_rows: Sequence[int] = (),
 ) -> dict[str, pl.DataFrame]:
     """Estimate from every accepted window with every method of the settings.
 
@@ -38,14 +38,19 @@ def trace_estimates(
         gated: frame with the accepted windows.
         settings: settings with window, methods and their options.
         noise: noise of the columns, if known.
-        begins: rows at which the load changes, where recursions restart.
+        load_begin_rows: rows at which the load changes, where recursions restart.
 
     Returns:
         Frames `estimates` by method, accepted rows only; `pooled` has a row per manoeuvre.
     """
     axes_traced = {
         axis: _trace_methods(
-            axis, excitation, gated, settings, collect_axis_noise(axis, settings, noise), begins
+            axis,
+            excitation,
+            gated,
+            settings,
+            collect_axis_noise(axis, settings, noise),
+            load_begin_rows,
         )
         for axis in available_axes(excitation)
     }
@@ -64,7 +69,7 @@ def _trace_methods(
     gated: pl.DataFrame,
     settings: Settings,
     noise: AxisNoise,
-    begins: Sequence[int],
+    load_begin_rows: Sequence[int],
 ) -> dict[str, Trace]:
     """Traces of every method over one axis."""
     A, f = regressor_and_force(axis, excitation, settings)
@@ -84,9 +89,9 @@ def _trace_methods(
     for name in settings.trace.methods:
         method = METHODS[name]
         options = method.options(settings.trace, noise)
-        if method.feed is FeedKind.SETTLED and begins:
+        if method.feed is FeedKind.SETTLED and load_begin_rows:
             fed_by = (*inputs_for_feed(method.feed), options)
-            traced = trace_by_load(method, A, f, fed_by, begins)
+            traced = trace_by_load(method, A, f, fed_by, load_begin_rows)
         else:
             traced = method.estimator.trace(A, f, *inputs_for_feed(method.feed), options)
         if method.feed is not FeedKind.SEGMENTS:
@@ -106,11 +111,11 @@ def trace_by_load(
     A: Floats,
     f: Floats,
     fed: tuple[Any, ...],
-    begins: Sequence[int],
+    load_begin_rows: Sequence[int],
 ) -> Trace:
     """Run a recursion over each load separately; no window reaches across a change."""
     window, accepted, options = fed
-    bounds = [0, *begins, f.size]
+    bounds = [0, *load_begin_rows, f.size]
     parts: list[Trace] = []
     for begin, end in pairwise(bounds):
         inside = accepted[begin:end].copy()

@@ -130,19 +130,23 @@ def mark_samples_to_pool(
     )
 
 
-def refuse_windows(gated: pl.DataFrame, rows: Bools, why: str, settings: Settings) -> pl.DataFrame:
+def refuse_windows(
+    gated: pl.DataFrame, excluded_rows: Bools, rejection_reason: str, settings: Settings
+) -> pl.DataFrame:
     """The gate, with accepted straight windows that contain one of these rows rejected.
 
     Args:
         gated: frame with the accepted windows.
-        rows: (rows,) flags of the rows.
-        why: the reason.
+        excluded_rows: (rows,) flags of the rows.
+        rejection_reason: the reason.
         settings: settings with the window.
     """
-    held = pl.Series(mark_flagged_windows(rows, settings.gate.window_samples))
+    held = pl.Series(mark_flagged_windows(excluded_rows, settings.gate.window_samples))
     accepted = pl.col("accepted_x")
     reason = (
-        pl.when(held & accepted).then(pl.lit(why)).otherwise(pl.col("reason_x").cast(pl.String))
+        pl.when(held & accepted)
+        .then(pl.lit(rejection_reason))
+        .otherwise(pl.col("reason_x").cast(pl.String))
     )
     return gated.with_columns(accepted_x=accepted & ~held, reason_x=reason.cast(REASON))
 

@@ -61,9 +61,9 @@ def machine_at_rate_of_log(
     return machine.model_copy(update={"settings": settings}), [said] if differs else []
 
 
-def rows_in_duration(seconds: float, rate_hz: float, least: int = 1) -> int:
-    """Number of grid rows in a duration, at least `least`."""
-    return max(round(seconds * rate_hz), least)
+def rows_in_duration(seconds: float, rate_hz: float, min_rows: int = 1) -> int:
+    """Number of grid rows in a duration, at least `min_rows`."""
+    return max(round(seconds * rate_hz), min_rows)
 
 
 def slowest_channel(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[str, float]:
