@@ -22,7 +22,7 @@ import typer
 from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
-from analysis.planar.centre_of_mass import fit_planar
+from analysis.planar.centre_of_mass import make_planar_frames
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
@@ -77,7 +77,7 @@ def planar_of(log: TurnLog) -> pl.DataFrame:
     noise = estimate_channel_noise(aligned, excitation, machine)
     gated = gate_windows(excitation, settings, noise)
     opinion = Verdict.from_frame(judge_checks(CheckInputs(excitation, gated, machine)))
-    return fit_planar(excitation, gated, opinion, machine, noise)[0]
+    return make_planar_frames(excitation, gated, opinion, machine, noise)[0]
 
 
 def turned(fault: str, seed: int) -> Turned:

@@ -27,7 +27,7 @@ from analysis.model.loss import Loss
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
-from analysis.planar.centre_of_mass import fit_planar
+from analysis.planar.centre_of_mass import make_planar_frames
 from analysis.stages.estimation.masses import (
     reasons_for_no_answer,
     summarise_masses,
@@ -158,7 +158,7 @@ def run(
     judged = withhold_by_findings(seen.case.judged, causes, machine)
     opinion = Verdict.from_frame(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
-    plane, plane_budget = fit_planar(
+    plane, plane_budget = make_planar_frames(
         excitation, seen.frames["gate"], opinion, machine, seen.frames["noise"]
     )
     on_stage("cycles")  # load states in time, their payloads, and the sum of the shift

@@ -22,7 +22,7 @@ from analysis.cycles.empty_machine import (
     BY_MACHINE_FILE,
     ShiftScale,
     carry_back_variance_kg2,
-    machine_mass_with_clean_bucket_kg,
+    mass_and_u_with_clean_bucket_kg,
     pass_weights_by_state,
     weigh_empty_machine,
 )
@@ -129,7 +129,7 @@ def weigh_cycles(
     worth = compute_shared_uncertainty(
         weighing, machine, found, _sum_weights(found, parts, share), empty
     )
-    clean = machine_mass_with_clean_bucket_kg(found)
+    clean = mass_and_u_with_clean_bucket_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
         weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
@@ -147,7 +147,7 @@ def weigh_cycles(
             if of_states is not None:
                 sums[number] = of_states @ weights
             row["manoeuvres"] = int(counts[part.loaded])
-        row["quality"], row["counted"] = _payload_quality(row, part)
+        row["quality"], row["counted"] = _payload_quality_and_counted(row, part)
         row["withheld_for"] = reason or _remark_on_cycle(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = _cycle_completion_ns(part)
@@ -201,7 +201,7 @@ def _remark_on_cycle(row: dict[str, object]) -> str:
     }.get(str(row["quality"]), "")
 
 
-def _payload_quality(row: dict[str, object], cycle: CycleParts) -> tuple[str, bool]:
+def _payload_quality_and_counted(row: dict[str, object], cycle: CycleParts) -> tuple[str, bool]:
     payload_kg, u_kg = row.get("payload_kg"), row.get("payload_u_kg")
     if not isinstance(payload_kg, float) or not isinstance(u_kg, float):
         return "no mass", False
@@ -357,7 +357,7 @@ def compute_shared_uncertainty(
         return _SharedUncertainty(none, none, 1.0, ShiftScale())
     datum = empty.relate_to_empty_mass(pass_weights_by_state(weighing.fit, passes) @ weights)
     own = compute_common_uncertainty(weighing, machine, passes, weights, None)
-    gain_1, gain_u_1 = empty.weighed_over_stated or (None, None)
+    gain_1, gain_u_1 = empty.weighed_over_stated_and_u or (None, None)
     sources = payload_uncertainty_sources(weighing, machine, datum, empty.weights)
     unknown = names_of_unknown_scale_sources(sources)
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE

@@ -75,7 +75,7 @@ def estimate_uncounted_cycles(
     )
 
 
-def unweighed_load_kg(
+def unweighed_load_and_u_kg(
     cycles: float,
     cycles_u: float,
     mean_kg: float | None,

@@ -176,7 +176,7 @@ def subtract_braked_drive(
         viscous_N_s_m: viscous friction by the joint fit.
         coulomb_N: Coulomb friction by the joint fit.
     """
-    speed, acceleration = centred_motion(excitation, machine)
+    speed, acceleration = centred_speed_and_acceleration(excitation, machine)
     along = mass_kg * acceleration * np.sign(speed) + viscous_N_s_m * np.abs(speed) + coulomb_N
     spins = _mark_phase(excitation, "spinning", machine, unknown=False)
     braked = samples.drives & ~samples.digs & ~spins & (along < 0.0)
@@ -201,7 +201,9 @@ def delay_driving_samples(samples: EnergySamples, rows: int) -> EnergySamples:
     return replace(samples, drives=drives, digs=digs, slows=slows)
 
 
-def centred_motion(excitation: pl.DataFrame, machine: Machine) -> tuple[Floats, Floats]:
+def centred_speed_and_acceleration(
+    excitation: pl.DataFrame, machine: Machine
+) -> tuple[Floats, Floats]:
     """Speed, and acceleration that multiplies the mass, by the centred moving mean, (n,) each."""
     names = ("speed_x_m_s", "regressor_acc_x_m_s2")
     speed, acceleration = (_centred_mean(excitation, name, machine) for name in names)

@@ -134,7 +134,7 @@ def _combine_offsets(
 
     If they contradict each other, the fit's offset is used.
     """
-    at_rest = standstill_force_offset(excitation, mass_kg)
+    at_rest = standstill_force_offset_and_u(excitation, mass_kg)
     if at_rest is None or not by_fit[1]:
         return by_fit
     (fit_N, fit_u), (rest_N, rest_u) = by_fit, at_rest
@@ -144,7 +144,7 @@ def _combine_offsets(
     return float(np.average([fit_N, rest_N], weights=weights)), float(weights.sum() ** -0.5)
 
 
-def standstill_force_offset(
+def standstill_force_offset_and_u(
     excitation: pl.DataFrame, mass_kg: Floats
 ) -> tuple[float, float] | None:
     """Force measured at standstill on level ground, in N, and its uncertainty.

@@ -13,7 +13,7 @@ from analysis.cycles.energy_integrals import (
     PhaseIntegrals,
     PhaseSpan,
     advance_driving_samples,
-    centred_motion,
+    centred_speed_and_acceleration,
     collect_energy_samples,
     excitation_delay_rows,
     integrate_phases,
@@ -74,7 +74,7 @@ def _ground_force(
     It is of the moving mean: slip is a fraction of the speed, and accelerometer vibration in both
     would add up to work.
     """
-    v, a = centred_motion(excitation, machine)
+    v, a = centred_speed_and_acceleration(excitation, machine)
     resisted = model.viscous * v + model.direction * np.sign(v) + model.quadratic * v * np.abs(v)
     return mass_kg * a + model.acting_constant_force + resisted
 

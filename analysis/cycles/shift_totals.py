@@ -16,7 +16,7 @@ from analysis.cycles.cycles_without_mass import (
     estimate_cycles_in_gaps,
     estimate_uncounted_cycles,
     find_channel_gaps_ns,
-    unweighed_load_kg,
+    unweighed_load_and_u_kg,
 )
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.model.physical_units import NS_PER_S
@@ -130,7 +130,7 @@ def total_payload_with_u(row: Mapping[str, Any]) -> dict[str, float]:
     counted_kg, lost_kg = row["payload_kg"], row["lost_kg"] or 0.0
     number_u = row["uncounted_cycles_u"] or 0.0
     known = (row["payload_mean_kg"], row["payload_std_kg"], row["cycles_counted"])
-    more_kg, more_u_kg = unweighed_load_kg(row["uncounted_cycles"] or 0.0, number_u, *known)
+    more_kg, more_u_kg = unweighed_load_and_u_kg(row["uncounted_cycles"] or 0.0, number_u, *known)
     total_kg = counted_kg + more_kg + lost_kg
     common_kg = row["payload_u_common_kg"] * (total_kg / counted_kg if counted_kg > 0.0 else 1.0)
     parts = (row["payload_u_random_kg"], common_kg, more_u_kg, row["lost_u_kg"] or 0.0)

@@ -171,7 +171,10 @@ def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) ->
     Raises:
         DataError: friction of that axis is zero or holds the machine, so that there is no T.
     """
-    body, full = RigidBody.from_scenario_with_load(scenario, load_kg), scenario.full_drive
+    body, full = (
+        RigidBody.from_scenario_with_load(scenario, load_kg),
+        scenario.full_force_and_torque,
+    )
     if axis == "force":
         inertia, friction, key = body.mass_kg, body.friction_x_N_s_m, "friction_N_s_m"
         step = Excite(
@@ -253,7 +256,9 @@ def find_best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> Wa
 def _make_excite_manoeuvre(
     scenario: Scenario, drive: Drive, shape: Shape, ways: Ways, response_s: Mapping[str, float]
 ) -> Excite:
-    force_N, torque_N_m = (full / 2.0 if drive == "joint" else full for full in scenario.full_drive)
+    force_N, torque_N_m = (
+        full / 2.0 if drive == "joint" else full for full in scenario.full_force_and_torque
+    )
     # to the millisecond, so that a person can read the scenario
     periods = {axis: round(_PERIOD_OVER_RESPONSE * each, 3) for axis, each in response_s.items()}
     if drive == "joint":

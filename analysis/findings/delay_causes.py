@@ -60,7 +60,7 @@ def find_long_delay(inputs: FindingInputs) -> LongDelay | None:
 
 
 def _search_long_delay(inputs: FindingInputs) -> LongDelay | None:
-    step_s, channels = channel_accelerations(inputs)
+    step_s, channels = sampling_step_and_accelerations(inputs)
     if not {"speed", "force"} <= channels.keys():
         return None
     speed, force = channels["speed"], channels["force"]
@@ -134,7 +134,7 @@ def _find_force_lag(
     return (at - longest) * step_s, seen[at], seen[longest]
 
 
-def channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
+def sampling_step_and_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
     """Signals proportional to the acceleration, by channel, and their sampling step.
 
     Returns:

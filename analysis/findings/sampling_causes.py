@@ -92,7 +92,7 @@ def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
     weight, weighted = 0.0, 0.0
     for channel in inputs.measured_equation_channels:
         if inputs.machine.channels[channel].topic == topic:
-            share, std = stamp_fidelity(*inputs.series[channel])
+            share, std = stamp_fidelity_and_std(*inputs.series[channel])
             if np.isfinite([share, std]).all() and std > 0.0:
                 weight, weighted = weight + std**-2, weighted + share * std**-2
     if not weight:
@@ -111,7 +111,7 @@ def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
     return LIMITS.uneven_steps, ""
 
 
-def stamp_fidelity(t: Ints, x: Floats) -> tuple[float, float]:
+def stamp_fidelity_and_std(t: Ints, x: Floats) -> tuple[float, float]:
     """Estimate whether readings were taken at their stamps (1) or evenly spaced (0).
 
     A reading taken at its stamp differs from the mean of its neighbours by the slope times the
@@ -147,7 +147,7 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
     """Find a step in the latency between header stamps and log times, beyond drift."""
     found: list[Symptom] = []
     for topic, (log, latency_s) in _latencies_by_topic(inputs).items():
-        level, std_s = usual_latencies_s(latency_s)
+        level, std_s = usual_latencies_and_std_s(latency_s)
         if level is None:
             continue
         at, jump_s, left_s = _find_largest_step(level)
@@ -223,7 +223,7 @@ def _latencies_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]
     return out
 
 
-def usual_latencies_s(latency_s: Floats) -> tuple[Floats | None, float]:
+def usual_latencies_and_std_s(latency_s: Floats) -> tuple[Floats | None, float]:
     """Typical latency of each part, (parts,) in s, and its standard deviation."""
     parts = np.array_split(latency_s, LIMITS.latency_parts)
     level = np.array([float(np.median(part)) for part in parts])

@@ -59,13 +59,13 @@ def _braking_over_driving_mass(evidence: CheckInputs) -> float:
     motion = evidence.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])
     driving = motion.known & evidence.is_phase("accelerating", "cruising")
-    found = [_fit_mass(A, motion.f, of) for of in (driving, motion.braking)]
+    found = [_fit_mass_and_std(A, motion.f, of) for of in (driving, motion.braking)]
     if not all(std_kg < _KNOWN * abs(kg) for kg, std_kg in found):
         return float("nan")
     return found[1][0] / found[0][0]
 
 
-def _fit_mass(A: np.ndarray, f: np.ndarray, chosen_rows: Bools) -> tuple[float, float]:
+def _fit_mass_and_std(A: np.ndarray, f: np.ndarray, chosen_rows: Bools) -> tuple[float, float]:
     mass_kg, std_kg, _ = fit_quality.fit_ungated(A, f, chosen_rows)
     return mass_kg, std_kg
 

@@ -182,7 +182,7 @@ def make_control_chart(values: Floats, limit: float) -> ControlChart:
         up[n], down[n] = high, low
         if flagged is None and max(high, low) > limit:
             flagged, since = n, begins[0 if high > low else 1]
-    change, std = _change_since(values, since)
+    change, std = _change_and_std_since(values, since)
     return ControlChart(innovation, up, down, limit, flagged, since, change, std)
 
 
@@ -222,7 +222,7 @@ def standardise_innovations(values: Floats) -> Floats:
     return found
 
 
-def _change_since(values: Floats, since_row: int | None) -> tuple[float, float]:
+def _change_and_std_since(values: Floats, since_row: int | None) -> tuple[float, float]:
     """Change of the mean at a row, and its standard deviation."""
     if since_row is None or since_row < 2 or values.size - since_row < 2:
         return float("nan"), float("nan")

@@ -190,7 +190,7 @@ def append_row(
     accelerations, yaw_rates = before.accelerations, before.yaw_rates
     if axis is X:
         accelerations = (*accelerations[1:], _forward_acceleration(row))
-        slips = _find_slip(row, accelerations, settings)
+        slips = _is_slipping(row, accelerations, settings)
     else:
         yaw_rates = (*yaw_rates[1:], cell_as_float(row["yaw_rate_rad_s"]))
         slows = yaw_speeding_sign(np.array(yaw_rates), settings)[-1:] < 0
@@ -214,7 +214,7 @@ def append_row(
     )
 
 
-def _find_slip(
+def _is_slipping(
     row: Mapping[str, Any], accelerations: tuple[float, ...], settings: Settings
 ) -> Bools:
     rate = np.array([cell_as_float(row["speed_rate_x_m_s2"])])

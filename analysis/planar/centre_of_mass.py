@@ -73,7 +73,7 @@ class PlanarFit:
     priors: tuple[str, ...]
 
 
-def fit_planar(
+def make_planar_frames(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     verdict: Verdict,

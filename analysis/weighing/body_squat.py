@@ -73,14 +73,14 @@ def estimate_load_squat(
         None if the change is undetermined.
     """
     if motion.without_gravity is not None:
-        gain, variance = gain_change_by_load_squat(
+        gain, variance = gain_change_and_variance_by_squat(
             wheels.squat[0], estimate_squat_by_pitch(motion, loads)
         )
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     found = _estimate_by_wheels(_make_stretch_rows(motion, wheels, loads))
     if wheels.squat[0] > 0.0:
         seen = None if found is None else (found.gain, found.variance)
-        gain, variance = gain_change_by_load_squat(wheels.squat[0], seen)
+        gain, variance = gain_change_and_variance_by_squat(wheels.squat[0], seen)
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     if found is None:
         return None
@@ -106,7 +106,7 @@ def estimate_load_squat(
     )
 
 
-def gain_change_by_load_squat(
+def gain_change_and_variance_by_squat(
     share: float, pitch_change: tuple[float, float] | None
 ) -> tuple[float, float]:
     """Change of gain with the load, and its variance, from the squat of the loaded body.

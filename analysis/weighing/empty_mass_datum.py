@@ -147,7 +147,7 @@ class EmptyMachine:
         )
 
     @property
-    def weighed_over_stated(self) -> tuple[float, float] | None:
+    def weighed_over_stated_and_u(self) -> tuple[float, float] | None:
         """Weighed over stated empty mass, and its standard uncertainty; None without one."""
         stated_kg, stated_u_kg = self._stated_kg, self._stated_u_kg
         if stated_kg is None or stated_u_kg is None:

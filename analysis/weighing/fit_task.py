@@ -71,7 +71,7 @@ class FitTask:
     def initial_estimates(self) -> PreviousEstimates:
         """Estimates before the first round."""
         return PreviousEstimates(
-            slip_1_N=(self._slip_from_wheels() or (0.0, 0.0))[0],
+            slip_1_N=(self._slip_and_std_from_wheels() or (0.0, 0.0))[0],
             motion_gain=self._squat_gain(),
             swing=self._body_swing(),
             speed_late_s=self._speed_delay_s(),
@@ -129,7 +129,7 @@ class FitTask:
             if not np.isfinite(solution.theta).all():
                 break
             cost = self._slip_cost(solution.theta, solution, self.terms)
-            if cost.slip_1_N is not None and self._slip_from_wheels() is None:
+            if cost.slip_1_N is not None and self._slip_and_std_from_wheels() is None:
                 known = replace(known, slip_1_N=cost.slip_1_N[0])
             known, moved = self._update_estimates(known, solution.theta, shift=shift)
             if number and moved < LIMITS.lag_tolerance_s:
@@ -250,7 +250,7 @@ class FitTask:
             self._narrow_slip_prior(cost, mean, std)
             if self.motion.wheel_acceleration is not None:
                 at = term_index("slip_acceleration", self.terms)
-                self._set_slip_prior(at, cost.mass_kg, self._slip_from_wheels(), mean, std)
+                self._set_slip_prior(at, cost.mass_kg, self._slip_and_std_from_wheels(), mean, std)
         for place, term in self._indices_of_learnt_terms():
             mean[place], std[place] = term.mean, term.std
         return mean, std
@@ -306,9 +306,11 @@ class FitTask:
             std[at],
             LIMITS.min_slip_std_fraction * self.priors.wheel_slip / self.motion.largest_speed,
         )
-        self._set_slip_prior(at, -friction, self._slip_from_wheels() or cost.slip_1_N, mean, std)
+        self._set_slip_prior(
+            at, -friction, self._slip_and_std_from_wheels() or cost.slip_1_N, mean, std
+        )
 
-    def _slip_from_wheels(self) -> tuple[float, float] | None:
+    def _slip_and_std_from_wheels(self) -> tuple[float, float] | None:
         """Slip and its standard deviation in 1/N; None if wheels do not determine it."""
         wheels = self.wheels
         return wheels.slip_1_N if wheels is not None and wheels.is_consistent else None

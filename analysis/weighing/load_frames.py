@@ -46,8 +46,8 @@ def make_load_frame(
     fit = weighing.fit
     times = _span_of_each_state(fit, excitation)
     empty = find_empty_states(weighing, times, machine)
-    since_ticket_kg = _fuel_since_ticket_kg(weighing, empty, times, fuel)
-    datum, against = _choose_empty_datum(weighing, empty, machine, since_ticket_kg)
+    since_ticket_kg = _fuel_since_ticket_and_u_kg(weighing, empty, times, fuel)
+    datum, against = _choose_empty_datum_or_reason(weighing, empty, machine, since_ticket_kg)
     rows = [
         _make_load_row(weighing, state, empty, times[state], machine, verdict, datum)
         for state in range(fit.count)
@@ -142,7 +142,7 @@ def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machi
     return sorted(found)
 
 
-def _fuel_since_ticket_kg(
+def _fuel_since_ticket_and_u_kg(
     weighing: Weighing,
     empty: list[int],
     state_spans_ns: list[tuple[int, int]],
@@ -154,10 +154,10 @@ def _fuel_since_ticket_kg(
         return 0.0, 0.0
     count = np.bincount(states.membership)[empty]
     middles_ns = np.mean([state_spans_ns[state] for state in empty], axis=1)
-    return fuel.mass_since_ticket_kg(middles_ns, count / count.sum())
+    return fuel.mass_since_ticket_and_u_kg(middles_ns, count / count.sum())
 
 
-def _choose_empty_datum(
+def _choose_empty_datum_or_reason(
     weighing: Weighing, empty: list[int], machine: Machine, fuel_kg: tuple[float, float]
 ) -> tuple[EmptyDatum | None, str]:
     """Datum of the empty states for payloads, or the reason why the log contradicts it."""

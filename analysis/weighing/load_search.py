@@ -36,7 +36,7 @@ from estimators.numerics.autocorrelation import pooled_autocorrelation
 _INDEPENDENT: Final = 15
 
 
-def add_load_states(
+def search_and_fit_load_states(
     found: JointFit, inputs: JointFitInputs, repeatability_kg: float | None
 ) -> JointFit:
     """Find load states and fit a mass for each, iterating until nothing changes.

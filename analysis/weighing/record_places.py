@@ -71,7 +71,7 @@ def find_record_offsets(
     for _ in range(LIMITS.place_rounds):
         place = place_1 + of_record @ off_1
         known = np.column_stack((straight, make_place_force_columns(place)))
-        found, missed = _solve_penalised(
+        found, missed = _ridge_solution_and_residual(
             known, force, np.full(known.shape[1], LIMITS.free_column_std)
         )
         cost = float(missed @ missed) / max(float(force @ force), 1e-300)
@@ -81,7 +81,7 @@ def find_record_offsets(
         slope = make_place_slope_columns(place) @ found[straight.shape[1] :]
         moving = np.column_stack((known, slope[:, None] * of_record[:, 1:]))
         free = np.full(moving.shape[1], LIMITS.free_column_std)
-        step = _solve_penalised(moving, force, free)[0][known.shape[1] :]
+        step = _ridge_solution_and_residual(moving, force, free)[0][known.shape[1] :]
         step = np.append(0.0, step).clip(-LIMITS.max_record_step_1, LIMITS.max_record_step_1)
         if float(np.abs(step).max()) < LIMITS.record_tolerance_1:
             break
@@ -119,7 +119,9 @@ def add_weight_by_place(rows: FitRows, place: list[int], weight_m_s2: Floats) ->
     return replace(rows, A=A)
 
 
-def _solve_penalised(columns: Floats, force: Floats, free: Floats) -> tuple[Floats, Floats]:
+def _ridge_solution_and_residual(
+    columns: Floats, force: Floats, free: Floats
+) -> tuple[Floats, Floats]:
     """Ridge regression with all but the free columns penalised; solution and residual."""
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0.0] = 1.0

@@ -30,7 +30,7 @@ from analysis.weighing.joint_fit import (
     refit_with_changes,
 )
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.load_search import add_load_states
+from analysis.weighing.load_search import search_and_fit_load_states
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
@@ -195,7 +195,9 @@ def _weigh_with_priors(
     def fit_load_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
         fitted = JointFitInputs.prepare(motion, columns, priors, begin)
         states = None if begin is None or begin.states is None else begin.states.restrict_to(motion)
-        return add_load_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
+        return search_and_fit_load_states(
+            joint_fit(fitted, states), fitted, machine.machine.repeatability_kg
+        )
 
     whole = select_motion(braking=True)
     if not _has_enough_samples(whole):
@@ -233,7 +235,9 @@ def _weigh_with_priors(
                     allowed, LIMITS.braking_min_fraction * abs(alone.mass_kg)
                 )
                 if left_out:
-                    fit = add_load_states(alone, fitted, machine.machine.repeatability_kg)
+                    fit = search_and_fit_load_states(
+                        alone, fitted, machine.machine.repeatability_kg
+                    )
     doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
 
     fit = drop_unlikely_effects(fit, columns, priors)

@@ -10,7 +10,7 @@ import polars as pl
 from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
-from analysis.planar.centre_of_mass import fit_planar
+from analysis.planar.centre_of_mass import make_planar_frames
 from analysis.stages.estimation.masses import summarise_masses, withhold_masses
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
@@ -190,7 +190,7 @@ def replayed(said, loader=None):
         **dict(
             zip(
                 ("planar", "planar_budget"),
-                fit_planar(excitation, gated, opinion, loader, noise),
+                make_planar_frames(excitation, gated, opinion, loader, noise),
                 strict=True,
             )
         ),

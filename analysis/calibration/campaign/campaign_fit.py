@@ -90,7 +90,7 @@ def fit_campaign(
         options: options of the fit.
         responses: responses of runs to errors of learnt means.
     """
-    known, covariance_kg2 = references_of_loads(campaign, body)
+    known, covariance_kg2 = references_and_covariance(campaign, body)
     rule = make_decision_rule(campaign, known)
     try:
         fitted = fit_calibration(readings, known, covariance_kg2, options, responses)
@@ -206,7 +206,7 @@ def points_without_line(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Po
     )
 
 
-def references_of_loads(
+def references_and_covariance(
     campaign: CalibrationCampaign, body: Body
 ) -> tuple[pl.DataFrame, NDArray[np.float64]]:
     """Reference of each load, and covariance of the references.
@@ -271,7 +271,7 @@ def compare_known_mass(
     Returns:
         The calibration with the points of this campaign, and the result of the check.
     """
-    known, covariance_kg2 = references_of_loads(campaign, body)
+    known, covariance_kg2 = references_and_covariance(campaign, body)
     (point, *_) = points_without_line(readings, known)
     drift = check_drift_by_known_mass(
         calibration,

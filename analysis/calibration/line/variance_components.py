@@ -87,7 +87,9 @@ def estimate_variances_by_reml(
     value = np.maximum(value, floor)
     information = np.eye(value.size)
     for _ in range(_ITERATIONS):
-        score, information = reml_score(residual, design, effects, known, within_run, value)
+        score, information = reml_score_and_information(
+            residual, design, effects, known, within_run, value
+        )
         stepped = scoring_step(value, score, information, floor)
         settled = np.abs(stepped - value).max() <= _SMALL * max(stepped.sum(), 1e-300)
         value = stepped
@@ -141,7 +143,7 @@ def _fisher_information(through: Floats, within_run: WithinRunVariance, value: F
     return information
 
 
-def reml_score(
+def reml_score_and_information(
     residual: Floats,
     design: Floats,
     effects: Floats,

@@ -103,7 +103,7 @@ def _calibrate_load_columns(
     empty_weighings: int,
 ) -> dict[str, Any]:
     """Calibrated columns of a load."""
-    off_kg, unlike_u_kg = _offset_by_unlike_driving_kg(row, calibration, log.shared_errors)
+    off_kg, unlike_u_kg = _offset_by_unlike_driving_and_u_kg(row, calibration, log.shared_errors)
     one = _calibrate_load(row, calibration, refusal, off_kg, unlike_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
@@ -130,7 +130,7 @@ def _calibrate_load_columns(
     return said
 
 
-def _offset_by_unlike_driving_kg(
+def _offset_by_unlike_driving_and_u_kg(
     row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
     """Offset of m̂ caused by driving unlike the campaign, with its uncertainty, in kg."""
@@ -139,7 +139,7 @@ def _offset_by_unlike_driving_kg(
         return 0.0, 0.0
     away_kg = ((row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
     line_kg = shared_errors.line_shifts(calibration.responses, 1.0, away_kg)
-    return shared_errors.offset_from_line_kg(shared_errors.moved_kg[key], line_kg)
+    return shared_errors.offset_from_line_and_u_kg(shared_errors.moved_kg[key], line_kg)
 
 
 def _calibrate_load(
@@ -208,7 +208,9 @@ def check_empty_machine_drift(
         return None
     count = np.array([row["manoeuvres"] for row in empty], np.float64)
     share = count / count.sum()
-    apart = [_offset_by_unlike_driving_kg(row, calibration, log.shared_errors) for row in empty]
+    apart = [
+        _offset_by_unlike_driving_and_u_kg(row, calibration, log.shared_errors) for row in empty
+    ]
     mass_kg = float(
         share @ [row["mass_kg"] - off for row, (off, _) in zip(empty, apart, strict=True)]
     )

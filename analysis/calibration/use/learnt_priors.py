@@ -115,7 +115,7 @@ def _pool_term(log_terms: Sequence[TermOfLog], level: float) -> LearntTerm:
     """Prior of a term from the logs' estimates, which count once with the old prior."""
     # all floats are Python's own: evidence is written and read back to the last bit
     prior = float(max(each.prior_std for each in log_terms))
-    told = [own for each in log_terms if (own := estimate_without_prior(each)) is not None]
+    told = [own for each in log_terms if (own := estimate_and_std_without_prior(each)) is not None]
     value, variance = np.array([v for v, _ in told]), np.array([s**2 for _, s in told])
     between = between_log_variance(value, variance, level) if len(told) >= LOGS_MIN else 0.0
     weight = 1.0 / (variance + between)
@@ -128,7 +128,7 @@ def _pool_term(log_terms: Sequence[TermOfLog], level: float) -> LearntTerm:
     )
 
 
-def estimate_without_prior(log_term: TermOfLog) -> tuple[float, float] | None:
+def estimate_and_std_without_prior(log_term: TermOfLog) -> tuple[float, float] | None:
     """Estimate of a term by the log alone, without the prior, and its standard deviation."""
     prior = (log_term.prior_mean, log_term.prior_std)
     return remove_prior((log_term.posterior, log_term.posterior_std), prior)

@@ -89,7 +89,9 @@ def calibrate_payloads_by_line(
             [each in shared_errors.moved_kg for each in kinds_and_numbers]
         ) & np.isfinite(mass_kg)
         moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
-        off = [shared_errors.offset_from_line_kg(*each) for each in zip(moved, line, strict=True)]
+        off = [
+            shared_errors.offset_from_line_and_u_kg(*each) for each in zip(moved, line, strict=True)
+        ]
         off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
         share = np.nan_to_num(np.abs(mass_kg)) / max(float(np.nansum(np.abs(mass_kg))), 1e-9)
         scale_kg = np.array([shared_errors.scale_kg.get(each, 0.0) for each in kinds_and_numbers])

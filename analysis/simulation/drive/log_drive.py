@@ -138,7 +138,10 @@ class TrialDriver(MachineDriver):
         assert force is not None
         since_s = np.arange(0.0, excite.duration_s + 2.0 * WAVE_STEP_S, WAVE_STEP_S)
         wave = np.array(
-            [self.scenario.drive_through_valves(float(value), 0.0)[0] for value in force(since_s)]
+            [
+                self.scenario.force_and_torque_through_valves(float(value), 0.0)[0]
+                for value in force(since_s)
+            ]
         )
         stage = DriveStage(begin_s, body.mass_kg, coulomb_N=body.coulomb_x_N)
         self.state[plant.BRAKE] = -body.mass_kg * self.uphill_m_s2()

@@ -26,7 +26,7 @@ from analysis.simulation.scenario.manoeuvres import (
 )
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
-from analysis.simulation.trials.arc import arc_phases
+from analysis.simulation.trials.arc import arc_phases_and_times
 from analysis.simulation.trials.stiction import LEAST_GRIP, RATES, Commands, Stiction
 from analysis.simulation.trials.switches import key_that_needs_integration
 from analysis.simulation.trials.trial_limits import check_scenario_can_be_driven
@@ -96,7 +96,7 @@ class _Trial:
                 sign = 1.0 if manoeuvre.direction == "left" else -1.0
                 return self._solve_straight_or_spin(manoeuvre, 1, sign, begin_s, heading_rad)
             case Arc():
-                return arc_phases(self.body, manoeuvre, begin_s, heading_rad)
+                return arc_phases_and_times(self.body, manoeuvre, begin_s, heading_rad)
             case Excite():
                 return self._solve_excitation(manoeuvre, begin_s, heading_rad)
             case Travel():
@@ -119,7 +119,7 @@ class _Trial:
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Open the throttle until `steady_s`, keep the speed or yaw rate, brake."""
         campaign = self.scenario.campaign
-        full = self.scenario.full_drive[axis] * campaign.drive_fraction_at_throttle(
+        full = self.scenario.full_force_and_torque[axis] * campaign.drive_fraction_at_throttle(
             manoeuvre.throttle
         )
         lag_s = campaign.valve_lag_s
@@ -181,7 +181,7 @@ class _Trial:
 
         def waveform_drive(time_s: float) -> tuple[float, float]:
             since = float(time_s - begin_s)
-            return self.scenario.drive_through_valves(
+            return self.scenario.force_and_torque_through_valves(
                 force(since) if force else 0.0, torque(since) if torque else 0.0
             )
 

@@ -13,7 +13,7 @@ from analysis.simulation.scenario.manoeuvres import Arc, Excite, Manoeuvre, Spin
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.sensors.recorder import rate_hz, recorded_topics
-from analysis.simulation.trials.arc import arc_phases
+from analysis.simulation.trials.arc import arc_phases_and_times
 from analysis.simulation.trials.switches import check_plant_supports_settings
 from estimators.errors import ScenarioError
 
@@ -166,7 +166,9 @@ class _TrialLimits:
 
     def _check_spin(self, spin: Spin, key: str) -> None:
         campaign = self.scenario.campaign
-        full_N_m = self.scenario.full_drive[1] * campaign.drive_fraction_at_throttle(spin.throttle)
+        full_N_m = self.scenario.full_force_and_torque[1] * campaign.drive_fraction_at_throttle(
+            spin.throttle
+        )
         reached_N_m = full_N_m * -math.expm1(-spin.start_s / campaign.valve_lag_s)
         resistance_N_m = self.heaviest.coulomb_z_N_m + self._largest_slope_torque()
         if reached_N_m <= resistance_N_m:
@@ -208,7 +210,7 @@ class _TrialLimits:
     def _check_arc(self, arc: Arc, key: str) -> None:
         time_s = np.linspace(0.0, arc.ramp_s * 2.0 + arc.duration_s, 200)
         for body in (self.lightest, self.heaviest):
-            state = arc_phases(body, arc, 0.0, 0.0)[0][0].state(time_s)
+            state = arc_phases_and_times(body, arc, 0.0, 0.0)[0][0].state(time_s)
             sides = np.maximum(abs(state.drive_x) / 2, abs(state.brake_x) / 2)
             torque = np.maximum(abs(state.drive_z), abs(state.brake_z))
             worst = int(np.argmax(sides + torque / self.scenario.machine.track_width_m))
@@ -271,10 +273,10 @@ def check_shift_can_be_driven(scenario: Scenario, shift: SimulatedShift) -> None
         + machine.coulomb_z_N_m
         + machine.inertia_z_kg_m2 * rate**2 / 2.0
     )
-    if needed_N_m > scenario.full_drive[1]:
+    if needed_N_m > scenario.full_force_and_torque[1]:
         raise ScenarioError(
             f"shift.turn_rad_s: takes up to {needed_N_m:.0f} N·m, more than full throttle gives, "
-            f"{scenario.full_drive[1]:.0f} N·m; turn slower"
+            f"{scenario.full_force_and_torque[1]:.0f} N·m; turn slower"
         )
     both = tuple(
         Start(direction=direction, throttle=scenario.starts.throttle_least)

@@ -136,7 +136,7 @@ def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list
         goes_on = np.flatnonzero(drives)
         for rows in split_drive_stretches(drives, speed, machine.settings):
             way = int(np.sign(np.mean(speed[rows])))
-            grown_N, std_N = resistance_growth(
+            grown_N, std_N = resistance_growth_and_std(
                 np.column_stack([way * acceleration[rows], way * speed[rows]]),
                 way * force[rows],
                 (t_ns[rows] - t_ns[rows[0]]) / max(t_ns[rows[-1]] - t_ns[rows[0]], 1),
@@ -225,7 +225,7 @@ def split_drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> 
     return [part for part in parts if fewest <= part.size <= longest]
 
 
-def resistance_growth(
+def resistance_growth_and_std(
     motion: Floats, force: Floats, progress: Floats, mean_kg: float, widths: Floats, noise_N: float
 ) -> tuple[float, float]:
     """Growth of the resistance over a start, and its standard deviation, in N.

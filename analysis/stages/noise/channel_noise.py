@@ -137,7 +137,7 @@ def estimate_channel_noise(
             x, stands & known, moves & known, known, rate_hz
         )
         made = response_of_each_column(tuple(axis), machine)
-        found, sources = estimate_covariances(samples, made)
+        found, sources = covariances_and_noise_sources(samples, made)
         if read is not None:
             replace_noise_hidden_by_grid(found, sources, tuple(axis), machine, read)
         clip_to_limits(found, sources, x, samples.moving, [each.derivative_of for each in made])
@@ -244,7 +244,7 @@ def _select_standing_and_moving_samples(
     )
 
 
-def estimate_covariances(
+def covariances_and_noise_sources(
     samples: NoiseSamples, column_responses: list[ColumnResponse]
 ) -> tuple[Floats, list[str]]:
     """Covariances (columns, columns, LAGS), and the source of each column's noise."""

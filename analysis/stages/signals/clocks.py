@@ -104,9 +104,9 @@ def _fit_line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | 
     members = [each for each in members if each.size >= _FEWEST_IN_PART]
     if len(members) < _FEWEST_PARTS:
         return None
-    slope = median_slope(*quantile_of_each_part(time_s, latency_s, members, 0.5, 0.0))
+    slope = median_slope(*middles_and_quantiles_of_parts(time_s, latency_s, members, 0.5, 0.0))
     # anew without the slope: within a part it would choose the early or the late ones
-    t, y = quantile_of_each_part(time_s, latency_s, members, _QUANTILE, slope)
+    t, y = middles_and_quantiles_of_parts(time_s, latency_s, members, _QUANTILE, slope)
     slope = median_slope(t, y)
     residual = y - slope * t
     residual -= np.median(residual)
@@ -117,7 +117,7 @@ def _fit_line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | 
     return slope, max(float(std), _RESOLUTION_S / span_s)
 
 
-def quantile_of_each_part(
+def middles_and_quantiles_of_parts(
     time_s: Floats, latency_s: Floats, members: list[NDArray[np.int64]], q: float, slope: float
 ) -> tuple[Floats, Floats]:
     """Middle of each part, and quantile of its distances from a line through 0."""

@@ -157,7 +157,7 @@ def test_a_gap_in_the_rate_burns_the_mean():
     )
     fuel = FuelOnBoard.from_channel(body, hours)
     assert fuel is not None
-    mass_kg, u_kg = fuel.mass_since_ticket_kg(
+    mass_kg, u_kg = fuel.mass_since_ticket_and_u_kg(
         hours["t_ns"].to_numpy()[[0, 2]], np.array([0.5, 0.5])
     )
     assert mass_kg == pytest.approx(0.8325 * (20.0 - 10.0))
