@@ -318,7 +318,8 @@ def _make_verdict_cells(row: SweepRow) -> Sequence[str]:
 def _failed_checks(row: SweepRow) -> list[str]:
     verdict = row.answer.verdict
     return [
-        check.check for check in (*verdict.withholding_checks("mass"), *verdict.failed("inertia"))
+        check.check
+        for check in (*verdict.withholding_checks("mass"), *verdict.withholding_checks("inertia"))
     ]
 
 
