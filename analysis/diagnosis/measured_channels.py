@@ -163,7 +163,7 @@ class RawSignals:
         return max((share for share, _ in self.clipped_share_and_limit.values()), default=0.0)
 
     def interpolate_force_at(self, unix_ns: Ints) -> Floats | None:
-        """Interpolate the unfiltered force, or the sum of both torques; None if it is derived."""
+        """Unfiltered force or sum of both torques at the stamps, (n,); None if it is derived."""
         names = [name for name in _FORCES if name in self.channels]
         if not names:
             return None
@@ -191,7 +191,7 @@ def _interpolate_at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
 
 
 def find_equal_runs(x: Floats) -> tuple[Ints, Ints]:
-    """First and last index of each run of equal readings."""
+    """First and last index of each run of equal readings, (runs,) each."""
     first = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
     return first, np.append(first[1:], x.size) - 1
 

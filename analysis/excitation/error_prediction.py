@@ -110,7 +110,7 @@ class Filters:
 
 
 def _apply_filter_without_ends(channel: Floats, weights: Floats) -> Floats:
-    """Apply filter weights to a raw channel, without its ends."""
+    """Apply filter weights to a raw channel; returns (n - weights + 1,), without its ends."""
     return np.convolve(channel, weights[::-1], "valid")
 
 

@@ -39,7 +39,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _are_recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
-    """Mark gaps that are pauses of the recorder, in which no topic has a sample."""
+    """Mark gaps (gaps,) that are pauses of the recorder, in which no topic has a sample."""
     alone = np.zeros(begin.size, np.bool_)
     for t in others:
         inside = np.searchsorted(t, end - LIMITS.recorder_pause_edge_ns) - np.searchsorted(

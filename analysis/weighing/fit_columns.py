@@ -68,7 +68,7 @@ class RelativeLoads:
         return cls(unit, value, weight_shares)
 
     def standardised_load_of(self, unit: Ints) -> Floats:
-        """Relative load of these manoeuvres over the root mean square of all."""
+        """Relative load of these manoeuvres over the root mean square of all, (n,)."""
         return self.relative_load_of(unit) / max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
 
     def is_loaded_in(self, unit: Ints) -> Bools:
@@ -399,7 +399,7 @@ def _route_positions_and_length_m(
 
 
 def _drop_first_samples(group: Ints, lag: int) -> Ints:
-    """Drop the first samples of each stretch, whose force is from before the break-away."""
+    """Stretch of each sample, (n,); -1 for its first `lag`, whose force is from before it."""
     return np.where(
         (_count_samples_since_start(group) >= lag) | is_last_of_stretch(group), group, -1
     )
@@ -413,7 +413,7 @@ def _select_every_nth_sample(group: Ints, stride: int) -> Bools:
 
 
 def _row_weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floats:
-    """Square roots of the rows' weights; the first means of a start hold few samples."""
+    """Square root of each row's weight, (rows,); a start's first means hold few samples."""
     mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
     gradient = np.array([mass, friction, -1.0])
     variances = np.array([gradient @ covariance @ gradient for covariance in covariances])

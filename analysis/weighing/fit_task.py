@@ -243,7 +243,7 @@ class FitTask:
         return self.wheels.swing if self.wheels is not None and told else NO_SWING
 
     def _priors_of_round(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
-        """Prior means and standard deviations of a round; those of slip once its cost is known."""
+        """Prior means and standard deviations of a round, (terms,); slip's if its cost is known."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
         if cost is not None:

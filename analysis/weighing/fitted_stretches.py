@@ -120,7 +120,7 @@ def cut_stretches(group: Ints, unit: Ints) -> Ints:
 def trim_to_break_away(
     group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
 ) -> Ints:
-    """Begin each manoeuvre where its speed leaves the noise rather than where the phase begins."""
+    """Begin each manoeuvre, (n,), where its speed leaves the noise, not where the phase begins."""
     smooth = np.abs(_three_sample_mean(speed)) > moves_m_s
     grown = group.copy()
     for begin in np.flatnonzero(is_first_of_stretch(group)):
@@ -136,7 +136,7 @@ def trim_to_break_away(
 
 
 def number_one_way_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
-    """Number the runs of adjacent samples that move one way; at a reversal friction turns."""
+    """Number the runs that move one way, (n,), -1 elsewhere: at a reversal friction turns."""
     used = group >= 0
     forwards = _three_sample_mean(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
@@ -146,7 +146,7 @@ def number_one_way_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
 
 
 def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
-    """Drop stretches whose speed never exceeds its noise; the phases took them for starts.
+    """Stretch of each sample, (n,); -1 where its speed never exceeds the noise: no starts.
 
     If the noise is below the motion threshold, slow samples count as motion.
     """

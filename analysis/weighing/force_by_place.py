@@ -19,12 +19,12 @@ BY_PLACE: Final = "place"
 
 
 def _make_spring_column(place_1: Floats) -> Floats:
-    """Column of a force proportional to the position; 1 at the end of the path."""
+    """Column (n,) of a force proportional to the position; 1 at the end of the path."""
     return 2.0 * place_1
 
 
 def _half_wave_cosine(place_1: Floats, half_waves: int) -> Floats:
-    """Cosine over the path with a number of half waves."""
+    """Cosine (n,) over the path with a number of half waves."""
     return np.cos(np.pi * half_waves * (place_1 + 0.5))
 
 

@@ -94,7 +94,7 @@ def find_recurrent_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
 
 
 def _medians_by_kind(values: Floats, kind: Ints) -> Floats:
-    """Median of the known values of the same kind, for each value; NaN if there is none."""
+    """Median of the known values of the same kind, for each value, (n,); NaN if none is known."""
     medians = np.full(values.size, np.nan)
     for each in np.unique(kind):
         known = values[(kind == each) & np.isfinite(values)]

@@ -78,7 +78,7 @@ def _span_of_each_state(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[i
 
 
 def _manoeuvre_index_of_samples(fit: JointFit, states: LoadStates) -> Ints:
-    """Index of each fitted sample's manoeuvre among those with a load state."""
+    """Index of each fitted sample's manoeuvre, (n,), among those with a load state."""
     return np.searchsorted(states.unit, unit_of_each_sample(fit.motion))
 
 

@@ -199,7 +199,7 @@ class MotionSamples:
         return replace(self, speed=self._advance_signal(self.speed, delay_s))
 
     def _advance_signal(self, x: Floats, late_s: float) -> Floats:
-        """Advance a signal by a cubic per stretch, as lines would low-pass it on a slow grid."""
+        """Signal (n,) advanced by a cubic per stretch: lines low-pass it on a slow grid."""
         late = late_s * self.rate_hz
         rows = np.arange(x.size, dtype=np.float64)
         moved = np.interp(rows + late, rows, x)

@@ -115,7 +115,7 @@ def _make_ramp_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs],
 
 @compiled_ahead
 def _clipped_ramp(place: Floats, begin: float, end: float) -> Floats:
-    """Linear from 0 at `begin` to 1 at `end`, constant outside."""
+    """Linear from 0 at `begin` to 1 at `end`, constant outside, as `place`."""
     out = np.empty(place.size)
     for k in range(out.size):
         out[k] = min(max((place[k] - begin) / (end - begin), 0.0), 1.0)
@@ -124,7 +124,7 @@ def _clipped_ramp(place: Floats, begin: float, end: float) -> Floats:
 
 @compiled_ahead
 def _restrict_to_direction(column: Floats, direction: Floats, sign: float) -> Floats:
-    """Force that acts in one driving direction, 0 in the other."""
+    """Column (n,) in one driving direction, 0 in the other."""
     out = np.zeros(column.size)
     for k in range(out.size):
         if direction[k] == sign:

@@ -265,7 +265,7 @@ class Inversion:
 
 
 def two_sided_student_factor(confidence_1: float, freedom: Floats) -> Floats:
-    """Student's factor of a two-sided interval; the normal one for infinite degrees of freedom."""
+    """Student's factor of a two-sided interval, by element; normal for infinite `freedom`."""
     level = 0.5 + 0.5 * confidence_1
     finite = np.isfinite(freedom)
     return np.where(finite, stdtrit(np.where(finite, freedom, 1.0), level), ndtri(level))

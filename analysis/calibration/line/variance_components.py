@@ -101,7 +101,7 @@ def estimate_variances_by_reml(
 def _starting_variances(
     residual: Floats, design: Floats, effects: Floats, within_run: WithinRunVariance
 ) -> Floats:
-    """Initial variances: equal shares of the least-squares residual, and the readings' own."""
+    """Initial variances (effects,): equal shares of the residual, and the readings' own."""
     left = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
     freedom = max(residual.size - design.shape[1], 1)
     spread = max(float(left @ left) / freedom, 1e-300)
@@ -129,14 +129,14 @@ def expected_information(
 
 
 def _reml_projection(design: Floats, effects: Floats, known: Floats, value: Floats) -> Floats:
-    """Projection matrix P of restricted maximum likelihood."""
+    """Projection matrix P (points, points) of restricted maximum likelihood."""
     weight = np.linalg.inv(np.tensordot(value, effects, 1) + known)
     weighted = weight @ design
     return weight - weighted @ np.linalg.solve(design.T @ weighted, weighted.T)
 
 
 def _fisher_information(through: Floats, within_run: WithinRunVariance, value: Floats) -> Floats:
-    """Expected information on the variances; readings add to the first."""
+    """Expected information (effects, effects) on the variances; readings add to the first."""
     information = 0.5 * np.einsum("kij,lji->kl", through, through)
     if within_run.freedom:
         information[0, 0] += 0.5 * within_run.freedom / value[0] ** 2
@@ -151,7 +151,7 @@ def reml_score_and_information(
     within_run: WithinRunVariance,
     value: Floats,
 ) -> tuple[Floats, Floats]:
-    """Derivative of the restricted log likelihood, and expected information."""
+    """Derivative (effects,) of the restricted log likelihood, and expected information."""
     projection = _reml_projection(design, effects, known, value)
     projected = projection @ residual
     through = projection @ effects
@@ -164,7 +164,7 @@ def reml_score_and_information(
 
 
 def scoring_step(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:
-    """Scoring step that keeps each variance above a fraction of itself."""
+    """Variances (effects,) after a scoring step, each at least a fraction of what it was."""
     try:
         step = np.linalg.solve(information, score)
     except np.linalg.LinAlgError:

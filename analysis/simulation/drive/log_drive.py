@@ -262,6 +262,6 @@ def draw_travel_legs(
 
 
 def _ramp_pedal_speed(begin_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:
-    """Target speeds of a ramp, one per integration step."""
+    """Target speeds of a ramp in m/s, one per integration step."""
     steps = round(abs(end_m_s - begin_m_s) / travel.acceleration_m_s2 / step_s)
     return np.linspace(begin_m_s, end_m_s, steps, endpoint=False)

@@ -292,7 +292,7 @@ class MachineDriver:
         )
 
     def draw_coulomb(self) -> float:
-        """Draw the Coulomb friction of the next start, on a cold machine."""
+        """Draw the Coulomb friction of the next start in N, on a cold machine."""
         drawn = self._make_random_generator("start_coulomb").standard_normal()
         varied = self.scenario.starts.coulomb_std_N * float(drawn)
         return max(self.scenario.machine.coulomb_N + varied, 0.0)

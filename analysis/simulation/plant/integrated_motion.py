@@ -88,7 +88,7 @@ class IntegratedLog:
     def _pitch_and_rate_of_fast_springs(
         self, mass_kg: Floats, acc: Floats, rate: Floats
     ) -> tuple[Floats, Floats]:
-        """Pitch of springs that follow at once, and its rate."""
+        """Pitch of springs that follow at once in rad, and its rate in rad/s, (n,) each."""
         chassis = self.scenario.chassis
         by_load = math.radians(chassis.squat_deg_s2_m_kg)
         standing = math.radians(chassis.pitch_deg_kg)

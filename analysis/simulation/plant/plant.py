@@ -61,7 +61,7 @@ def _limited_motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> floa
 def commanded_force_or_speed(
     t: float, stage: DriveStage, wave: Floats, wave_step_s: float
 ) -> float:
-    """Commanded drive force or, for a pedal, the target speed."""
+    """Commanded drive force in N or, for a pedal, the target speed in m/s."""
     since_s = t - stage.begin_s
     if wave.size:
         place = since_s / wave_step_s

@@ -91,7 +91,7 @@ def _stamp_samples_ns(
     streams: Streams,
     start_ns: int,
 ) -> NDArray[np.int64]:
-    """Stamp of each measurement by the topic's clock, in Unix ns."""
+    """Stamp of each measurement by the topic's clock, (n,) in Unix ns."""
     sampling = scenario.sampling
     ahead_ns = (at_ns - start_ns) * (sampling.clock_ppm(topic) * 1e-6)
     if sampling.stamp_jitter_s:

@@ -215,7 +215,7 @@ def robust_largest(values: Floats) -> float:
 
 
 def split_drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
-    """Rows of each stretch of driving one way, across short holes, if it is short enough."""
+    """Row numbers of each short enough stretch of driving one way, across short holes."""
     rows = np.flatnonzero(driving)
     hole = max(1, round(_MOMENT_S * settings.align.rate_hz))
     turns = np.diff(np.sign(speed[rows])) != 0

@@ -180,7 +180,7 @@ def mark_excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settin
 
 
 def _decelerates_on_axis(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
-    """Whether speed, or yaw rate, decreases at each sample; no brake need be applied."""
+    """Whether speed, or yaw rate, decreases at each sample, (rows,), with or without brakes."""
     if axis is X:
         return is_braking(phase_codes(excitation))
     return yaw_speeding_sign(column_values(excitation, "yaw_rate_rad_s"), settings) < 0

@@ -98,7 +98,7 @@ def flag_rows_by_reason(
 
 
 def is_braking(phase: Codes) -> Bools:
-    """Whether each row brakes, by its phase."""
+    """Whether each row brakes, by its phase, (rows,)."""
     return phase == _BRAKING
 
 

@@ -35,7 +35,7 @@ def trailing_speed_rate(speed: Floats, settings: Settings) -> Floats:
 
 
 def average_like_speed_rate(acceleration: Floats, settings: Settings) -> Floats:
-    """An acceleration averaged over the span of the speed rate, so that both have one delay."""
+    """Acceleration (rows,) averaged over the span of the speed rate, to have its delay."""
     return trailing_mean(acceleration, speed_rate_span_rows(settings))
 
 

@@ -230,7 +230,7 @@ class KnownInstants:
 def _make_grid_without_holes(
     needed: Mapping[str, ChannelSeries], start: int, end: int, step_ns: float, first: int = 0
 ) -> Ints:
-    """Grid points from start to end, without the inside of long holes.
+    """Grid points (rows,) in ns from start to end, without the inside of long holes.
 
     `first` is the number of the first point.
     """

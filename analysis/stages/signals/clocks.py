@@ -120,7 +120,7 @@ def _fit_line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | 
 def middles_and_quantiles_of_parts(
     time_s: Floats, latency_s: Floats, members: list[NDArray[np.int64]], q: float, slope: float
 ) -> tuple[Floats, Floats]:
-    """Middle of each part, and quantile of its distances from a line through 0."""
+    """Middle of each part in s, and quantile of its distances from a line through 0, (parts,)."""
     t = np.array([(time_s[each].min() + time_s[each].max()) / 2 for each in members])
     off = latency_s - slope * time_s
     return t, np.array([np.quantile(off[each], q) for each in members]) + slope * t

@@ -222,7 +222,7 @@ def _angle_from_orientation(
     machine: Machine,
     losses: list[Loss],
 ) -> tuple[filters.Ints, filters.Floats]:
-    """Angle of the machine from the orientation of its IMU."""
+    """Stamps and angle of the machine in rad, (n,) each, from its IMU's orientation."""
     assert channel.angle_of is not None
     angle, quaternion = channel.angle_of
     parts = np.stack([_numbers_of_field(name, channel, field, frame) for field in channel.fields])
@@ -233,7 +233,7 @@ def _angle_from_orientation(
 def pick_field_of_channel(
     name: str, channel: Channel, frame: pl.DataFrame, losses: list[Loss]
 ) -> tuple[filters.Ints, filters.Floats]:
-    """Stamps and values of a channel's field in SI units."""
+    """Stamps and values of a channel's field in SI units, (n,) each."""
     field = str(channel.field)
     gain, offset = (
         gain_and_offset_to_si(channel.unit, unit_of_name(name)) if channel.unit else (1.0, 0.0)
@@ -262,7 +262,7 @@ def usable_readings(
     x: filters.Floats,
     losses: list[Loss],
 ) -> tuple[filters.Ints, filters.Floats]:
-    """Valid readings at their times of measurement, the last of each stamp."""
+    """Times of measurement and valid readings, (n,) each; the last one of each stamp."""
     where = f"{field} of {channel.topic or 'the table'}"
     t = frame["unix_ns"].to_numpy()
     delay_ns = round(channel.delay_s * 1e9)
@@ -312,7 +312,7 @@ def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series
 
 
 def zero_unresolved(x: filters.Floats) -> filters.Floats:
-    """Set values below any sensor's resolution to 0; filters ring down to the smallest number."""
+    """Values (n,) with those below any sensor's resolution set to 0: filters ring down long."""
     return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
 
 
