@@ -126,9 +126,7 @@ def weigh_cycles(
     empty = weigh_empty_machine(weighing, machine, found, fuel)
     withheld = withheld or (empty.contradiction_text if empty else "")
     share = _weight_of_tare_before(found)
-    worth = compute_shared_uncertainty(
-        weighing, machine, found, _sum_weights(found, parts, share), empty
-    )
+    worth = shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
     clean = mass_and_u_with_clean_bucket_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
@@ -334,7 +332,7 @@ class _SharedUncertainty:
     scale: ShiftScale
 
 
-def compute_shared_uncertainty(
+def shared_uncertainty(
     weighing: Weighing | None,
     machine: Machine,
     passes: Passes,
@@ -356,7 +354,7 @@ def compute_shared_uncertainty(
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
         return _SharedUncertainty(none, none, 1.0, ShiftScale())
     datum = empty.relate_to_empty_mass(pass_weights_by_state(weighing.fit, passes) @ weights)
-    own = compute_common_uncertainty(weighing, machine, passes, weights, None)
+    own = common_uncertainty(weighing, machine, passes, weights, None)
     gain_1, gain_u_1 = empty.weighed_over_stated_and_u or (None, None)
     sources = payload_uncertainty_sources(weighing, machine, datum, empty.weights)
     unknown = names_of_unknown_scale_sources(sources)
@@ -365,14 +363,11 @@ def compute_shared_uncertainty(
     if datum is None:
         return _SharedUncertainty(own, own, 1.0, scale)
     return _SharedUncertainty(
-        own,
-        compute_common_uncertainty(weighing, machine, passes, weights, datum),
-        datum.scale_1,
-        scale,
+        own, common_uncertainty(weighing, machine, passes, weights, datum), datum.scale_1, scale
     )
 
 
-def compute_common_uncertainty(
+def common_uncertainty(
     weighing: Weighing, machine: Machine, passes: Passes, weights: Floats, datum: EmptyDatum | None
 ) -> _CommonUncertainty:
     """Uncertainty common to the uncalibrated payloads, with the fit's correlations.

@@ -15,7 +15,7 @@ import polars as pl
 from analysis.diagnosis.measured_channels import RawSignals, Spans
 from analysis.model.machine import Machine
 from analysis.model.verdict_limits import VerdictLimits
-from analysis.model.windows import mark_flagged_windows
+from analysis.model.windows import flag_windows
 from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import speed_rate_span_rows
 from analysis.weighing.weigh import Weighing, mean_mass_difference_kg
@@ -107,7 +107,7 @@ def refit_without_stretches(
         if found.is_harmless:
             rows |= held
             # the moving mean and the phase look back
-            seen = mark_flagged_windows(
+            seen = flag_windows(
                 held, speed_rate_span_rows(machine.settings) + machine.settings.smooth.samples
             )
             gated = refuse_windows(gated, seen, why, machine.settings)

@@ -86,7 +86,7 @@ def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
     angle = "pitch_deg" if backwards else "roll_deg"
     whole = len(inputs.measured_channels(*_ALL_AXES)) == len(_ALL_AXES)
     turned = (ACC, "roll_rate_rad_s") if backwards else (_Y, "pitch_rate_rad_s")
-    keys, scales = inputs.keys_and_values_to_scale(
+    keys, scales = inputs.propose_scales(
         inputs.measured_channels(_Z, *turned, "yaw_rate_rad_s"), -1.0
     )
     stated = getattr(inputs.machine.machine.imu, angle)
@@ -199,7 +199,7 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
         value = f"{inputs.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
     else:
         # what drives straight is seen by its share alone
-        setting, value = inputs.keys_and_values_to_scale(
+        setting, value = inputs.propose_scales(
             inputs.measured_channels(ACC), 1.0 / float(np.cos(angle))
         )
     return [

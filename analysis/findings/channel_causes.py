@@ -16,7 +16,7 @@ from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_without_rows
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.model.windows import mark_flagged_windows
+from analysis.model.windows import flag_windows
 from analysis.stages.signals.filters import period_ns
 from estimators.arrays import Bools, Floats, Ints
 
@@ -88,7 +88,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
             f"the channel repeats one reading {times} {total_s[name]:.1f} s in all, while others "
             f"change{_format_refit(found)}",
             channel=name,
-            span_ns=inputs.span_since_first_sample_ns(*spans[0]),
+            span_ns=inputs.since_first_sample_ns(*spans[0]),
             change=lambda: refit_without_rows(inputs, holds),
             harmless=_is_harmless(inputs, found),
             explains=_OF_DEAD if 1e9 * total_s[name] > _DEAD_1 * (t[-1] - t[0]) else (),
@@ -128,16 +128,14 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     """Find force readings that accumulate at an extreme value."""
     signals = inputs.check_inputs.signals
-    if signals is None or not signals.clipped_share_and_limit:
+    if signals is None or not (clipped := signals.clipped_share_and_limit):
         return []
-    name = max(
-        signals.clipped_share_and_limit, key=lambda each: signals.clipped_share_and_limit[each][0]
-    )
-    share, extreme = signals.clipped_share_and_limit[name]
+    name = max(clipped, key=lambda each: clipped[each][0])
+    share, extreme = clipped[name]
     if not share:
         return []
     at = inputs.newtons_per_unit(name) * abs(extreme)
-    count = sum(1 for each, _ in signals.clipped_share_and_limit.values() if each > 0.0)
+    count = sum(1 for each, _ in clipped.values() if each > 0.0)
     found = inputs.check_inputs.left_out.get("clipped_share")
     limit_N = 0.98 * at * max(count, 1)
 
@@ -145,9 +143,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
         if inputs.fit is None:
             return None
         near = np.abs(inputs.fit.motion.force) > limit_N
-        return refit_without_rows(
-            inputs, mark_flagged_windows(near, 5) | mark_flagged_windows(near[::-1], 5)[::-1]
-        )
+        return refit_without_rows(inputs, flag_windows(near, 5) | flag_windows(near[::-1], 5)[::-1])
 
     return [
         Symptom(
@@ -231,9 +227,7 @@ def find_spikes(inputs: FindingInputs) -> list[Symptom]:
                 f"{each.unix_ns.size} single readings are off by {each.size:.3g} (median), up to "
                 f"{each.ratio:.0f} deviations",
                 channel=name,
-                span_ns=inputs.span_since_first_sample_ns(
-                    int(each.unix_ns[0]), int(each.unix_ns[-1])
-                ),
+                span_ns=inputs.since_first_sample_ns(int(each.unix_ns[0]), int(each.unix_ns[-1])),
                 change=lambda near=each.near: refit_without_rows(inputs, near),
             )
             for name, each in spikes_by_channel(inputs).items()
@@ -256,9 +250,8 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
         # a coarse channel is off by a step now and then
-        scale = np.maximum(
-            local_stds(middle), repeat_share_and_resolution(inputs, name)[1] / np.sqrt(12.0)
-        )
+        resolution = repeat_share_and_resolution(inputs, name)[1]
+        scale = np.maximum(local_stds(middle), resolution / np.sqrt(12.0))
         far = np.abs(middle) > _SPIKE * scale
         far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
         places = np.flatnonzero(far) + 1
@@ -313,7 +306,7 @@ def is_near_stamps(inputs: FindingInputs, unix_ns: Ints) -> Bools:
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
-    return mark_flagged_windows(at, _BESIDE) | mark_flagged_windows(at[::-1], _BESIDE)[::-1]
+    return flag_windows(at, _BESIDE) | flag_windows(at[::-1], _BESIDE)[::-1]
 
 
 def is_near_spike(inputs: FindingInputs) -> Bools:
@@ -326,13 +319,11 @@ def is_near_spike(inputs: FindingInputs) -> Bools:
 
 def find_unlike_sides(inputs: FindingInputs) -> list[Symptom]:
     """Find the largest difference between the left and right side."""
-    found = [
-        _make_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()
-    ]
+    found = [_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _make_side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
+def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
     least = LIMITS.unlike_slip_1 if sides.kind == "slip" else LIMITS.unlike_sides_1
     strength = abs(sides.value_1) / max(least + sides.resistance_1, SURELY * sides.std_1)
     left, right = _CHANNELS[sides.kind]
@@ -345,7 +336,7 @@ def _make_side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
             f"{sides.smaller_over_larger_1:.1%} (± {sides.std_1:.1%}) of the {other} one: "
             "one of the two is wrong",
             channel=smaller,
-            change=lambda: mass_change_if_smaller_is_wrong(inputs, sides),
+            change=lambda: mass_change_if_smaller_wrong(inputs, sides),
         )
     if sides.kind == "slip":
         return Symptom(
@@ -357,10 +348,8 @@ def _make_side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
             change=lambda: mass_change_by_wheel_speed(inputs),
             alternatives=("slip",),
         )
-    wrong = find_wrong_speed_and_factor(inputs, sides)
-    setting, value = (
-        (None, None) if wrong is None else inputs.keys_and_values_to_scale((wrong[0],), wrong[1])
-    )
+    wrong = find_wrong_speed(inputs, sides)
+    setting, value = (None, None) if wrong is None else inputs.propose_scales((wrong[0],), wrong[1])
     by_imu = (
         "" if wrong is None else f"; the accelerometer agrees with the {_other_side(wrong[0])} ones"
     )
@@ -379,9 +368,7 @@ def _other_side(channel: str) -> str:
     return "right" if channel == SPEEDS[0] else "left"
 
 
-def find_wrong_speed_and_factor(
-    inputs: FindingInputs, sides: SideDifference
-) -> tuple[str, float] | None:
+def find_wrong_speed(inputs: FindingInputs, sides: SideDifference) -> tuple[str, float] | None:
     """Wheel speed that the accelerometer contradicts, and the factor for its scale."""
     wheels = None if inputs.fit is None else inputs.fit.kinematics
     if wheels is None or not wheels.is_consistent:
@@ -396,9 +383,7 @@ def find_wrong_speed_and_factor(
     return SPEEDS[1 - right], gains[right] / gains[1 - right]
 
 
-def mass_change_if_smaller_is_wrong(
-    inputs: FindingInputs, sides: SideDifference
-) -> MassChange | None:
+def mass_change_if_smaller_wrong(inputs: FindingInputs, sides: SideDifference) -> MassChange | None:
     """Mass change if the smaller side is wrong; as uncertain, since the larger may be."""
     if inputs.fit is None or sides.smaller_over_larger_1 <= -1.0:
         return None

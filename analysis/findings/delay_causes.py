@@ -18,7 +18,7 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, search_likelihood
 from analysis.findings.refit import refit_corrected
 from analysis.model.schema import column_values
-from analysis.model.windows import mark_flagged_windows
+from analysis.model.windows import flag_windows
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.friction_warming import WARMING
@@ -73,7 +73,7 @@ def _search_long_delay(inputs: FindingInputs) -> LongDelay | None:
     if _is_long_delay(seen):
         # the one that the force begins with is in time
         before = round(LIMITS.driving_start_s / step_s)
-        rows = mark_flagged_windows(drives[::-1], before)[::-1]
+        rows = flag_windows(drives[::-1], before)[::-1]
         v = channels["v"]
         later = np.interp(np.arange(v.size) + seen[0] / step_s, np.arange(v.size), v)
         by_imu, by_speed = (
@@ -227,7 +227,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     channel = pick.name.partition(":")[2]
     late_s, std_s = pick.value, pick.std
     names = _delayed_channels(inputs, channel)
-    setting, value = inputs.keys_and_values_to_undo_delay(names, late_s)
+    setting, value = inputs.propose_delays(names, late_s)
     rivals = [each.partition(":")[2] for each in pick.rivals if each.startswith("delay")]
     words = "late" if late_s > 0 else "early"
     against = " and ".join(_SHOWN[each] for each in _SHOWN if each != channel)
@@ -261,7 +261,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
 
 def _make_long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
     names = _delayed_channels(inputs, late.channel)
-    setting, value = inputs.keys_and_values_to_undo_delay(names, late.late_s)
+    setting, value = inputs.propose_delays(names, late.late_s)
     words = "late" if late.late_s > 0.0 else "early"
     rest = [late.rival] if late.rival else [each for each in _SHOWN if each != late.channel]
     against = " and ".join(_SHOWN[each] for each in rest)

@@ -15,7 +15,7 @@ from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.verdict import Verdict
-from analysis.model.windows import mark_flagged_windows
+from analysis.model.windows import flag_windows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
@@ -93,7 +93,7 @@ class FindingInputs:
             round(s * self.machine.settings.align.rate_hz)
             for s in (LIMITS.stand_after_motion_s, LIMITS.stand_before_motion_s)
         )
-        return ~(mark_flagged_windows(near, after) | mark_flagged_windows(near[::-1], before)[::-1])
+        return ~(flag_windows(near, after) | flag_windows(near[::-1], before)[::-1])
 
     @property
     def series(self) -> Mapping[str, Series]:
@@ -127,7 +127,7 @@ class FindingInputs:
         names = (*self.measured_equation_channels, *self.machine.channels)
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
 
-    def span_since_first_sample_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
+    def since_first_sample_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
         """Convert two unix stamps to ns since the first aligned sample."""
         t0 = self.check_inputs.t0_unix_ns
         return int(begin_unix_ns) - t0, int(end_unix_ns) - t0
@@ -144,7 +144,7 @@ class FindingInputs:
             return 1.0 / body.force_share
         return 1.0 / (float(body.wheel_radius_m or np.nan) * body.force_share)
 
-    def keys_and_values_to_scale(self, names: tuple[str, ...], factor: float) -> tuple[str, str]:
+    def propose_scales(self, names: tuple[str, ...], factor: float) -> tuple[str, str]:
         """Keys and values of the machine file that multiply channels by a factor.
 
         A speed without a declared unit gets one; a scale alone could be a wheel radius.
@@ -162,9 +162,7 @@ class FindingInputs:
             ", ".join([*scaled, *('"m/s"' for _ in as_read)]),
         )
 
-    def keys_and_values_to_undo_delay(
-        self, names: tuple[str, ...], late_s: float
-    ) -> tuple[str, str]:
+    def propose_delays(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
         """Keys and values of the machine file that correct a delay of channels."""
         channels = self.machine.channels
         return (

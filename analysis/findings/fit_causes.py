@@ -37,7 +37,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     setting, value = [], []
     if body.wheel_radius_m is not None and torques:
         setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
-    keys, scales = inputs.keys_and_values_to_scale(inputs.speed_channels, 1.0 / (1.0 + gain))
+    keys, scales = inputs.propose_scales(inputs.speed_channels, 1.0 / (1.0 + gain))
 
     def correct_radius(motion: MotionSamples) -> MotionSamples:
         force = motion.force * (1.0 + gain) if torques else motion.force
@@ -307,9 +307,7 @@ def relative_mass_u(inputs: FindingInputs) -> float:
     weighing = inputs.check_inputs.weighing
     if weighing is None:
         return float("inf")
-    parts = weighing.fit.uncertainty_parts_kg(
-        weighing.fit.weights_of_state(weighing.fit.main_state)
-    )
+    parts = weighing.fit.u_parts_kg(weighing.fit.weights_of_state(weighing.fit.main_state))
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
     return u_kg / abs(weighing.fit.mass_kg)
@@ -334,7 +332,7 @@ def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.fit
     if fit is None:
         return []
-    parts = fit.uncertainty_parts_kg(fit.weights_of_state(fit.main_state))
+    parts = fit.u_parts_kg(fit.weights_of_state(fit.main_state))
     by_term = {term.name: parts[term.name] for term in fit.terms}
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)

@@ -74,7 +74,7 @@ def refit_corrected(
     if before is None or after is None:
         return None
     kg = after - before
-    of_noise = fit.uncertainty_parts_kg(fit.weights_of_state(fit.main_state))["noise"]
+    of_noise = fit.u_parts_kg(fit.weights_of_state(fit.main_state))["noise"]
     return MassChange(
         kg,
         float(

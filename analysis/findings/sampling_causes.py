@@ -32,7 +32,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
                 f"{holes.size} gaps, the longest {steps[longest] / 1e9:.2f} s, together "
                 f"{missing:.1%} of the log",
                 channel=name,
-                span_ns=inputs.span_since_first_sample_ns(t[longest], t[longest + 1]),
+                span_ns=inputs.since_first_sample_ns(t[longest], t[longest + 1]),
             )
         )
     return keep_strongest_symptom(found)
@@ -163,7 +163,7 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
                 f"header stamps of {topic} jump by {1e3 * jump_s:.1f} ± {1e3 * std_s:.1f} ms "
                 "against log time",
                 channel=inputs.channel_of_topic(topic),
-                span_ns=inputs.span_since_first_sample_ns(when, when),
+                span_ns=inputs.since_first_sample_ns(when, when),
             )
         )
     return keep_strongest_symptom(found)

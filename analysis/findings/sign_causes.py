@@ -67,7 +67,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
         )
     if not names:
         return []
-    setting, value = inputs.keys_and_values_to_scale(names, -1.0)
+    setting, value = inputs.propose_scales(names, -1.0)
     strength = max(
         abs(of_force if of_force < -LIMITS.signed_correlation else gain)
         / LIMITS.signed_correlation,
@@ -108,7 +108,7 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     wrong = sides[
         int(np.argmin([float((each * np.sign(along))[speeding].mean()) for each in (left, right)]))
     ]
-    setting, value = inputs.keys_and_values_to_scale((wrong,), -1.0)
+    setting, value = inputs.propose_scales((wrong,), -1.0)
     return [
         Symptom(
             LIMITS.sign_rank * abs(together),
@@ -226,7 +226,7 @@ def _find_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     ]
     if not near or ACC not in names:
         return []
-    setting, value = inputs.keys_and_values_to_scale(names, 1.0 / near[0])
+    setting, value = inputs.propose_scales(names, 1.0 / near[0])
     return [
         Symptom(
             10.0 * abs(float(np.log(share))) / LIMITS.signed_correlation,
@@ -287,7 +287,7 @@ def _find_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     names = channels[ratio]
     # the accelerometer's scale from the wheels' side, or the other way round
     times = 1.0 / ratio if names[0] == ACC else ratio
-    setting, value = inputs.keys_and_values_to_scale(names, times)
+    setting, value = inputs.propose_scales(names, times)
     told = all(channels[each] == names for each in alike)
     what = " or ".join(
         {**units, **_ACC_UNITS}[each] for each in sorted(alike, key=near.__getitem__)
@@ -328,7 +328,7 @@ def _find_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
         np.log(ratio / near)
     ):
         return []
-    setting, value = inputs.keys_and_values_to_scale(names, 1.0 / near)
+    setting, value = inputs.propose_scales(names, 1.0 / near)
     return [
         Symptom(
             10.0 * abs(float(np.log(ratio))) / LIMITS.signed_correlation,

@@ -5,7 +5,7 @@ import numpy as np
 from estimators.arrays import Bools, Ints
 
 
-def mark_flagged_windows(flag: Bools, window: int) -> Bools:
+def flag_windows(flag: Bools, window: int) -> Bools:
     """Whether any of the `window` rows that end at each row is flagged, (rows,)."""
     count = np.concatenate([[0], np.cumsum(flag)])
     start = np.maximum(np.arange(flag.size) + 1 - window, 0)
@@ -15,7 +15,7 @@ def mark_flagged_windows(flag: Bools, window: int) -> Bools:
 def mark_samples_in_windows(accepted: Bools, window: int) -> Bools:
     """Whether each row lies inside at least one accepted window, (rows,)."""
     # the windows that hold row k end at k … k + window - 1
-    return mark_flagged_windows(accepted[::-1], window)[::-1]
+    return flag_windows(accepted[::-1], window)[::-1]
 
 
 def runs_of_flagged_samples(flag: Bools) -> tuple[Ints, Ints]:

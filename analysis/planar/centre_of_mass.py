@@ -26,11 +26,7 @@ from analysis.planar.planar_budget import (
 )
 from analysis.planar.planar_motion import make_drive
 from analysis.planar.planar_regressor import Regressor
-from analysis.planar.planar_samples import (
-    PlanarSamples,
-    collect_planar_samples,
-    planar_column_noise,
-)
+from analysis.planar.planar_samples import PlanarSamples, collect_planar_samples, planar_noise
 from analysis.planar.planar_terms import TERMS, select_terms_of_drive
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import mark_samples_to_pool
@@ -187,7 +183,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
         return None
     of = np.where(used, 0, -1)
     start = base_parameters.fit(
-        plane.motion, plane.f, PARAMETERS, of, noise=planar_column_noise(plane, used)
+        plane.motion, plane.f, PARAMETERS, of, noise=planar_noise(plane, used)
     ).coefficients
     fitted = fit_in_rounds(log, of, start, Prior.around_zero({}, 2), _BOTH)
     row = _make_fit_row("joint", log, used, fitted, ())
@@ -273,10 +269,8 @@ def fit_with_coefficients(
     width = {term.name: std for term, std in terms if term.name not in known.names}
     regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)
     used, arm_y_m = segment_id >= 0, regressor.imu_position_m[1]
-    noise = planar_column_noise(log.plane, used, arm_y_m)[rows][:, of_columns]
-    prior = restrict_prior_to_rows(known, rows, names).joined_with(
-        Prior.around_zero(width, noise.shape[0])
-    )
+    noise = planar_noise(log.plane, used, arm_y_m)[rows][:, of_columns]
+    prior = prior_for_rows(known, rows, names).joined_with(Prior.around_zero(width, noise.shape[0]))
     fitted = base_parameters.fit(
         regressor,
         log.plane.f[part, rows],
@@ -289,7 +283,7 @@ def fit_with_coefficients(
     return PlanarFit(fitted, prior.names)
 
 
-def restrict_prior_to_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
+def prior_for_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
     """The part of a prior that a fit of these rows has parameters of."""
     own = [n for n, name in enumerate(prior.names) if name in names]
     return Prior(

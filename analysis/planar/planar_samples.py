@@ -122,7 +122,7 @@ def is_end_of_stop(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
     return (event == 0) & (event[before] == 1) & (event[after] == 3)
 
 
-def planar_column_noise(plane: PlanarSamples, used: Bools, arm_y_m: float = 0.0) -> Floats:
+def planar_noise(plane: PlanarSamples, used: Bools, arm_y_m: float = 0.0) -> Floats:
     """Noise of each column of each row after the moving mean.
 
     Args:

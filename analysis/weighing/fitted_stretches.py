@@ -5,7 +5,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
-from analysis.model.windows import mark_flagged_windows
+from analysis.model.windows import flag_windows
 from analysis.stages.gating.gate import mark_possible_braking, mark_samples_to_pool
 from analysis.stages.gating.segments import number_manoeuvres
 from analysis.stages.motion.phases import mark_stopping_samples
@@ -13,7 +13,7 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
 
-def path_positions_and_length_m(
+def path_positions(
     speed: Floats, used: Bools, silences: Ints, rate_hz: float
 ) -> tuple[Floats, float]:
     """Position of the machine on its path, (n,), and the length of the path in m.
@@ -45,7 +45,7 @@ def running_silence_count(known: Bools, shortest: int) -> Ints:
     return np.cumsum(begun)
 
 
-def number_and_cut_drives(stood: Ints, longest: int) -> Ints:
+def cut_drives(stood: Ints, longest: int) -> Ints:
     """Number the manoeuvres, (n,), and split drives of twice `longest` samples or more."""
     cuts = np.append(True, stood[1:] != stood[:-1])
     drive_begins = np.flatnonzero(cuts)
@@ -140,7 +140,7 @@ def number_one_way_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     used = group >= 0
     forwards = _three_sample_mean(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
-    near = mark_flagged_windows(turns, mixed) | mark_flagged_windows(turns[::-1], mixed + 1)[::-1]
+    near = flag_windows(turns, mixed) | flag_windows(turns[::-1], mixed + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
     return np.where(group >= 0, np.cumsum(is_first_of_stretch(group)) - 1, -1).astype(np.int64)
 

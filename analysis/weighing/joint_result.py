@@ -221,7 +221,7 @@ class JointFit:
         out[state] = 1.0
         return out
 
-    def uncertainty_parts_kg(self, weights: Floats) -> dict[str, float]:
+    def u_parts_kg(self, weights: Floats) -> dict[str, float]:
         """Parts of the standard uncertainty of a sum of masses, by cause, in kg.
 
         Args:
@@ -295,7 +295,7 @@ class JointFit:
         slip = term_index("slip", self.terms)
         alone_kg = abs(float(found[slip] @ self.weights_of_state(self.main_state)))
         if alone_kg > 0.0:
-            known_kg = self.uncertainty_parts_kg(self.weights_of_state(self.main_state))["slip"]
+            known_kg = self.u_parts_kg(self.weights_of_state(self.main_state))["slip"]
             found[slip] *= min(known_kg / alone_kg, 1.0)
         return found
 
@@ -369,7 +369,7 @@ class JointFit:
 
     def sum_u_kg(self, weights: Floats) -> float:
         """Standard uncertainty of a sum of masses, in kg."""
-        return root_sum_of_squares(self.uncertainty_parts_kg(weights))
+        return root_sum_of_squares(self.u_parts_kg(weights))
 
 
 def root_sum_of_squares(parts_kg: dict[str, float]) -> float:

@@ -175,14 +175,12 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
     after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
     goes = np.where(before < 0, np.argmax(tells), before)
     group = motion.group
-    first, last = (
-        np.flatnonzero(each(group)) for each in (is_first_of_stretch, is_last_of_stretch)
-    )
+    first, last = (np.flatnonzero(f(group)) for f in (is_first_of_stretch, is_last_of_stretch))
     for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
         sooner, later = (last[left][-1], begin), (end, first[right][0])
-        at_begin, at_end = (classify_load_change(motion, *span, *span) for span in (sooner, later))
+        at_begin, at_end = (classify_change(motion, *span, *span) for span in (sooner, later))
         if at_begin > 1 and at_end == 1:
             goes[short] = after[short]
     return number[goes][of]
@@ -223,7 +221,7 @@ def load_change_kinds(motion: MotionSamples) -> Ints:
     # a boom may go up before the machine stands, and come down when it moves again
     middle = used[(first + last) // 2]
     spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
-    kind = np.array([classify_load_change(motion, *span) for span in spans], np.int64)
+    kind = np.array([classify_change(motion, *span) for span in spans], np.int64)
     # a bucket is in front: it is filled and emptied where the machine arrives, and then backs out
     arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
     backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
@@ -231,35 +229,30 @@ def load_change_kinds(motion: MotionSamples) -> Ints:
     return np.where(backs_out & ~seen, TURNED, kind)
 
 
-def classify_load_change(
-    motion: MotionSamples, last_sample: int, next_sample: int, boom_begin: int, boom_end: int
-) -> int:
+def classify_change(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:
     """Kind of evidence for a load change between two manoeuvres.
 
     Args:
         motion: samples, with arm angles and digging.
-        last_sample: last sample of the first manoeuvre.
-        next_sample: first sample of the second one.
-        boom_begin: first sample of the boom to examine.
-        boom_end: end sample of the boom to examine.
+        end: last sample of the first manoeuvre.
+        begin: first sample of the second one.
+        since: first sample of the boom to examine.
+        until: end sample of the boom to examine.
     """
-    if motion.digs is not None and motion.digs[last_sample : next_sample + 1].any():
+    if motion.digs is not None and motion.digs[end : begin + 1].any():
         return FILLED
-    if motion.empty is not None and motion.empty[last_sample] != motion.empty[next_sample]:
+    if motion.empty is not None and motion.empty[end] != motion.empty[begin]:
         return NAMED
-    if motion.empty is not None and motion.empty[last_sample]:
+    if motion.empty is not None and motion.empty[end]:
         return 0
-    if motion.stood is not None and motion.stood[last_sample] == motion.stood[next_sample]:
+    if motion.stood is not None and motion.stood[end] == motion.stood[begin]:
         return 0
     moved = any(
-        _known_range(arm[boom_begin : boom_end + 1]) > LIMITS.arm_movement_rad
-        for arm in motion.arms
+        _known_range(arm[since : until + 1]) > LIMITS.arm_movement_rad for arm in motion.arms
     )
     if moved:
         return HINTED
-    silent = (
-        motion.silences is not None and motion.silences[last_sample] != motion.silences[next_sample]
-    )
+    silent = motion.silences is not None and motion.silences[end] != motion.silences[begin]
     return RESTARTED if silent else 1
 
 

@@ -144,7 +144,7 @@ def budget_of_mass(
     loaded_kg = abs(float(weights @ (fit.masses_kg * _relative_loads(fit, machine))))
     terms = {term.name: term for term in fit.terms}
     sources: list[UncertaintySource] = []
-    parts_kg = fit.uncertainty_parts_kg(weights)
+    parts_kg = fit.u_parts_kg(weights)
     parts_kg |= _widening_by_checks(weighing, weights, parts_kg)
     for source in {term.source: None for term in fit.terms if term.source}:
         own_kg = [parts_kg.pop(name) for name, term in terms.items() if term.source == source]

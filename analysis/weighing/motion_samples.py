@@ -15,19 +15,19 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
-from analysis.model.windows import mark_flagged_windows
+from analysis.model.windows import flag_windows
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.fitted_stretches import (
+    cut_drives,
     cut_stretches,
     driving_directions,
     drop_standing_runs,
     fitted_manoeuvre_of_samples,
     make_centred_progress,
     mark_missing_rows,
-    number_and_cut_drives,
     number_one_way_runs,
-    path_positions_and_length_m,
+    path_positions,
     running_silence_count,
     running_standstill_count,
     stretch_spans,
@@ -138,10 +138,7 @@ class MotionSamples:
         Time shifts of force or speed up to `reach_s` are not affected.
         """
         size = math.ceil(reach_s * self.rate_hz) + 1
-        near = (
-            mark_flagged_windows(self.used, size)
-            | mark_flagged_windows(self.used[::-1], size)[::-1]
-        )
+        near = flag_windows(self.used, size) | flag_windows(self.used[::-1], size)[::-1]
         return self._select_samples(np.flatnonzero(near))
 
     def _select_samples(self, cut: slice | Ints) -> "MotionSamples":
@@ -330,7 +327,7 @@ def collect_motion_samples(
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
     clear = rows_in_duration(LIMITS.gap_margin_s, settings.align.rate_hz)
     silent = ~known | mark_missing_rows(aligned)
-    near_gap = mark_flagged_windows(silent, clear) | mark_flagged_windows(silent[::-1], clear)[::-1]
+    near_gap = flag_windows(silent, clear) | flag_windows(silent[::-1], clear)[::-1]
     group = number_one_way_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     group = drop_standing_runs(group, np.where(known, speed, 0.0), noise_m_s)
     measured = _read_grid_column(aligned, "specific_force_x_m_s2", known)
@@ -339,9 +336,7 @@ def collect_motion_samples(
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
     stood = running_standstill_count(excitation)
-    unit = number_and_cut_drives(
-        stood, rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz)
-    )
+    unit = cut_drives(stood, rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz))
     longest_hole = rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
     silences = running_silence_count(known, longest_hole)
     group = cut_stretches(group, unit)
@@ -358,9 +353,7 @@ def collect_motion_samples(
         _read_grid_column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
         make_centred_progress(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
-        *path_positions_and_length_m(
-            np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz
-        ),
+        *path_positions(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
         _empty_machine_weight(machine, acceleration, force, group >= 0),

@@ -6,7 +6,7 @@ import polars as pl
 from analysis.model.axes import Axis, X, available_axes, regressor_and_force
 from analysis.model.schema import PHASE, REASON, build_frame, column_values
 from analysis.model.settings import Settings
-from analysis.model.windows import mark_flagged_windows, mark_samples_in_windows
+from analysis.model.windows import flag_windows, mark_samples_in_windows
 from analysis.stages.gating.gate_rules import (
     UNKNOWN,
     Codes,
@@ -62,7 +62,7 @@ def _make_gate_columns(
     phase = phase_codes(excitation)
     # a row of unknown phase might be braking, and is in no manoeuvre
     missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f)) | (phase == UNKNOWN)
-    complete = ~mark_flagged_windows(missing, window)
+    complete = ~flag_windows(missing, window)
     complete[: window - 1] = False
     rows = np.flatnonzero(complete).astype(np.int64)
     seen = ls.WindowStatistics(*(np.full(n, np.nan) for _ in ls.WindowStatistics._fields))
@@ -86,7 +86,7 @@ def _make_gate_columns(
         axis,
         seen,
         np.arange(n) < first + window - 1,
-        {why: mark_flagged_windows(flag, window) for why, flag in flags.items()},
+        {why: flag_windows(flag, window) for why, flag in flags.items()},
         window_information,
         settings.gate,
     )
@@ -141,7 +141,7 @@ def refuse_windows(
         rejection_reason: the reason.
         settings: settings with the window.
     """
-    held = pl.Series(mark_flagged_windows(excluded_rows, settings.gate.window_samples))
+    held = pl.Series(flag_windows(excluded_rows, settings.gate.window_samples))
     accepted = pl.col("accepted_x")
     reason = (
         pl.when(held & accepted)
@@ -167,9 +167,9 @@ def mark_settled_windows(
 
 def mark_possible_braking(braking: Bools, settings: Settings) -> Bools:
     """Braking samples, and those before them that may brake undetected, (rows,)."""
-    return mark_flagged_windows(
-        braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples
-    )[::-1]
+    return flag_windows(braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples)[
+        ::-1
+    ]
 
 
 def mark_excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:

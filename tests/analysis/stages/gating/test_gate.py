@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.stages.gating.gate import (
+    flag_windows,
     gate_windows,
-    mark_flagged_windows,
     mark_samples_in_windows,
     mark_samples_to_pool,
 )
@@ -212,7 +212,7 @@ flags = st.lists(st.booleans(), max_size=60).map(lambda x: np.array(x, bool))
 @given(flags, st.integers(1, 70))
 def test_windows_with_looks_at_exactly_the_window(flag, window):
     expected = [flag[max(0, k + 1 - window) : k + 1].any() for k in range(flag.size)]
-    np.testing.assert_array_equal(mark_flagged_windows(flag, window), expected)
+    np.testing.assert_array_equal(flag_windows(flag, window), expected)
 
 
 @given(flags, st.integers(1, 70))
