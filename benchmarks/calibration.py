@@ -17,7 +17,7 @@ import numpy as np
 import typer
 from scipy.stats import t as student_t
 
-from analysis.calibration.line.line_fit import fit_tested_line
+from analysis.calibration.line.line_fit import fit_line_and_test
 from analysis.calibration.line.line_inversion import Inversion
 from analysis.calibration.line.line_model import Points
 from analysis.calibration.line.point_errors import fit_error_line
@@ -142,7 +142,7 @@ def outcome(one: Drawn) -> np.ndarray:
 
     Ours with the run's own uncertainty, without it; (19)'s; u(m̂) alone.
     """
-    line, _ = fit_tested_line(one.points, one.day_known_kg)
+    line, _ = fit_line_and_test(one.points, one.day_known_kg)
     found = Inversion.from_line(line).invert(
         np.full(2, one.y_kg),
         np.full(2, float(one.readings)),
@@ -239,7 +239,7 @@ def papers(dice: np.random.Generator) -> PaperRuns:
 
 def ours(points: Points, line: tuple[float, float]) -> tuple[float, float, float, float]:
     """Whether the intervals hold alpha and beta, and what they are over the truth."""
-    fitted, _ = fit_tested_line(points, None)
+    fitted, _ = fit_line_and_test(points, None)
     inversion = Inversion.from_line(fitted)
     c0, c1 = line
     low, high = inversion.slope_interval(CONFIDENCE)

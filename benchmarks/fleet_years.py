@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.fleet.machine_drifts import MachineChart, machine_charts
+from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
 from benchmarks.fleet_logs import told
 from benchmarks.page import markdown, put
 from estimators.arrays import Floats
@@ -96,7 +96,7 @@ def alarms(days: pl.DataFrame) -> int:
     for name in ("zero", "scale", "friction"):
         left = days
         while left.height:
-            chart = next(c for c in machine_charts(left) if c.signal.name == name).chart
+            chart = next(c for c in make_machine_charts(left) if c.signal.name == name).chart
             if chart.flagged is None:
                 break
             found += 1
@@ -116,7 +116,7 @@ def table(years: int) -> tuple[list[list[str]], bool]:
     )
     for number, (what, signal, drift) in enumerate(cases):
         after = [
-            flagged(machine_charts(year(_SEED + 10_000 * number + n, **drift)), signal)
+            flagged(make_machine_charts(year(_SEED + 10_000 * number + n, **drift)), signal)
             for n in range(years)
         ]
         known = np.array([each for each in after if each is not None], dtype=float)

@@ -26,7 +26,7 @@ from analysis.model.axes import X
 from analysis.model.methods import METHODS
 from analysis.online.follower import FollowedRow
 from analysis.simulation import Scenario
-from analysis.stages.noise.column_noise import axis_noise
+from analysis.stages.noise.column_noise import collect_axis_noise
 from benchmarks.page import markdown
 from replay import load_machine
 from replay.follow.follow_logs import Following, follow_logs
@@ -141,7 +141,7 @@ def steps(machine: Any) -> str:
     state = rls.start(samples[:320, :2], samples[:320, 2])
     settings = machine.settings.with_changes({"trace.methods": ("ls",)})
     ls_method = METHODS["ls"]
-    options = ls_method.options(settings.trace, axis_noise(X, settings))
+    options = ls_method.options(settings.trace, collect_axis_noise(X, settings))
     calls: dict[str, Callable[[Any], object]] = {
         "sums of the window: index (11), OLS": lambda row: incremental.step_window(window, row),
         "OLS from them, with its deviation": lambda _row: ls_method.step(window, 10, options),

@@ -13,12 +13,12 @@ import polars as pl
 import typer
 
 from analysis import Machine
-from analysis.model.axes import straight_regressor
+from analysis.model.axes import straight_regressor_and_force
 from analysis.simulation import simulate_campaign
 from analysis.stages.estimation.masses import summarise_masses
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import pooled_samples
+from analysis.stages.gating.segments import pooled_manoeuvre_of_samples
 from analysis.stages.motion.smooth import trailing_mean
 from benchmarks.page import markdown, put
 from benchmarks.simulated import coloured, cut, excitation, scenario
@@ -64,8 +64,8 @@ def one_log(frame: pl.DataFrame, machine: Machine) -> dict[str, np.ndarray]:
     """Masses and deviations (rows, 2) of everything that the log gives."""
     settings = machine.settings
     gated = gate_windows(frame, settings)
-    ids = pooled_samples(frame, gated, settings)
-    A, f = straight_regressor(frame, settings)
+    ids = pooled_manoeuvre_of_samples(frame, gated, settings)
+    A, f = straight_regressor_and_force(frame, settings)
     segments = pooled.trace(A, f, ids)
     mass = segments.theta[:, 0]
     textbook, newey_west = of_others(A, f, ids)

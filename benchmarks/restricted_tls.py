@@ -15,12 +15,12 @@ import polars as pl
 import typer
 from scipy.linalg import eigh
 
-from analysis.model.axes import X, straight_regressor
+from analysis.model.axes import X, straight_regressor_and_force
 from analysis.model.machine import Channel, Machine
-from analysis.model.windows import samples_in_windows
+from analysis.model.windows import mark_samples_in_windows
 from analysis.simulation import simulate_campaign
-from analysis.stages.gating.gate import settled_windows
-from analysis.stages.noise.column_noise import axis_noise
+from analysis.stages.gating.gate import mark_settled_windows
+from analysis.stages.noise.column_noise import collect_axis_noise
 from benchmarks.page import markdown
 from benchmarks.simulated import scenario
 from replay import load_machine, run
@@ -48,10 +48,10 @@ def restricted(
     excitation: pl.DataFrame, samples: np.ndarray, machine: Machine, noise: pl.DataFrame
 ) -> float:
     """The mass of the last state: the smallest generalised eigenvector of the discounted Gram."""
-    A, f = straight_regressor(excitation, machine.settings)
+    A, f = straight_regressor_and_force(excitation, machine.settings)
     z = np.column_stack([A, f])[samples]
     weights = FORGETTING ** np.arange(len(z))[::-1]
-    covariance = axis_noise(X, machine.settings, noise).mean
+    covariance = collect_axis_noise(X, machine.settings, noise).mean
     gram = (z * weights[:, None]).T @ z
     _, vectors = eigh(gram, covariance)
     return float(-vectors[0, 0] / vectors[-1, 0])
@@ -75,8 +75,8 @@ def main(logs: int = 40) -> None:
                 errors.setdefault("joint fit", []).append(answer[0] - truth)
             # what `rtls` is fed
             excitation, settings = frames["excitation"], machine.settings
-            settled = settled_windows(excitation, frames["gate"], settings)
-            fed = samples_in_windows(settled, settings.gate.window_samples)
+            settled = mark_settled_windows(excitation, frames["gate"], settings)
+            fed = mark_samples_in_windows(settled, settings.gate.window_samples)
             mass = restricted(excitation, fed, machine, frames["noise"])
             errors.setdefault("restricted TLS", []).append(mass - truth)
         for method, found in errors.items():

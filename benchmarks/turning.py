@@ -22,11 +22,11 @@ import typer
 from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
-from analysis.planar.centre_of_mass import fit_planar
+from analysis.planar.centre_of_mass import make_planar_frames
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.noise.channel_noise import channel_noise
+from analysis.stages.noise.channel_noise import estimate_channel_noise
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive, read_measured_channels
 from benchmarks.independent.turning_logs import FAULTS, TurnLog, turn_log
@@ -74,10 +74,10 @@ def planar_of(log: TurnLog) -> pl.DataFrame:
     channels, _ = derive(read_measured_channels(log.topics, machine)[0], machine)
     aligned, _ = align(channels, machine)
     excitation = compute_excitation(smooth(aligned, settings.smooth), machine)
-    noise = channel_noise(aligned, excitation, machine)
+    noise = estimate_channel_noise(aligned, excitation, machine)
     gated = gate_windows(excitation, settings, noise)
     opinion = Verdict.from_frame(judge_checks(CheckInputs(excitation, gated, machine)))
-    return fit_planar(excitation, gated, opinion, machine, noise)[0]
+    return make_planar_frames(excitation, gated, opinion, machine, noise)[0]
 
 
 def turned(fault: str, seed: int) -> Turned:

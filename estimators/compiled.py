@@ -41,7 +41,7 @@ def compiled(function: F) -> F:
     return _compile_lazily(function, _OPTIONS)
 
 
-def uncounted(function: F) -> F:
+def compiled_without_refcounts(function: F) -> F:
     """Compile a function that allocates nothing, without reference counts for its arrays.
 
     In a loop of millions that passes arrays between functions, counting costs more than the work.

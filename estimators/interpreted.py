@@ -39,7 +39,7 @@ MOST_COLD_TURNS: Final = 131_072
 #: takes: at worst a loop costs three times its compilation.
 MOST_COLD_SECONDS: Final = 1.0
 #: How a function is compiled, by the name of the decorator in `estimators.compiled`.
-_COMPILED, _UNCOUNTED, _INLINED = "compiled", "uncounted", "inlined"
+_COMPILED, _WITHOUT_REFCOUNTS, _INLINED = "compiled", "compiled_without_refcounts", "inlined"
 
 
 def is_compiler_loaded() -> bool:
@@ -187,9 +187,9 @@ def compiled(function: F) -> F:
     return cast("F", Loop(function, _COMPILED))
 
 
-def uncounted(function: F) -> F:
-    """Like `estimators.compiled.uncounted`, but interpreted at first."""
-    return cast("F", Loop(function, _UNCOUNTED))
+def compiled_without_refcounts(function: F) -> F:
+    """Like `estimators.compiled.compiled_without_refcounts`, but interpreted at first."""
+    return cast("F", Loop(function, _WITHOUT_REFCOUNTS))
 
 
 def inlined(function: F) -> F:

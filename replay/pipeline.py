@@ -19,15 +19,15 @@ from analysis.diagnosis import (
 from analysis.findings import (
     FindingInputs,
     add_masked_findings,
+    cut_to_first_hour,
     drop_findings_of_work,
     find_causes,
-    findings_of_first_hour,
 )
 from analysis.model.loss import Loss
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
-from analysis.planar.centre_of_mass import fit_planar
+from analysis.planar.centre_of_mass import make_planar_frames
 from analysis.stages.estimation.masses import (
     reasons_for_no_answer,
     summarise_masses,
@@ -43,19 +43,19 @@ from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.noise.channel_noise import channel_noise
-from analysis.stages.noise.channel_noise import note_noise_sources as noise_notes
+from analysis.stages.noise.channel_noise import estimate_channel_noise
+from analysis.stages.noise.channel_noise import noise_source_notes as noise_notes
 from analysis.stages.signals.align import align
 from analysis.stages.signals.align import alignment_notes as grid_notes
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.grid_rate import machine_at_rate_of_log
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.timestamps import assign_timestamps
-from analysis.weighing.empty_mass_datum import note_weighbridge_tickets
+from analysis.weighing.empty_mass_datum import weighbridge_ticket_notes
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.learnt_means import make_learnt_mean_responses
 from analysis.weighing.load_frames import (
-    make_load_change_rows,
+    find_load_change_rows,
     make_load_frame,
     make_manoeuvre_frame,
 )
@@ -158,7 +158,7 @@ def run(
     judged = withhold_by_findings(seen.case.judged, causes, machine)
     opinion = Verdict.from_frame(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
-    plane, plane_budget = fit_planar(
+    plane, plane_budget = make_planar_frames(
         excitation, seen.frames["gate"], opinion, machine, seen.frames["noise"]
     )
     on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
@@ -204,7 +204,7 @@ def run(
                 *order_note(offsets_ns(logs, channel_fields(machine))),
                 *chosen,
                 *seen.notes,
-                *note_weighbridge_tickets(machine.machine, seen.case.check_inputs.t0_unix_ns),
+                *weighbridge_ticket_notes(machine.machine, seen.case.check_inputs.t0_unix_ns),
                 *why,
             ],
         ),
@@ -230,7 +230,7 @@ def _run_stages(
     excitation = compute_excitation(smoothed, machine)
     del smoothed
     on_stage("noise")  # of every column, from standstill and fast changes
-    noise = channel_noise(aligned, excitation, machine, read)
+    noise = estimate_channel_noise(aligned, excitation, machine, read)
     notes += noise_notes(noise)
     on_stage("gate")  # the index (11) over each window, and a reason for each
     gated = gate_windows(excitation, settings, noise)
@@ -251,7 +251,7 @@ def _run_stages(
     on_stage("segments")  # pooled over each manoeuvre
     table = pool_by_manoeuvre(excitation, gated, settings, noise)
     on_stage("trace")  # the estimators over the accepted windows; recursions load by load
-    estimates = trace_estimates(excitation, gated, settings, noise, make_load_change_rows(weighing))
+    estimates = trace_estimates(excitation, gated, settings, noise, find_load_change_rows(weighing))
     on_stage("verdict")  # what the ungated log, and that fit, say of all this
     everything = summarise_masses(excitation, gated, estimates, machine, noise)
     evidence = CheckInputs(
@@ -293,7 +293,7 @@ def _find_causes(
     stages: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine
 ) -> pl.DataFrame:
     """Find the causes of the log, and those behind a cause that masks the others."""
-    part = findings_of_first_hour(raw)
+    part = cut_to_first_hour(raw)
 
     def find_causes_with(changed: Machine) -> pl.DataFrame | None:
         try:
@@ -303,4 +303,6 @@ def _find_causes(
             return None
 
     whole = all(part[topic].height == frame.height for topic, frame in raw.items())
-    return add_masked_findings(find_causes(stages.case), machine, find_causes_with, whole=whole)
+    return add_masked_findings(
+        find_causes(stages.case), machine, find_causes_with, is_whole_log=whole
+    )

@@ -35,7 +35,7 @@ def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     cost = np.full((a.height + 1, b.height + 1), np.inf)
     steps = _LEFT_OUT * np.arange(b.height + 1)
     cost[0] = steps
-    pair = _cost_of_each_pair(a, b)
+    pair = _matching_costs(a, b)
     for row in range(a.height):
         best = cost[row] + _LEFT_OUT
         best[1:] = np.minimum(best[1:], cost[row, :-1] + pair[row])
@@ -54,7 +54,7 @@ def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     return found[::-1]
 
 
-def _cost_of_each_pair(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
+def _matching_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
     """Cost (a, b) of matching two manoeuvres; infinite for different phases."""
     lengths = [
         np.log(np.maximum((each["end_t_ns"] - each["start_t_ns"]).to_numpy(), 1)) for each in (a, b)
@@ -90,7 +90,7 @@ def shift_spans_to_time_of_a(a: Run, b: Run) -> pl.DataFrame | None:
     if any(table.is_empty() for table in tables):
         return None
     pairs = pair_manoeuvres(*tables)
-    reach = [manoeuvre_reach(table) for table in tables]
+    reach = [manoeuvre_spans_with_half_gaps(table) for table in tables]
     rows: list[dict[str, int]] = []
     for i, j in pairs:
         shift = int(tables[0]["start_t_ns"][i]) - int(tables[1]["start_t_ns"][j])
@@ -100,7 +100,7 @@ def shift_spans_to_time_of_a(a: Run, b: Run) -> pl.DataFrame | None:
     return pl.DataFrame(rows) if rows else None
 
 
-def manoeuvre_reach(table: pl.DataFrame) -> list[tuple[int, int]]:
+def manoeuvre_spans_with_half_gaps(table: pl.DataFrame) -> list[tuple[int, int]]:
     """Span of each manoeuvre to the middles of its gaps; a minute beyond the outer ones."""
     starts, ends = table["start_t_ns"].to_list(), table["end_t_ns"].to_list()
     halves = [(end + start) // 2 for end, start in zip(ends[:-1], starts[1:], strict=True)]

@@ -93,7 +93,7 @@ class Comparison:
         return {"equal": self.equal, **plain}
 
 
-def same_inputs(a: Provenance, b: Provenance) -> bool:
+def has_same_inputs(a: Provenance, b: Provenance) -> bool:
     """Whether two replays read the same bytes, under any file names."""
     digests = [sorted(each.sha256 for each in about.inputs) for about in (a, b)]
     return digests[0] == digests[1]
@@ -123,9 +123,9 @@ def compare_runs(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) 
         only_b=tuple(name for name in b.stages if name not in a.stages),
         stages=tuple(change for change in changes if change is not None),
         columns=sum(len({*a.stages[name], *b.stages[name]}) for name in compared),
-        estimates=estimate_changes(a, b, rtol),
-        manoeuvres=manoeuvre_changes(a, b, rtol, offset_ns) if rows else (),
-        checks=tuple(check_changes(a, b)),
+        estimates=changes_of_estimates(a, b, rtol),
+        manoeuvres=changes_of_manoeuvres(a, b, rtol, offset_ns) if rows else (),
+        checks=tuple(changed_checks(a, b)),
     )
 
 
@@ -169,7 +169,7 @@ def _iter_input_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
     names = [", ".join(each.name for each in about.inputs) for about in (a, b)]
     if names[0] != names[1]:
         yield ValueChange("names", *names)
-    if not same_inputs(a, b):
+    if not has_same_inputs(a, b):
         digests = [", ".join(each.sha256 for each in about.inputs) for about in (a, b)]
         yield ValueChange("contents", *digests)
 
@@ -193,7 +193,7 @@ def _read_stage_rows(replay: Replay, stage: str) -> list[dict[str, Any]]:
     return replay.read(stage, replay.stages[stage]).to_dicts() if stage in replay.stages else []
 
 
-def estimate_changes(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
+def changes_of_estimates(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
     """Changes of the whole log's masses, by method, and of its loads' masses."""
     mine, theirs = (
         {row["method"]: row for row in _read_stage_rows(each, "masses")} for each in (a, b)
@@ -209,7 +209,7 @@ def estimate_changes(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange,
     )
 
 
-def manoeuvre_changes(
+def changes_of_manoeuvres(
     a: Replay, b: Replay, rtol: float, offset_ns: int
 ) -> tuple[EstimateChange, ...]:
     """Changes of manoeuvres, with those of B assigned to A's at their middle."""
@@ -262,7 +262,7 @@ def _is_equal(a: float | None, b: float | None, rtol: float) -> bool:
     return a == b or abs(a - b) <= rtol * max(abs(a), abs(b))
 
 
-def check_changes(a: Replay, b: Replay) -> Iterator[ValueChange]:
+def changed_checks(a: Replay, b: Replay) -> Iterator[ValueChange]:
     """Checks that passed in only one of the two."""
     passed = [
         {row["check"]: row["passed"] for row in _read_stage_rows(each, "verdict")}

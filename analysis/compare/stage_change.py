@@ -111,7 +111,7 @@ def compare_stage(
     key = [
         column for column in _KEYS.get(frame_of_stage(name), ()) if all(column in c for c in has)
     ]
-    ids = [row_keys(a, name, key, 0), row_keys(b, name, key, offset_ns)]
+    ids = [row_keys_in_time_of_a(a, name, key, 0), row_keys_in_time_of_a(b, name, key, offset_ns)]
     pairs = None if ids[0].equals(ids[1]) else corresponding_rows(ids[0], ids[1], key)
     height = ids[0].height
     faults = [
@@ -130,7 +130,7 @@ def compare_stage(
                 y = y + offset_ns
             if pairs is not None:
                 x, y = x.gather(pairs["row_a"]), y.gather(pairs["row_b"])
-            changes += column_changes(x, y, rtol, seconds)
+            changes += iter_column_change(x, y, rtol, seconds)
     common = height if pairs is None else pairs.height
     order = list(has[0]) != list(has[1]) and not faults
     if not (faults or changes or order or common != height or ids[1].height != common):
@@ -138,7 +138,9 @@ def compare_stage(
     return StageChange(name, height, ids[1].height, common, (*faults, *changes), order)
 
 
-def row_keys(replay: Replay, name: str, key: Sequence[str], offset_ns: int) -> pl.DataFrame:
+def row_keys_in_time_of_a(
+    replay: Replay, name: str, key: Sequence[str], offset_ns: int
+) -> pl.DataFrame:
     """Key of each row in A's time; the row number if the frame has no key."""
     columns = list(key) or [replay.stages[name][0]] if replay.stages[name] else []
     frame = replay.read(name, columns) if columns else pl.DataFrame()
@@ -175,7 +177,7 @@ def column_batches(columns: Sequence[str], height: int) -> Iterator[Sequence[str
         yield columns[begin : begin + size]
 
 
-def column_changes(
+def iter_column_change(
     x: pl.Series, y: pl.Series, rtol: float, seconds: pl.Series | None
 ) -> Iterator[ColumnChange]:
     """Yield the change of a column, if there is one."""

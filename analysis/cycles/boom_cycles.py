@@ -76,9 +76,9 @@ def add_boom_cycles(
     return sorted([*parts, *missed], key=_cycle_first_seen_ns), False
 
 
-def _cycle_first_seen_ns(part: CycleParts) -> int:
+def _cycle_first_seen_ns(cycle: CycleParts) -> int:
     """Time of the first evidence of a cycle."""
-    return next(span[0] for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span)
+    return next(span[0] for span in (cycle.dig_ns, cycle.haul_ns, cycle.dump_ns) if span)
 
 
 def _boom_cycle_parts(boom_dumps: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:

@@ -83,7 +83,7 @@ def find_boom_dumps(
             and the boom dumps where it reaches up.
     """
     t_ns, boom = excitation["t_ns"].to_numpy(), column_values(aligned, "boom_rad")
-    slow = is_creeping(excitation)
+    slow = is_standing_or_creeping(excitation)
     whole = np.isfinite(boom)
     driving = whole & ~slow
     if not driving.any() or not (slow & whole).any():
@@ -102,7 +102,7 @@ def find_boom_dumps(
         return NO_DUMPS
     reach = away / typical_rad
     out = whole & (reach > LIMITS.boom_out_fraction)
-    stands = out & find_standing_samples(excitation)
+    stands = out & is_standing(excitation)
     inside_ns = t_ns[whole & ~out]
     spans = [
         _trim_to_standstills(span, t_ns[stands], reach[stands])
@@ -118,9 +118,9 @@ def find_boom_dumps(
     return BoomDumps(tells=True, dumps=tuple(dumps))
 
 
-def is_creeping(excitation: pl.DataFrame) -> Bools:
+def is_standing_or_creeping(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands or creeps, (n,)."""
-    stands = find_standing_samples(excitation)
+    stands = is_standing(excitation)
     speed = np.abs(column_values(excitation, "speed_x_m_s"))
     moving = speed[np.isfinite(speed) & ~stands]
     if not moving.size:
@@ -131,28 +131,28 @@ def is_creeping(excitation: pl.DataFrame) -> Bools:
     )
 
 
-def find_standing_samples(excitation: pl.DataFrame) -> Bools:
+def is_standing(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands, (n,)."""
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 
 
-def dumping_reach(away: Floats) -> float:
+def dumping_reach(deflection_rad: Floats) -> float:
     """Signed reach of a boom that dumps: upwards, unless it reaches far less that way.
 
     A boom that moves during driving is far from its usual position both at the dump and at the
     pile.
 
     Args:
-        away: (n,) angle of the boom from its usual position, while slow.
+        deflection_rad: (n,) angle of the boom from its usual position, while slow.
     """
-    low, high = np.quantile(away, LIMITS.boom_reach_quantiles)
+    low, high = np.quantile(deflection_rad, LIMITS.boom_reach_quantiles)
     return float(high if high > LIMITS.boom_upward_fraction * abs(low) else low)
 
 
-def _farthest_reach(away: Floats, slow: Bools, t_ns: Ints, span: Span) -> float:
+def _farthest_reach(deflection_rad: Floats, slow: Bools, t_ns: Ints, span: Span) -> float:
     """Largest deflection of the boom in a span, with its sign; 0 if unknown."""
     first, last = np.searchsorted(t_ns, span)
-    inside = away[first : last + 1][slow[first : last + 1]]
+    inside = deflection_rad[first : last + 1][slow[first : last + 1]]
     return float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
 
 
@@ -169,19 +169,21 @@ def _emptying_time_ns(reach: Floats, t_ns: Ints, span: Span) -> int:
     return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
-def join_dumps(when: Ints, inside_ns: Ints) -> list[Span]:
+def join_dumps(outside_ns: Ints, inside_ns: Ints) -> list[Span]:
     """Spans of dumping samples, joined over moments in which the bucket is shaken.
 
     If the boom does not return in between, it is driven to the dump or away from it.
 
     Args:
-        when: (n,) times at which the boom is out while the machine hardly moves.
+        outside_ns: (n,) times at which the boom is out while the machine hardly moves.
         inside_ns: times with the boom in.
     """
-    if not when.size:
+    if not outside_ns.size:
         return []
-    load_returns = np.diff(np.searchsorted(inside_ns, when)) > 0
-    parts = np.split(when, np.flatnonzero((np.diff(when) > ONE_DUMP_NS) & load_returns) + 1)
+    load_returns = np.diff(np.searchsorted(inside_ns, outside_ns)) > 0
+    parts = np.split(
+        outside_ns, np.flatnonzero((np.diff(outside_ns) > ONE_DUMP_NS) & load_returns) + 1
+    )
     return [(int(part[0]), int(part[-1])) for part in parts]
 
 

@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.shared_errors import SharedErrors
-from analysis.calibration.use.mass_differences import difference_on_line
+from analysis.calibration.use.mass_differences import calibrate_payloads_by_line
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.cycles.haul_spillage import subtract_spillage_from_payloads
 from analysis.model.schema import MOVED, QUALITY, column_values, conform_to_schema
@@ -47,7 +47,7 @@ def calibrate_cycles(
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
     scale_1 = column_values(cycles, "scale_1")
     payload_kg = column_values(cycles, "payload_kg") / scale_1
-    on_line = difference_on_line(calibration, shared_errors, numbers, payload_kg)
+    on_line = calibrate_payloads_by_line(calibration, shared_errors, numbers, payload_kg)
     common, shared = (
         on_line.common_kg_beside_line(column_values(cycles, f"own_u_{n}_kg")) for n in _COMMON
     )
@@ -68,7 +68,7 @@ def calibrate_cycles(
     )
     if is_empty_mass_scale_better(cycles, on_scale, tuple(found)):
         return cycles
-    off_kg, u_kg = _mean_offset_from_line_kg(calibration, shared_errors)
+    off_kg, u_kg = _mean_offset_from_line_and_u_kg(calibration, shared_errors)
     reasons = pl.Series(
         "reason", [_exclusion_reason(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
     )
@@ -110,7 +110,7 @@ def is_empty_mass_scale_better(
     return relative_u_of_sum(cycles) < relative_u_of_sum(on_line)
 
 
-def _mean_offset_from_line_kg(
+def _mean_offset_from_line_and_u_kg(
     calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
     """Mean offset of the log's masses from their line in kg, with its standard uncertainty."""
@@ -127,7 +127,7 @@ def _mean_offset_from_line_kg(
     ):
         return 0.0, 0.0
     moved_kg = np.mean(of_masses, axis=0)
-    return shared_errors.offset_from_line_kg(
+    return shared_errors.offset_from_line_and_u_kg(
         moved_kg, shared_errors.line_shifts(calibration.responses, 1.0, 0.0)
     )
 

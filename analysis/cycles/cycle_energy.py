@@ -23,14 +23,14 @@ from analysis.cycles.energy_integrals import (
     Floats,
     PhaseIntegrals,
     PhaseSpan,
-    delay_drive,
+    delay_driving_samples,
     sum_fuel_litres,
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
-    force_gain_uncertainty,
+    common_and_own_relative_mass_u,
+    force_gain_u_and_missing_settings,
     perturb_each_term,
-    relative_mass_uncertainty,
 )
 from analysis.cycles.fitted_drive import FittedDrive, fit_drive
 from analysis.model.machine import Machine
@@ -124,8 +124,8 @@ def compute_shift_energy(
     value = _split_energy_by_phase(found, drive.model)
     if value[:, PARTS.index("work")].sum() <= 0.0:
         return NO_ENERGY
-    gain_u_1, unknown = force_gain_uncertainty(machine)
-    common_1, random_1 = relative_mass_uncertainty(frames)
+    gain_u_1, unknown = force_gain_u_and_missing_settings(machine)
+    common_1, random_1 = common_and_own_relative_mass_u(frames)
     common = [*_energy_changes_by_term(drive, spans, found, value), gain_u_1 * value]
     common.append(common_1 * _work_change_by_mass(found))
     random = _random_work_uncertainty(found, value, drive.model, random_1, spans)
@@ -148,7 +148,7 @@ def _energy_changes_by_term(
     ]
     earlier, later = (
         _split_energy_by_phase(replace(drive, samples=each).integrate(spans), model) - value
-        for each in (delay_drive(drive.samples, way * drive.move_rows) for way in (-1, 1))
+        for each in (delay_driving_samples(drive.samples, way * drive.move_rows) for way in (-1, 1))
     )
     return [
         *(_split_energy_by_phase(integrals, each) - value for each in forces),
@@ -156,7 +156,7 @@ def _energy_changes_by_term(
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
         _work_change_by_slope(integrals, model),
-        _misfit_work(integrals, value, model),
+        _mean_residual_work(integrals, value, model),
         drive.speed_u_1 * _work_change_by_speed(value),
     ]
 
@@ -263,7 +263,7 @@ def _shift_friction_to_coulomb(
     return replace(model, direction=model.direction + coulomb_N, viscous=model.viscous - less_N_s_m)
 
 
-def _misfit_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+def _mean_residual_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """Mean residual work of the fit without digging, (phases, parts) in J."""
     left_N = _unexplained_work(integrals, value, model).sum() / max(
         integrals.drive["direction"].sum(), 1.0

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from analysis.cycles.boom_dumps import (
     BOOM_MOVES_RAD,
     ONE_DUMP_NS,
-    find_standing_samples,
-    is_creeping,
+    is_standing,
+    is_standing_or_creeping,
 )
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.load_passes import Passes
@@ -75,7 +75,7 @@ class _DriveSamples(NamedTuple):
             t_ns,
             np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s),
             np.abs(column_values(excitation, "speed_x_m_s")),
-            find_standing_samples(excitation),
+            is_standing(excitation),
             excitation["phase"].is_not_null().to_numpy(),
         )
 
@@ -169,10 +169,10 @@ def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CyclePar
             if now is not None:
                 now.after = number
             now, empty = None, number
-    return _add_neighbours(cycles, passes)
+    return _add_neighbouring_passes(cycles, passes)
 
 
-def _add_neighbours(cycles: list[CycleParts], passes: Passes) -> list[CycleParts]:
+def _add_neighbouring_passes(cycles: list[CycleParts], passes: Passes) -> list[CycleParts]:
     """Add the nearest empty passes to cycles that lack their own."""
     empties = np.flatnonzero(~passes.loaded)
     for cycle in cycles:
@@ -199,7 +199,7 @@ def add_dump_times(
         excitation: frame with the phases.
     """
     t_ns = excitation["t_ns"].to_numpy()
-    stands, stops = find_standing_samples(excitation), is_creeping(excitation)
+    stands, stops = is_standing(excitation), is_standing_or_creeping(excitation)
     boom = column_values(aligned, "boom_rad")
     for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
         ready = _last_loaded_time_ns(cycle, passes)
@@ -347,7 +347,7 @@ def find_idle_standstills(excitation: pl.DataFrame) -> list[tuple[int, int]]:
     if excitation.is_empty():
         return []
     t_ns = excitation["t_ns"].to_numpy()
-    begins, ends = runs_of_flagged_samples(find_standing_samples(excitation))
+    begins, ends = runs_of_flagged_samples(is_standing(excitation))
     return [
         (int(t_ns[b]), int(t_ns[e]))
         for b, e in zip(begins, ends, strict=True)

@@ -21,19 +21,19 @@ from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
     ShiftScale,
-    carry_back_variance,
-    clean_bucket_mass_kg,
-    empty_machine,
+    carry_back_variance_kg2,
+    mass_and_u_with_clean_bucket_kg,
     pass_weights_by_state,
+    weigh_empty_machine,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
 from analysis.cycles.load_passes import NO_PASSES, Passes, find_load_passes
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build_frame
-from analysis.model.uncertainty_sources import combined_u, unknown_scale
+from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
 from analysis.model.verdict import Verdict
-from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine, payload_sources
+from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine, payload_uncertainty_sources
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Floats
@@ -118,16 +118,16 @@ def weigh_cycles(
         parts, contradicts = add_boom_cycles(parts, found, digs, *motion)
     if not parts:
         return LogCycles(_cycle_frame([]), {}, ShiftScale())
-    withheld = ", ".join(check.check for check in verdict.failed("mass"))
+    withheld = ", ".join(check.check for check in verdict.withholding_checks("mass"))
     withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
     fuel = FuelOnBoard.from_channel(machine.machine, motion[0])
-    empty = empty_machine(weighing, machine, found, fuel)
-    withheld = withheld or (empty.contradiction if empty else "")
+    empty = weigh_empty_machine(weighing, machine, found, fuel)
+    withheld = withheld or (empty.contradiction_text if empty else "")
     share = _weight_of_tare_before(found)
     worth = shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
-    clean = clean_bucket_mass_kg(found)
+    clean = mass_and_u_with_clean_bucket_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
         weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
@@ -145,7 +145,7 @@ def weigh_cycles(
             if of_states is not None:
                 sums[number] = of_states @ weights
             row["manoeuvres"] = int(counts[part.loaded])
-        row["quality"], row["counted"] = _payload_quality(row, part)
+        row["quality"], row["counted"] = _payload_quality_and_counted(row, part)
         row["withheld_for"] = reason or _remark_on_cycle(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = _cycle_completion_ns(part)
@@ -161,33 +161,33 @@ def _cycle_frame(rows: list[dict[str, object]]) -> pl.DataFrame:
     return build_frame("cycles", columns)
 
 
-def _list_cycle_times(part: CycleParts, ready_ns: int) -> dict[str, object]:
+def _list_cycle_times(cycle: CycleParts, ready_ns: int) -> dict[str, object]:
     """Times and parts of a cycle, from one dump to the next."""
-    dig, haul, dump = part.dig_ns, part.haul_ns, part.dump_ns
+    dig, haul, dump = cycle.dig_ns, cycle.haul_ns, cycle.dump_ns
     seen = [span for span in (dig, haul, dump) if span]
     return {
         "start_t_ns": min(ready_ns, seen[0][0]),
-        "end_t_ns": seen[-1][1] if dump is None else part.dumped_ns,
+        "end_t_ns": seen[-1][1] if dump is None else cycle.dumped_ns,
         "dig_t_ns": dig and dig[0],
-        "dump_t_ns": part.dumped_ns,
+        "dump_t_ns": cycle.dumped_ns,
         "return_s": None if dig is None else max(dig[0] - ready_ns, 0) / NS_PER_S,
         "load_s": (haul[0] - dig[0]) / NS_PER_S if dig and haul else None,
-        "haul_s": (dump[0] - haul[0]) / NS_PER_S if haul and dump and not part.unseen else None,
-        "dump_s": (dump[1] - dump[0]) / NS_PER_S if dump and not part.unseen else None,
+        "haul_s": (dump[0] - haul[0]) / NS_PER_S if haul and dump and not cycle.unseen else None,
+        "dump_s": (dump[1] - dump[0]) / NS_PER_S if dump and not cycle.unseen else None,
     }
 
 
-def _cycle_completion_ns(part: CycleParts) -> int:
+def _cycle_completion_ns(cycle: CycleParts) -> int:
     """Time at which a cycle is complete."""
-    seen = [span for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span]
+    seen = [span for span in (cycle.dig_ns, cycle.haul_ns, cycle.dump_ns) if span]
     return seen[-1][1]
 
 
-def _reason_for_no_mass(part: CycleParts) -> str:
+def _reason_for_no_mass(cycle: CycleParts) -> str:
     """Why a cycle has no mass; empty if it has one."""
-    if part.loaded is None:
+    if cycle.loaded is None:
         return "no usable start with this load"
-    if part.before is None and part.after is None:
+    if cycle.before is None and cycle.after is None:
         return "no empty pass to compare with"
     return ""
 
@@ -199,39 +199,39 @@ def _remark_on_cycle(row: dict[str, object]) -> str:
     }.get(str(row["quality"]), "")
 
 
-def _payload_quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
+def _payload_quality_and_counted(row: dict[str, object], cycle: CycleParts) -> tuple[str, bool]:
     payload_kg, u_kg = row.get("payload_kg"), row.get("payload_u_kg")
     if not isinstance(payload_kg, float) or not isinstance(u_kg, float):
         return "no mass", False
-    if part.dump_ns is None:
+    if cycle.dump_ns is None:
         return "not dumped", False
     return ("weak" if u_kg > LIMITS.doubtful_payload_u * abs(payload_kg) else "good"), True
 
 
 def _make_payload_row(
-    part: CycleParts, passes: Passes, share: Floats, cleanest: tuple[float, float]
+    cycle: CycleParts, passes: Passes, share: Floats, cleanest: tuple[float, float]
 ) -> dict[str, object]:
     row: dict[str, object] = {}
     for name, number in (
-        ("loaded", part.loaded),
-        ("empty_before", part.before),
-        ("empty_after", part.after),
+        ("loaded", cycle.loaded),
+        ("empty_before", cycle.before),
+        ("empty_after", cycle.after),
     ):
         if number is not None:
             row[f"{name}_id"] = number
             row[f"{name}_kg"] = float(passes.mass_kg[number])
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
-    weights = pass_weights(part, share, passes.mass_kg.size)
+    weights = pass_weights(cycle, share, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
-    variance_kg2 = weights**2 @ passes.u_kg**2 + _carry_back_variance_kg2(part, passes, share)
+    variance_kg2 = weights**2 @ passes.u_kg**2 + _carry_back_variance_kg2(cycle, passes, share)
     row |= {
-        "tare_before_1": 0.0 if part.before is None else -float(weights[part.before]),
+        "tare_before_1": 0.0 if cycle.before is None else -float(weights[cycle.before]),
         "payload_kg": payload_kg,
         "payload_u_random_kg": float(np.sqrt(variance_kg2)),
     }
-    if part.after is not None:
-        row["carry_back_kg"] = float(passes.mass_kg[part.after]) - cleanest[0]
-        row["carry_back_u_kg"] = float(np.hypot(passes.u_kg[part.after], cleanest[1]))
+    if cycle.after is not None:
+        row["carry_back_kg"] = float(passes.mass_kg[cycle.after]) - cleanest[0]
+        row["carry_back_u_kg"] = float(np.hypot(passes.u_kg[cycle.after], cleanest[1]))
     return row
 
 
@@ -263,21 +263,21 @@ def _payload_uncertainty(
     }
 
 
-def pass_weights(part: CycleParts, share: Floats, count: int) -> Floats:
+def pass_weights(cycle: CycleParts, share: Floats, count: int) -> Floats:
     """(passes,) weights of the passes' masses in a payload.
 
     Args:
-        part: the cycle.
+        cycle: the cycle.
         share: (passes,) weight of the empty pass before, if there is one after as well.
         count: number of passes.
     """
     weights = np.zeros(count)
-    assert part.loaded is not None
-    weights[part.loaded] = 1.0
-    before, after = part.before, part.after
+    assert cycle.loaded is not None
+    weights[cycle.loaded] = 1.0
+    before, after = cycle.before, cycle.after
     if before is not None and after is not None:
-        weights[before] -= share[part.loaded]
-        weights[after] -= 1.0 - share[part.loaded]
+        weights[before] -= share[cycle.loaded]
+        weights[after] -= 1.0 - share[cycle.loaded]
     else:
         weights[after if before is None else before] = -1.0
     return weights
@@ -287,7 +287,7 @@ def _weight_of_tare_before(passes: Passes) -> Floats:
     """Minimum-variance weight of the empty pass before each loaded pass, (passes,)."""
     share = np.full(passes.mass_kg.size, 0.5)
     empties = np.flatnonzero(~passes.loaded)
-    spread = 2.0 * carry_back_variance(passes)
+    spread = 2.0 * carry_back_variance_kg2(passes)
     for loaded in np.flatnonzero(passes.loaded):
         place = int(np.searchsorted(empties, loaded))
         if 0 < place < empties.size:
@@ -296,14 +296,14 @@ def _weight_of_tare_before(passes: Passes) -> Floats:
     return share
 
 
-def _carry_back_variance_kg2(part: CycleParts, passes: Passes, share: Floats) -> float:
+def _carry_back_variance_kg2(cycle: CycleParts, passes: Passes, share: Floats) -> float:
     """Variance of a payload due to a different carry-back before it, in kg²."""
-    variance = 2.0 * carry_back_variance(passes)
-    if part.loaded is None:
+    variance = 2.0 * carry_back_variance_kg2(passes)
+    if cycle.loaded is None:
         return 0.0
-    before = 0.0 if part.before is None else 1.0 if part.after is None else share[part.loaded]
+    before = 0.0 if cycle.before is None else 1.0 if cycle.after is None else share[cycle.loaded]
     # an empty pass beyond the next load has another cycle's
-    own = part.after is None or part.after == part.loaded + 1
+    own = cycle.after is None or cycle.after == cycle.loaded + 1
     after = 0.0 if own else 1.0 - before
     return variance * (before**2 + after**2)
 
@@ -355,9 +355,9 @@ def shared_uncertainty(
         return _SharedUncertainty(none, none, 1.0, ShiftScale())
     datum = empty.relate_to_empty_mass(pass_weights_by_state(weighing.fit, passes) @ weights)
     own = common_uncertainty(weighing, machine, passes, weights, None)
-    gain_1, gain_u_1 = empty.gain or (None, None)
-    sources = payload_sources(weighing, machine, datum, empty.weights)
-    unknown = unknown_scale(sources)
+    gain_1, gain_u_1 = empty.weighed_over_stated_and_u or (None, None)
+    sources = payload_uncertainty_sources(weighing, machine, datum, empty.weights)
+    unknown = names_of_unknown_scale_sources(sources)
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
     if datum is None:
@@ -378,7 +378,7 @@ def common_uncertainty(
     fit = weighing.fit
     of_states = pass_weights_by_state(fit, passes)
     summed = of_states @ weights
-    sources = payload_sources(weighing, machine, datum, summed)
+    sources = payload_uncertainty_sources(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
     total_kg = max(abs(float(weights @ passes.mass_kg)), 1e-9)
     kept = (combined_u(sources, "random") / by_1) ** 2 - float(weights**2 @ passes.u_kg**2)

@@ -15,7 +15,7 @@ from analysis.cycles.boom_dumps import (
     ONE_DUMP_NS,
     BoomDumps,
     find_boom_dumps,
-    find_standing_samples,
+    is_standing,
 )
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import IDLE_S
@@ -42,7 +42,7 @@ class UncountedCycles(NamedTuple):
     on_board_u_kg: float | None
 
 
-def uncounted_cycles(
+def estimate_uncounted_cycles(
     cycles: pl.DataFrame, excitation: pl.DataFrame, aligned: pl.DataFrame
 ) -> UncountedCycles:
     """Compare digging, dumps of the boom and counted cycles.
@@ -75,7 +75,7 @@ def uncounted_cycles(
     )
 
 
-def unweighed_load_kg(
+def unweighed_load_and_u_kg(
     cycles: float,
     cycles_u: float,
     mean_kg: float | None,
@@ -131,7 +131,7 @@ def rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[f
     """
     if dumps_ns.size < LIMITS.rhythm_min_dumps:
         return []
-    t_ns, stands = excitation["t_ns"].to_numpy(), find_standing_samples(excitation)
+    t_ns, stands = excitation["t_ns"].to_numpy(), is_standing(excitation)
     step_s = np.diff(t_ns, prepend=t_ns[0]) / NS_PER_S
     # cycles of a hole are priced apart
     step_s[step_s > HOLE_S] = 0.0

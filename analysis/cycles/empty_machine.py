@@ -78,7 +78,7 @@ def pass_weights_by_state(fit: JointFit, passes: Passes) -> Floats:
     return weights
 
 
-def carry_back_variance(passes: Passes) -> float:
+def carry_back_variance_kg2(passes: Passes) -> float:
     """Variance of the carry-back in kg²: variance of the empty passes beyond their noise."""
     mass, u = passes.mass_kg[~passes.loaded], passes.u_kg[~passes.loaded]
     if mass.size < LIMITS.carried_min_passes:
@@ -87,7 +87,7 @@ def carry_back_variance(passes: Passes) -> float:
     return max(float(np.mean(np.diff(mass) ** 2 - u[1:] ** 2 - u[:-1] ** 2)) / 2.0, 0.0)
 
 
-def clean_bucket_mass_kg(passes: Passes) -> tuple[float, float]:
+def mass_and_u_with_clean_bucket_kg(passes: Passes) -> tuple[float, float]:
     """Mass of the machine with a clean bucket, and its uncertainty, in kg.
 
     The spread of empty passes exceeds that of the carry-back, so quantiles are shrunk towards the
@@ -97,14 +97,14 @@ def clean_bucket_mass_kg(passes: Passes) -> tuple[float, float]:
     if not mass.size:
         return float("nan"), float("nan")
     noise = float(np.mean(u**2))
-    true = carry_back_variance(passes)
+    true = carry_back_variance_kg2(passes)
     kept = float(np.sqrt(true / (true + noise))) if true + noise > 0 else 0.0
     middle = float(np.mean(mass))
     least = middle + kept * (float(np.quantile(mass, LIMITS.clean_bucket_quantile)) - middle)
     return least, float(np.sqrt(noise / mass.size + true * (1.0 - kept)))
 
 
-def empty_machine(
+def weigh_empty_machine(
     weighing: Weighing | None, machine: Machine, passes: Passes, fuel: FuelOnBoard | None = None
 ) -> EmptyMachine | None:
     """The empty machine as weighed by the empty passes; None without any.
@@ -120,7 +120,7 @@ def empty_machine(
         return None
     share = np.where(empty, 1.0 / passes.u_kg**2, 0.0)
     share /= share.sum()
-    least_kg, least_u_kg = clean_bucket_mass_kg(passes)
+    least_kg, least_u_kg = mass_and_u_with_clean_bucket_kg(passes)
     carried_kg = max(float(share @ passes.mass_kg) - least_kg, 0.0)
     # the noise of the passes is in their own masses
     noise_kg2 = float(np.mean(passes.u_kg[empty] ** 2)) / int(empty.sum())
@@ -128,7 +128,7 @@ def empty_machine(
     carried = carried_kg, float(np.sqrt(own_kg2 + (LIMITS.clean_bucket_u * carried_kg) ** 2))
     weights = pass_weights_by_state(weighing.fit, passes) @ share
     middles_ns = (passes.start_ns + passes.end_ns) / 2.0
-    fuel_kg = (0.0, 0.0) if fuel is None else fuel.mass_since_ticket_kg(middles_ns, share)
+    fuel_kg = (0.0, 0.0) if fuel is None else fuel.mass_since_ticket_and_u_kg(middles_ns, share)
     return EmptyMachine(weighing, machine, weights, carried, fuel_kg)
 
 
@@ -153,7 +153,7 @@ def find_empty_mass_jump(
     found: list[tuple[float, MixedMachines]] = []
     for number, border_ns in enumerate(begins_ns[1:], 1):
         later = start_ns >= border_ns
-        sides = [_lightest_mass(mass_kg[side], std_kg[side]) for side in (~later, later)]
+        sides = [_lightest_mass_and_std(mass_kg[side], std_kg[side]) for side in (~later, later)]
         if sides[0] is None or sides[1] is None:
             continue
         (before_kg, u_kg), (after_kg, other_u_kg) = sides[0], sides[1]
@@ -166,7 +166,7 @@ def find_empty_mass_jump(
     return max(found, key=lambda each: each[0])[1] if found else None
 
 
-def _lightest_mass(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
+def _lightest_mass_and_std(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
     """Mass of the lightest starts, and its standard deviation; None if none is known empty."""
     if mass_kg.size < LIMITS.side_min_starts:
         return None

@@ -137,7 +137,7 @@ def collect_energy_samples(
     )
 
 
-def rows_of_each_phase(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
+def row_span_of_each_phase(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
     """First and end row of each phase, (phases, 2)."""
     ends = [(span.start_ns, span.end_ns) for span in spans]
     return np.searchsorted(samples.t_ns, ends).reshape(-1, 2)
@@ -150,7 +150,7 @@ def sum_fuel_litres(samples: EnergySamples, spans: list[PhaseSpan]) -> Floats:
     litres = np.nan_to_num(samples.fuel_L_h) * samples.step_s / SECONDS_PER_HOUR
     unknown_s = np.where(np.isnan(samples.fuel_L_h), samples.step_s, 0.0)
     fuel_L, lost_s = (
-        np.array([each[first:last].sum() for first, last in rows_of_each_phase(samples, spans)])
+        np.array([each[first:last].sum() for first, last in row_span_of_each_phase(samples, spans)])
         for each in (litres, unknown_s)
     )
     return np.where(lost_s > LIMITS.longest_sample_s, np.nan, fuel_L)
@@ -176,21 +176,21 @@ def subtract_braked_drive(
         viscous_N_s_m: viscous friction by the joint fit.
         coulomb_N: Coulomb friction by the joint fit.
     """
-    speed, acceleration = centred_motion(excitation, machine)
+    speed, acceleration = centred_speed_and_acceleration(excitation, machine)
     along = mass_kg * acceleration * np.sign(speed) + viscous_N_s_m * np.abs(speed) + coulomb_N
     spins = _mark_phase(excitation, "spinning", machine, unknown=False)
     braked = samples.drives & ~samples.digs & ~spins & (along < 0.0)
     return replace(samples, drives=samples.drives & ~braked, slows=samples.slows | braked)
 
 
-def advance_drive(samples: EnergySamples, force_late_s: float) -> EnergySamples:
+def advance_driving_samples(samples: EnergySamples, force_late_s: float) -> EnergySamples:
     """Shift the driving stretches from the time of measurement to the time of action."""
     sampled = samples.step_s[samples.step_s > 0.0]
     rows = round(force_late_s / float(np.median(sampled))) if sampled.size else 0
-    return delay_drive(samples, -rows)
+    return delay_driving_samples(samples, -rows)
 
 
-def delay_drive(samples: EnergySamples, rows: int) -> EnergySamples:
+def delay_driving_samples(samples: EnergySamples, rows: int) -> EnergySamples:
     """Delay the driving stretches by a number of rows.
 
     A motor releases gradually, so the end of its force is known to half the moving mean at best.
@@ -201,7 +201,9 @@ def delay_drive(samples: EnergySamples, rows: int) -> EnergySamples:
     return replace(samples, drives=drives, digs=digs, slows=slows)
 
 
-def centred_motion(excitation: pl.DataFrame, machine: Machine) -> tuple[Floats, Floats]:
+def centred_speed_and_acceleration(
+    excitation: pl.DataFrame, machine: Machine
+) -> tuple[Floats, Floats]:
     """Speed, and acceleration that multiplies the mass, by the centred moving mean, (n,) each."""
     names = ("speed_x_m_s", "regressor_acc_x_m_s2")
     speed, acceleration = (_centred_mean(excitation, name, machine) for name in names)
@@ -324,7 +326,7 @@ def integrate_phases(
         "quadratic": fast**3 * step_s,
         "slip": force * (wheels - speed) * step_s,
     }
-    edges = rows_of_each_phase(samples, spans)
+    edges = row_span_of_each_phase(samples, spans)
 
     def integrate_samples(x: Floats, samples_of_set: Bools) -> Floats:
         total = np.append(0.0, np.cumsum(np.where(samples_of_set, x, 0.0)))

@@ -7,7 +7,7 @@ from typing import Final, TypeVar
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import find_standing_samples
+from analysis.cycles.boom_dumps import is_standing
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.energy_integrals import MotionErrors
 from analysis.model.machine import Machine
@@ -51,7 +51,7 @@ class ForceModel:
 Terms = TypeVar("Terms", ForceModel, MotionErrors)
 
 
-def fitted_force_models(
+def fitted_force_model_and_u(
     frames: Mapping[str, pl.DataFrame], mass_kg: Floats, priors: PriorSettings
 ) -> tuple[ForceModel, ForceModel]:
     """Force model of the fit, and its standard uncertainties.
@@ -103,7 +103,7 @@ def fitted_force_models(
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
 
 
-def undetermined_coulomb_std(
+def coulomb_std_if_not_fitted(
     frames: Mapping[str, pl.DataFrame], mass_kg: Floats, machine: Machine
 ) -> float:
     """Standard deviation of Coulomb friction if the fit has no such term, in N.
@@ -134,7 +134,7 @@ def _combine_offsets(
 
     If they contradict each other, the fit's offset is used.
     """
-    at_rest = standstill_force_offset(excitation, mass_kg)
+    at_rest = standstill_force_offset_and_u(excitation, mass_kg)
     if at_rest is None or not by_fit[1]:
         return by_fit
     (fit_N, fit_u), (rest_N, rest_u) = by_fit, at_rest
@@ -144,7 +144,7 @@ def _combine_offsets(
     return float(np.average([fit_N, rest_N], weights=weights)), float(weights.sum() ** -0.5)
 
 
-def standstill_force_offset(
+def standstill_force_offset_and_u(
     excitation: pl.DataFrame, mass_kg: Floats
 ) -> tuple[float, float] | None:
     """Force measured at standstill on level ground, in N, and its uncertainty.
@@ -160,7 +160,7 @@ def standstill_force_offset(
         column_values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
     )
     means: list[tuple[float, float]] = []
-    for begin, end in zip(*runs_of_flagged_samples(find_standing_samples(excitation)), strict=True):
+    for begin, end in zip(*runs_of_flagged_samples(is_standing(excitation)), strict=True):
         # neither a motor that lets go nor one that is about to push
         quarter = (end - begin) // 4
         quiet = slice(begin + quarter, end - quarter + 1)
@@ -180,7 +180,7 @@ def standstill_force_offset(
     return (float(found[0]), u_N) if u_N > 0.0 else None
 
 
-def fitted_motion_errors(
+def fitted_motion_errors_and_u(
     nuisances: pl.DataFrame, model: ForceModel, machine: Machine
 ) -> tuple[MotionErrors, MotionErrors]:
     """Delays and slip by the fit, and their standard uncertainties.
@@ -206,7 +206,7 @@ def perturb_each_term(column_values: Terms, stds: Terms) -> list[Terms]:
     ]
 
 
-def force_gain_uncertainty(machine: Machine) -> tuple[float, str]:
+def force_gain_u_and_missing_settings(machine: Machine) -> tuple[float, str]:
     """Relative standard uncertainty of the measured work, and the settings missing for it.
 
     Torque times the speed of the same wheels needs no radius.
@@ -225,7 +225,7 @@ def force_gain_uncertainty(machine: Machine) -> tuple[float, str]:
     return float(np.linalg.norm([u or 0.0 for u in parts.values()])), ", ".join(unknown)
 
 
-def relative_mass_uncertainty(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
+def common_and_own_relative_mass_u(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
     """Relative standard uncertainty of masses on the force's scale: common, and individual."""
     loads = frames["loads"].filter(pl.col("mass_kg").is_not_null())
     budget = frames["budget"].filter(pl.col("kind") == "common").group_by("load_id")

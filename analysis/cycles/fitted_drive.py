@@ -12,8 +12,8 @@ from analysis.cycles.energy_integrals import (
     MotionErrors,
     PhaseIntegrals,
     PhaseSpan,
-    advance_drive,
-    centred_motion,
+    advance_driving_samples,
+    centred_speed_and_acceleration,
     collect_energy_samples,
     excitation_delay_rows,
     integrate_phases,
@@ -21,9 +21,9 @@ from analysis.cycles.energy_integrals import (
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
-    fitted_force_models,
-    fitted_motion_errors,
-    undetermined_coulomb_std,
+    coulomb_std_if_not_fitted,
+    fitted_force_model_and_u,
+    fitted_motion_errors_and_u,
 )
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
@@ -74,7 +74,7 @@ def _ground_force(
     It is of the moving mean: slip is a fraction of the speed, and accelerometer vibration in both
     would add up to work.
     """
-    v, a = centred_motion(excitation, machine)
+    v, a = centred_speed_and_acceleration(excitation, machine)
     resisted = model.viscous * v + model.direction * np.sign(v) + model.quadratic * v * np.abs(v)
     return mass_kg * a + model.acting_constant_force + resisted
 
@@ -84,11 +84,11 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
     grids = frames["aligned"], frames["excitation"], frames["digging"]
     cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
     mass_kg = _machine_and_load_mass_kg(collect_energy_samples(*grids, machine), cycles, manoeuvres)
-    model, model_u = fitted_force_models(frames, mass_kg, machine.settings.priors)
-    errors, errors_u = fitted_motion_errors(frames["nuisances"], model, machine)
+    model, model_u = fitted_force_model_and_u(frames, mass_kg, machine.settings.priors)
+    errors, errors_u = fitted_motion_errors_and_u(frames["nuisances"], model, machine)
     samples = collect_energy_samples(*grids, machine, model.offset)
     mass_kg = _machine_and_load_mass_kg(samples, cycles, manoeuvres)
-    samples = advance_drive(samples, errors.force_late_s)
+    samples = advance_driving_samples(samples, errors.force_late_s)
     friction = model.viscous, model.direction
     by_accelerometer = machine.settings.forces.acceleration == "specific_force"
     return FittedDrive(
@@ -101,7 +101,7 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
         model_u,
         errors,
         errors_u,
-        undetermined_coulomb_std(frames, mass_kg, machine),
+        coulomb_std_if_not_fitted(frames, mass_kg, machine),
         # a speed that is wrong beside an acceleration of the wheels is wrong in both
         machine.machine.wheel_radius_u_1 or 0.0 if by_accelerometer else 0.0,
     )
@@ -116,7 +116,7 @@ def _machine_and_load_mass_kg(
     by_state = means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
     order = np.argsort(middle)
-    starts = _Starts(middle[order], by_state[state][order])
+    starts = _StartMasses(middle[order], by_state[state][order])
     t_ns = samples.t_ns
     mass_kg = starts.nearest_masses(t_ns)
     for row in cycles.iter_rows(named=True):
@@ -126,8 +126,8 @@ def _machine_and_load_mass_kg(
         digs, filled = row["dig_t_ns"], row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
         begin, first, last, stop = np.searchsorted(t_ns, [start, digs, filled, end])
         # the cycle's own starts on either side of the pile, else what its neighbours weighed
-        before = starts.starts_between(start, digs, row["empty_before_kg"] or row["empty_after_kg"])
-        after = starts.starts_between(filled, end, row["loaded_kg"])
+        before = starts.select_between(start, digs, row["empty_before_kg"] or row["empty_after_kg"])
+        after = starts.select_between(filled, end, row["loaded_kg"])
         if before is None or after is None:
             continue
         mass_kg[begin:first] = before.nearest_masses(t_ns[begin:first])
@@ -140,22 +140,22 @@ def _machine_and_load_mass_kg(
     return mass_kg
 
 
-class _Starts(NamedTuple):
+class _StartMasses(NamedTuple):
     """Starts in order of time: the middle time of each, and the mean mass of its load state."""
 
     middle_ns: Floats
     mass_kg: Floats
 
-    def starts_between(
-        self, begin_ns: int, end_ns: int, otherwise_kg: float | None
-    ) -> "_Starts | None":
-        """Starts between two times; if none, one start of another known mass, else None."""
+    def select_between(
+        self, begin_ns: int, end_ns: int, default_kg: float | None
+    ) -> "_StartMasses | None":
+        """Starts between two times; without any, one of `default_kg`, or None if that is None."""
         chosen = (self.middle_ns >= begin_ns) & (self.middle_ns <= end_ns)
         if chosen.any():
-            return _Starts(self.middle_ns[chosen], self.mass_kg[chosen])
-        if otherwise_kg is None:
+            return _StartMasses(self.middle_ns[chosen], self.mass_kg[chosen])
+        if default_kg is None:
             return None
-        return _Starts(np.array([float(begin_ns)]), np.array([otherwise_kg]))
+        return _StartMasses(np.array([float(begin_ns)]), np.array([default_kg]))
 
     def nearest_masses(self, t_ns: Ints) -> Floats:
         """Mass of the nearest start to each time, (n,)."""

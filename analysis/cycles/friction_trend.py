@@ -19,7 +19,7 @@ import polars as pl
 from scipy.stats import t as student
 
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.model.axes import X, regressor
+from analysis.model.axes import X, regressor_and_force
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.settings import Settings
 from analysis.weighing.load_states import means_by_state
@@ -79,7 +79,7 @@ class FrictionPart(NamedTuple):
     std_N_s_m: float
 
 
-def friction_parts(
+def fit_friction_of_parts(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[FrictionPart, ...]:
     """Fit the viscous friction b in F - m·a - constants = b·v, for each part of a shift.
@@ -127,7 +127,7 @@ def _sum_manoeuvre_friction(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[Floats, Floats]:
     """Sums of speed times remaining force, and of squared speed, (manoeuvres,) each."""
-    A, force = regressor(X, excitation, settings)
+    A, force = regressor_and_force(X, excitation, settings)
     acceleration, speed = A[:, 0], A[:, 1]
     by_term: dict[str, float] = dict(nuisances.select("term", "posterior").iter_rows())
     way = np.sign(speed)
@@ -160,7 +160,7 @@ def _state_mass_of_each_manoeuvre_kg(manoeuvres: pl.DataFrame) -> Floats:
     return means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)[state]
 
 
-def friction_trend(days: Sequence[FrictionDay], limit_N_s_m: float) -> FrictionTrend:
+def fit_friction_trend(days: Sequence[FrictionDay], limit_N_s_m: float) -> FrictionTrend:
     """Fit the trend, and estimate the day on which it reaches the limit.
 
     Args:

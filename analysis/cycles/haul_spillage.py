@@ -46,7 +46,7 @@ def subtract_spillage(
     progress = _haul_fraction_when_weighed(
         parts, passes, frames["manoeuvres"], frames["excitation"]
     )
-    arriving, u = estimate_arriving_share(progress, body)
+    arriving, u = arriving_share_and_u(progress, body)
     known = cycles["payload_kg"].is_not_null().to_numpy()
     return subtract_spillage_from_payloads(
         cycles.with_columns(
@@ -56,7 +56,7 @@ def subtract_spillage(
     )
 
 
-def estimate_arriving_share(progress: Floats, body: Body) -> tuple[Floats, Floats]:
+def arriving_share_and_u(progress: Floats, body: Body) -> tuple[Floats, Floats]:
     """Fraction of the weighed load that arrives, and its standard uncertainty.
 
     If a fraction s of a load L is spilled evenly over the haul, L (1 - s p) is weighed at the

@@ -129,7 +129,7 @@ def find_load_passes(
 
 
 def find_short_hauls(
-    loaded: Bools, parts: Bools, begin: Ints, end: Ints, digs: pl.DataFrame
+    loaded: Bools, borders: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
 ) -> Bools:
     """Mark very short hauls of a load without a filling, (manoeuvres,).
 
@@ -138,32 +138,34 @@ def find_short_hauls(
 
     Args:
         loaded: (manoeuvres,) whether each is loaded.
-        parts: (manoeuvres - 1,) borders between passes.
-        begin: (manoeuvres,) begin of each.
-        end: (manoeuvres,) end of each.
+        borders: (manoeuvres - 1,) borders between passes.
+        begin_ns: (manoeuvres,) begin of each.
+        end_ns: (manoeuvres,) end of each.
         digs: the frame `digging`.
     """
     found = np.zeros(loaded.size, np.bool_)
-    first = np.flatnonzero(np.append(True, parts))
+    first = np.flatnonzero(np.append(True, borders))
     last = np.append(first[1:] - 1, loaded.size - 1)
-    spans_ns = (end[last] - begin[first])[loaded[first]]
+    spans_ns = (end_ns[last] - begin_ns[first])[loaded[first]]
     if spans_ns.size < LIMITS.filling_min_cycles:
         return found
     least_ns = LIMITS.short_haul_fraction * float(np.median(spans_ns))
     dug_ns = digs["start_t_ns"].to_numpy()
     # the first and the last load of a log may be cut off
     for from_, to in zip(first[1:-1].tolist(), last[1:-1].tolist(), strict=True):
-        if loaded[from_] and end[to] - begin[from_] < least_ns:
-            dug = (dug_ns >= begin[from_ - 1]) & (dug_ns < end[to])
+        if loaded[from_] and end_ns[to] - begin_ns[from_] < least_ns:
+            dug = (dug_ns >= begin_ns[from_ - 1]) & (dug_ns < end_ns[to])
             found[from_ : to + 1] = not dug.any()
     return found
 
 
-def _longest_filling_step_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -> int:
+def _longest_filling_step_ns(
+    loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
+) -> int:
     """Largest time in ns between starts that fill the same bucket, shorter than a cycle."""
     starts = np.sort(digs["start_t_ns"].to_numpy())
     stops = np.sort(digs["end_t_ns"].to_numpy())
-    middle = (begin + end) // 2
+    middle = (begin_ns + end_ns) // 2
     apart = [
         int(start - stop)
         for stop, start in zip(stops[:-1], starts[1:], strict=True)
@@ -176,8 +178,8 @@ def _longest_filling_step_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.Dat
 
 def _find_refill_borders(
     loaded: Bools,
-    begin: Ints,
-    end: Ints,
+    begin_ns: Ints,
+    end_ns: Ints,
     digs: pl.DataFrame,
     dumps: BoomDumps,
     one_filling_ns: int,
@@ -190,32 +192,32 @@ def _find_refill_borders(
     found: list[int] = []
     last_ns = -one_filling_ns
     for start, stop in digs.select("start_t_ns", "end_t_ns").sort("start_t_ns").iter_rows():
-        after = int(np.searchsorted(begin, start, "left"))
+        after = int(np.searchsorted(begin_ns, start, "left"))
         if 0 < after < loaded.size and loaded[after - 1] and loaded[after]:
             empties = np.flatnonzero(~loaded[:after])
             first = int(empties[-1]) + 1 if empties.size else 0
-            since_ns = max(int(begin[first]), last_ns)
-            dumped = bool(dumps.dumps_during(int(end[after - 1]), start))
+            since_ns = max(int(begin_ns[first]), last_ns)
+            dumped = bool(dumps.dumps_during(int(end_ns[after - 1]), start))
             # what drives while it is seen to dig is no haul
-            if (start - since_ns > one_filling_ns or dumped) and end[after - 1] <= start:
+            if (start - since_ns > one_filling_ns or dumped) and end_ns[after - 1] <= start:
                 found.append(after - 1)
         last_ns = stop
     return found
 
 
 def _reclassify_at_dumps(
-    loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame, dumps: BoomDumps
+    loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame, dumps: BoomDumps
 ) -> Bools:
     """Whether each manoeuvre is loaded, (manoeuvres,), with dumps where the boom shows them.
 
     If masses place a dump a few manoeuvres away from the boom's, the manoeuvres in between change
     class.
     """
-    at = [int(np.searchsorted(begin, each.dumped_ns)) for each in dumps.dumps]
-    dug = np.unique(np.searchsorted(begin, digs["start_t_ns"].to_numpy()))
+    at = [int(np.searchsorted(begin_ns, each.dumped_ns)) for each in dumps.dumps]
+    dug = np.unique(np.searchsorted(begin_ns, digs["start_t_ns"].to_numpy()))
     moved = loaded.copy()
     for first in np.flatnonzero(loaded[:-1] & ~loaded[1:]) + 1:
-        if dumps.dumps_during(int(end[first - 1]), int(begin[first])):
+        if dumps.dumps_during(int(end_ns[first - 1]), int(begin_ns[first])):
             continue
         # from one filling to the next
         low = int(max(dug[dug < first], default=0))
@@ -227,19 +229,19 @@ def _reclassify_at_dumps(
     return moved
 
 
-def _find_dump_borders(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> list[int]:
+def _find_dump_borders(loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> list[int]:
     """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""
     return [
         k
         for k in range(loaded.size - 1)
-        if loaded[k] and loaded[k + 1] and dumps.dumps_during(int(end[k]), int(begin[k + 1]))
+        if loaded[k] and loaded[k + 1] and dumps.dumps_during(int(end_ns[k]), int(begin_ns[k + 1]))
     ]
 
 
-def _mark_creeping_dumps(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
+def _mark_creeping_dumps(begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
     """Mark manoeuvres that creep while dumping, (manoeuvres,); a changing load has no mass."""
     dumped = np.array([each.dumped_ns for each in dumps.dumps], np.int64)
-    return np.searchsorted(dumped, begin) < np.searchsorted(dumped, end, "right")
+    return np.searchsorted(dumped, begin_ns) < np.searchsorted(dumped, end_ns, "right")
 
 
 def find_spilled_loads(
@@ -288,13 +290,13 @@ def classify_loaded_states(
 
 
 def _digging_labels(
-    mass_kg: Floats, u_kg: Floats, state: Ints, begin: Ints, end: Ints, digs: pl.DataFrame
+    mass_kg: Floats, u_kg: Floats, state: Ints, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
 ) -> Ints:
     """Labels by digging starts, (states,): 0 if one follows, 1 if one precedes, else -1."""
     label = np.full(mass_kg.size, -1)
     for start, stop in digs.select("start_t_ns", "end_t_ns").iter_rows():
-        before = int(np.searchsorted(end, start, "right")) - 1
-        after = int(np.searchsorted(begin, stop, "left"))
+        before = int(np.searchsorted(end_ns, start, "right")) - 1
+        after = int(np.searchsorted(begin_ns, stop, "left"))
         if before < 0 or after >= state.size:
             continue
         empty, full = state[before], state[after]
@@ -376,9 +378,9 @@ def _border_nearest_to_labels(mass_kg: Floats, label: Ints, border: float) -> fl
     return float(best[np.argmin(np.abs(best - border))])
 
 
-def robust_std(values: Floats, least: float) -> float:
+def robust_std(values: Floats, min_std: float) -> float:
     """Standard deviation from the median absolute deviation."""
-    return max(STD_OF_MAD * float(np.median(np.abs(values - np.median(values)))), least)
+    return max(STD_OF_MAD * float(np.median(np.abs(values - np.median(values)))), min_std)
 
 
 def median_border(values: Floats) -> float:

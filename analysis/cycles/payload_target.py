@@ -29,7 +29,7 @@ class TargetCheck(NamedTuple):
     keeps: bool
 
 
-def check_target(counted: pl.DataFrame, target_kg: float) -> TargetCheck | None:
+def judge_payload_target(counted: pl.DataFrame, target_kg: float) -> TargetCheck | None:
     """Judge the counted payloads; None without any.
 
     Args:

@@ -10,13 +10,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import find_standing_samples
+from analysis.cycles.boom_dumps import is_standing
 from analysis.cycles.cycle_parts import IDLE_S
 from analysis.cycles.cycles_without_mass import (
     estimate_cycles_in_gaps,
+    estimate_uncounted_cycles,
     find_channel_gaps_ns,
-    uncounted_cycles,
-    unweighed_load_kg,
+    unweighed_load_and_u_kg,
 )
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.model.physical_units import NS_PER_S
@@ -59,7 +59,7 @@ def sum_shift(
     gaps = find_channel_gaps_ns(excitation, aligned)
     lost, more = (
         estimate_cycles_in_gaps(cycles, gaps),
-        uncounted_cycles(cycles, excitation, aligned),
+        estimate_uncounted_cycles(cycles, excitation, aligned),
     )
     t_ns = excitation["t_ns"].to_numpy()
     duration_s = float(t_ns[-1] - t_ns[0]) / NS_PER_S if t_ns.size else 0.0
@@ -88,7 +88,7 @@ def sum_shift(
         "idle_s": idle_s,
         "utilisation_1": max(duration_s - gap_s - idle_s, 0.0) / max(duration_s - gap_s, 1e-9),
     }
-    row |= total_payload(row)
+    row |= total_payload_with_u(row)
     declared = FRAMES["shift"].columns
     return build_frame("shift", {c.name: pl.Series([row[c.name]], dtype=c.dtype) for c in declared})
 
@@ -116,13 +116,13 @@ def recount_shift(
     }
     if (cycles["scale_from"] == BY_CALIBRATION).any():
         found |= {"scale_from": BY_CALIBRATION, "scale_unknown": ""}
-    found |= total_payload(row | found)
+    found |= total_payload_with_u(row | found)
     return summary.with_columns(
         pl.lit(value).cast(summary.schema[name]).alias(name) for name, value in found.items()
     )
 
 
-def total_payload(row: Mapping[str, Any]) -> dict[str, float]:
+def total_payload_with_u(row: Mapping[str, Any]) -> dict[str, float]:
     """Total dumped in the shift: counted, uncounted and lost, with one uncertainty.
 
     Cycles without a mass share the common uncertainty of the payloads that they are estimated from.
@@ -130,7 +130,7 @@ def total_payload(row: Mapping[str, Any]) -> dict[str, float]:
     counted_kg, lost_kg = row["payload_kg"], row["lost_kg"] or 0.0
     number_u = row["uncounted_cycles_u"] or 0.0
     known = (row["payload_mean_kg"], row["payload_std_kg"], row["cycles_counted"])
-    more_kg, more_u_kg = unweighed_load_kg(row["uncounted_cycles"] or 0.0, number_u, *known)
+    more_kg, more_u_kg = unweighed_load_and_u_kg(row["uncounted_cycles"] or 0.0, number_u, *known)
     total_kg = counted_kg + more_kg + lost_kg
     common_kg = row["payload_u_common_kg"] * (total_kg / counted_kg if counted_kg > 0.0 else 1.0)
     parts = (row["payload_u_random_kg"], common_kg, more_u_kg, row["lost_u_kg"] or 0.0)
@@ -204,7 +204,7 @@ def _idle_time_s(excitation: pl.DataFrame) -> float:
     """Total time in long standstills."""
     if excitation.is_empty():
         return 0.0
-    stands = find_standing_samples(excitation)
+    stands = is_standing(excitation)
     t_ns = excitation["t_ns"].to_numpy()
     begins, ends = runs_of_flagged_samples(stands)
     lengths = (t_ns[ends] - t_ns[begins]) / NS_PER_S

@@ -15,13 +15,18 @@ import polars as pl
 
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import RawSignals
-from analysis.diagnosis.side_comparison import SideDifference, side_differences
-from analysis.model.axes import Z, available_axes, spin_regressor, straight_regressor
+from analysis.diagnosis.side_comparison import SideDifference, compare_sides
+from analysis.model.axes import (
+    Z,
+    available_axes,
+    spin_regressor_and_torque,
+    straight_regressor_and_force,
+)
 from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combined_u
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import yaw_speeding_sign
-from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, factors_without_uncertainty
+from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, names_of_factors_without_u
 from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Bools, Floats
@@ -71,7 +76,7 @@ class EmptyMassDifference:
         return (self.mass_kg - self.empty_kg) / self.u_kg
 
     @property
-    def factor(self) -> float:
+    def mass_ratio(self) -> float:
         """Ratio of the mass to the empty mass."""
         return self.mass_kg / self.empty_kg
 
@@ -90,7 +95,7 @@ class EmptyMassDifference:
         )
         payload = "" if self.difference_in_u < 0.0 or self.empty_known else "a payload, or "
         return (
-            f"{self.mass_kg:,.0f} ± {self.u_kg:,.0f} kg{scale}, is {self.factor:.3g} times the "
+            f"{self.mass_kg:,.0f} ± {self.u_kg:,.0f} kg{scale}, is {self.mass_ratio:.3g} times the "
             f"{self.empty_kg:,.0f} kg of the empty machine: {payload}"
             f"{' or '.join(self.possible_causes)}"
         )
@@ -98,9 +103,9 @@ class EmptyMassDifference:
     @property
     def possible_causes(self) -> list[str]:
         """Possible causes of this factor, as text."""
-        if self.factor <= 0.0:
+        if self.mass_ratio <= 0.0:
             return ["a force with the wrong sign"]
-        times = max(self.factor, 1.0 / self.factor)
+        times = max(self.mass_ratio, 1.0 / self.mass_ratio)
         body = self.machine.machine
         known = dict(_CANDIDATES)
         if body.force_share < 1.0:
@@ -112,7 +117,7 @@ class EmptyMassDifference:
         near = [(abs(np.log(times / each)), f"{each:.4g}, {what}") for each, what in known.items()]
         named = [what for off, what in sorted(near) if off < _NEAR]
         gear = f"a gear or gain of {times:.3g}"
-        return [gear if self.factor > 1.0 else f"{gear} the other way", *named[:3]]
+        return [gear if self.mass_ratio > 1.0 else f"{gear} the other way", *named[:3]]
 
 
 class UngatedFit(NamedTuple):
@@ -146,7 +151,7 @@ class AxisMotion:
     @cached_property
     def fit(self) -> UngatedFit:
         """Fit of the axis' model to every moving sample."""
-        return UngatedFit(*fit_quality.ungated_fit(self.A, self.f, self.moving))
+        return UngatedFit(*fit_quality.fit_ungated(self.A, self.f, self.moving))
 
     @property
     def speed(self) -> Floats:
@@ -201,13 +206,13 @@ class CheckInputs:
     @cached_property
     def side_differences(self) -> Mapping[str, SideDifference]:
         """Differences of right and left by kind: torque, speed, slip."""
-        return side_differences(self.excitation, self.signals, self.machine, self.t0_unix_ns)
+        return compare_sides(self.excitation, self.signals, self.machine, self.t0_unix_ns)
 
     @cached_property
     def straight_motion(self) -> AxisMotion:
         """Samples of straight motion, without the position-dependent force."""
         settings = self.machine.settings
-        A, f = straight_regressor(self.excitation, settings)
+        A, f = straight_regressor_and_force(self.excitation, settings)
         if self.position_dependent_force is not None:
             f = f - self.position_dependent_force
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
@@ -226,7 +231,7 @@ class CheckInputs:
         """Samples of spins; None if the channels do not allow it or there are too few."""
         if Z not in available_axes(self.excitation):
             return None
-        A, f = spin_regressor(self.excitation)
+        A, f = spin_regressor_and_torque(self.excitation)
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
         spinning = known & self.is_phase("spinning")
         changes = yaw_speeding_sign(A[:, 1], self.machine.settings)
@@ -255,7 +260,7 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
     lightest = int(np.argmin(fit.masses_kg))
     sources = budget_of_mass(weighing, machine, fit.weights_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
-    unknown = bool(factors_without_uncertainty(sources))
+    unknown = bool(names_of_factors_without_u(sources))
     scale_kg = UNKNOWN_SCALE * abs(mass_kg) if unknown else 0.0
     u_kg = float(np.linalg.norm([combined_u(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:

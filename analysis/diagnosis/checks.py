@@ -20,7 +20,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import build_frame, column_values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
-from analysis.stages.gating.gate import accepted_samples
+from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.motion.phases import average_like_speed_rate, speed_rate_span_rows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in_duration
@@ -130,7 +130,7 @@ def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
 
 
 def _count_accepted_stretches(inputs: CheckInputs, _: AxisMotion) -> float:
-    accepted = accepted_samples(inputs.excitation, inputs.gated, inputs.machine.settings)
+    accepted = mark_samples_to_pool(inputs.excitation, inputs.gated, inputs.machine.settings)
     return float((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
 
 
@@ -139,7 +139,7 @@ def _empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
     return motion.fit.value / empty_kg if empty_kg else np.nan
 
 
-def _empty_mass_shortfall_u(inputs: CheckInputs, _: AxisMotion) -> float:
+def _empty_mass_shortfall_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
     """How far the lightest load is below the empty mass, in u."""
     found = inputs.empty_mass
     return np.nan if found is None else -found.difference_in_u
@@ -165,7 +165,7 @@ def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
 
 def _spin_centre_offset_m(inputs: CheckInputs, motion: AxisMotion) -> float:
     x, y = (column_values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
-    return fit_quality.centre_offset(x, y, motion.speed, motion.A[:, 0], motion.known)
+    return fit_quality.spin_centre_offset_m(x, y, motion.speed, motion.A[:, 0], motion.known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +180,7 @@ class AxisQuantityNames:
     moves: str
 
 
-def model_checks(about: EvidenceSubject, words: AxisQuantityNames) -> tuple[CheckRow, ...]:
+def make_model_checks(about: EvidenceSubject, words: AxisQuantityNames) -> tuple[CheckRow, ...]:
     """Checks of every axis: whether its model fits the moving samples."""
     force, moves = words.force, words.moves
     return (
@@ -239,7 +239,7 @@ CHECKS: Final = (
         optional=True,
         remedy="the sign is inverted: scale = -1 in channels.force_x_N, or of both torques",
     ),
-    *model_checks(
+    *make_model_checks(
         "mass", AxisQuantityNames("", "acceleration", "speed", "mass", "force", "motion")
     ),
     CheckRow(
@@ -270,7 +270,7 @@ CHECKS: Final = (
     CheckRow(
         "negative_payload",
         "mass",
-        _empty_mass_shortfall_u,
+        _empty_mass_shortfall_in_u,
         "lightest load below the machine's empty mass, in standard uncertainties including "
         "the scale's",
         maximum="negative_payload_max_u",
@@ -292,7 +292,7 @@ CHECKS: Final = (
     ),
     *FIT_CHECKS,
     *SIGNAL_CHECKS,
-    *model_checks(
+    *make_model_checks(
         "inertia",
         AxisQuantityNames("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin"),
     ),

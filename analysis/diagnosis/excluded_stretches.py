@@ -15,10 +15,10 @@ import polars as pl
 from analysis.diagnosis.measured_channels import RawSignals, Spans
 from analysis.model.machine import Machine
 from analysis.model.verdict_limits import VerdictLimits
-from analysis.model.windows import flagged_windows
+from analysis.model.windows import flag_windows
 from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import speed_rate_span_rows
-from analysis.weighing.weigh import Weighing, mean_difference_kg
+from analysis.weighing.weigh import Weighing, mean_mass_difference_kg
 from estimators.arrays import Bools
 
 #: So many standard uncertainties of the answer without a stretch are no other answer.
@@ -101,13 +101,13 @@ def refit_without_stretches(
         found = ExcludedStretches(fitted / machine.settings.align.rate_hz, 0.0)
         if fitted:
             without = weighed(aligned.with_columns(left_out=pl.Series(rows | held)))
-            found = ExcludedStretches(found.fitted_s, _mass_shift_u(weighing, without))
+            found = ExcludedStretches(found.fitted_s, _mass_shift_in_u(weighing, without))
             weighing = without if found.is_harmless else weighing
         named[check] = found
         if found.is_harmless:
             rows |= held
             # the moving mean and the phase look back
-            seen = flagged_windows(
+            seen = flag_windows(
                 held, speed_rate_span_rows(machine.settings) + machine.settings.smooth.samples
             )
             gated = refuse_windows(gated, seen, why, machine.settings)
@@ -130,11 +130,11 @@ def _mark_weighed_samples(weighing: Weighing) -> Bools:
     return motion.used | np.isin(motion.unit, [each.unit for each in weighing.growing])
 
 
-def _mass_shift_u(whole: Weighing, without: Weighing | None) -> float:
+def _mass_shift_in_u(all_samples: Weighing, without: Weighing | None) -> float:
     """Change of the mass without the stretches, in its uncertainty."""
     if without is None:
         return np.inf
-    moved_u = abs(mean_difference_kg(without.fit, whole.fit)) / without.fit.u_kg
+    moved_u = abs(mean_mass_difference_kg(without.fit, all_samples.fit)) / without.fit.u_kg
     return moved_u if np.isfinite(moved_u) else np.inf
 
 

@@ -85,11 +85,11 @@ def _between_manoeuvre_scatter(weighing: Weighing) -> float:
     return np.nan if states is None else states.birge_ratio
 
 
-def _mass_shift_by_other_motion_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
+def _mass_shift_by_other_motion_in_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
     """Mass change if wheels and accelerometer swap roles, in u."""
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
-    return None if other is None else other.mass_shift_u
+    return None if other is None else other.mass_shift_in_u
 
 
 def _describe_other_motion(inputs: CheckInputs, _: AxisMotion) -> str:
@@ -98,14 +98,14 @@ def _describe_other_motion(inputs: CheckInputs, _: AxisMotion) -> str:
         return ""
     one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
     other = weighing.other_motion
-    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.mass_shift_u:.1f} u"
+    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.mass_shift_in_u:.1f} u"
 
 
 def _count_contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
     return float(sum(each.contradicted for each in compare_methods_with_joint_fit(inputs)))
 
 
-def _gating_bias_u(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _gating_bias_in_stds(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Gated minus ungated pooled mass, in standard deviations; NaN if a spring biases both."""
     if inputs.totals is None or inputs.position_dependent_force is not None:
         return np.nan
@@ -226,7 +226,7 @@ FIT_CHECKS: Final = (
         maximum="wheels_max",
         applies=_has_wheel_kinematics,
         names=_describe_other_motion,
-        moved_u=_mass_shift_by_other_motion_u,
+        moved_u=_mass_shift_by_other_motion_in_u,
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
     ),
     CheckRow(
@@ -290,7 +290,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "gating_bias",
         "mass",
-        _gating_bias_u,
+        _gating_bias_in_stds,
         "pooled mass with and without gating: difference in standard deviations",
         maximum="gated_max",
         optional=True,

@@ -10,7 +10,11 @@ import numpy as np
 import polars as pl
 
 from analysis.model.windows import runs_of_flagged_samples
-from analysis.stages.signals.clocks import RelativeDrift, clock_drifts, relative_drift
+from analysis.stages.signals.clocks import (
+    RelativeDrift,
+    find_largest_relative_drift,
+    measure_clock_drifts,
+)
 from analysis.stages.signals.filters import period_ns
 from estimators.arrays import Floats, Ints
 
@@ -73,7 +77,7 @@ class RawSignals:
     span_s: float
 
     @property
-    def clock_distance_s(self) -> float:
+    def clock_drift_over_log_s(self) -> float:
         """Drift between the clocks over the log in s; 0 if it may be noise."""
         if self.drift is None or self.drift.drift_ppm < 5.0 * self.drift.drift_std_ppm:
             return 0.0
@@ -136,7 +140,7 @@ class RawSignals:
         return max((sum(end - begin for begin, end in each) / 1e9 for each in spans), default=0.0)
 
     @cached_property
-    def clipping(self) -> dict[str, tuple[float, float]]:
+    def clipped_share_and_limit(self) -> dict[str, tuple[float, float]]:
         """Largest fraction of readings at one limit, and that limit, by force channel."""
         nothing = (0.0, float("nan"))
         return {
@@ -156,10 +160,10 @@ class RawSignals:
     @property
     def clipped_share(self) -> float:
         """Largest fraction of a force channel's readings at its limit."""
-        return max((share for share, _ in self.clipping.values()), default=0.0)
+        return max((share for share, _ in self.clipped_share_and_limit.values()), default=0.0)
 
     def interpolate_force_at(self, unix_ns: Ints) -> Floats | None:
-        """Interpolate the unfiltered force, or the sum of both torques; None if it is derived."""
+        """Unfiltered force or sum of both torques at the stamps, (n,); None if it is derived."""
         names = [name for name in _FORCES if name in self.channels]
         if not names:
             return None
@@ -176,7 +180,9 @@ def collect_raw_signals(
         channels: readings as `analysis.stages.signals.derive.measured` returns them.
     """
     span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
-    return RawSignals(channels, relative_drift(clock_drifts(raw)), span_ns / 1e9)
+    return RawSignals(
+        channels, find_largest_relative_drift(measure_clock_drifts(raw)), span_ns / 1e9
+    )
 
 
 def _interpolate_at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
@@ -185,12 +191,12 @@ def _interpolate_at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
 
 
 def find_equal_runs(x: Floats) -> tuple[Ints, Ints]:
-    """First and last index of each run of equal readings."""
+    """First and last index of each run of equal readings, (runs,) each."""
     first = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
     return first, np.append(first[1:], x.size) - 1
 
 
-def find_long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
+def find_long_runs_of_one_reading(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
     """Find long runs of one reading.
 
     Returns:
@@ -225,7 +231,7 @@ def _intersect_spans(some: Spans, others: Spans) -> Spans:
 def _find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
     """Stretches in which a channel repeats itself while others change."""
     t, x = channels[name]
-    runs, never = find_long_runs(t, x)
+    runs, never = find_long_runs_of_one_reading(t, x)
     if runs and float(np.ptp(x)) == 0.0:
         return runs if _should_have_changed(name, channels) else []
     # a machine that stands has no speed, one that coasts no force
@@ -256,13 +262,13 @@ def _should_have_changed(name: str, channels: Mapping[str, Series]) -> bool:
     return any(float(np.ptp(x)) > 0.0 for x in beside)
 
 
-def _is_changing(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bool:
-    """Whether a channel changes by more than `least` between the halves of a stretch."""
+def _is_changing(t: Ints, x: Floats, min_change: float, begin_ns: int, end_ns: int) -> bool:
+    """Whether a channel changes by more than `min_change` between the halves of a stretch."""
     part = x[np.searchsorted(t, begin_ns) : np.searchsorted(t, end_ns, side="right")]
     if part.size < 4:
         return False
     half = part.size // 2
-    return abs(float(part[:half].mean() - part[half:].mean())) > least > 0.0
+    return abs(float(part[:half].mean() - part[half:].mean())) > min_change > 0.0
 
 
 def find_repeated_extremes(x: Floats) -> dict[float, float]:

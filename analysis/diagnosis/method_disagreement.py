@@ -37,7 +37,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     modelled = _nuisances_shared_with_methods(inputs)
     shows = any(t > _TERM_IS_THERE for term, t in fit.term_t_values.items() if term not in modelled)
     shows = shows or bool(fit.fit.misfit.any())
-    shows = shows or (fit.states is not None and fit.states.scatters)
+    shows = shows or (fit.states is not None and fit.states.has_excess_scatter)
     out: list[Disagreement] = []
     columns = (
         totals["method"].to_list(),

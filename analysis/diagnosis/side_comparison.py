@@ -79,7 +79,7 @@ class SideDifference:
         return (1.0 - half) / (1.0 + half)
 
 
-def side_differences(
+def compare_sides(
     excitation: pl.DataFrame, signals: RawSignals | None, machine: Machine, t0_unix_ns: int
 ) -> Mapping[str, SideDifference]:
     """Compare the sides of a log that measures both.
@@ -164,17 +164,17 @@ def _torque_difference(
 
 
 def _speed_difference(
-    apart: Floats, mean: Floats, push: Floats | None, driving: Bools
+    difference: Floats, mean: Floats, push: Floats | None, driving: Bools
 ) -> dict[str, SideDifference | None]:
     """Relative difference of the wheel speeds, and its increase in hard starts."""
-    everywhere = slope_of_difference("speed", apart, mean, [], driving)
+    everywhere = slope_of_difference("speed", difference, mean, [], driving)
     if push is None or driving.sum() < _FEWEST:
         return {"speed": everywhere}
     largest = float(np.quantile(push[driving], 0.95))
     soft = driving & (push < _SOFT * largest)
     hard = driving & (push > _HARD * largest)
     in_soft, in_hard = (
-        slope_of_difference("speed", apart, mean, [], rows) for rows in (soft, hard)
+        slope_of_difference("speed", difference, mean, [], rows) for rows in (soft, hard)
     )
     if in_soft is None or in_hard is None:
         return {"speed": everywhere}
@@ -184,19 +184,19 @@ def _speed_difference(
 
 
 def slope_of_difference(
-    kind: str, apart: Floats, mean: Floats, others: list[Floats], rows: Bools
+    kind: str, difference: Floats, mean: Floats, other_columns: list[Floats], rows: Bools
 ) -> SideDifference | None:
     """Regress the difference on the mean, with a constant and the other columns."""
     if rows.sum() < _FEWEST:
         return None
-    beside = [each[rows] for each in others if each[rows].any()]
+    beside = [each[rows] for each in other_columns if each[rows].any()]
     A = np.column_stack([mean[rows], np.ones(int(rows.sum())), *beside])
     size = np.sqrt((A**2).sum(axis=0))
     if not size[0] > 0.0:
         return None
     inverse = np.linalg.pinv((A / size).T @ (A / size), rcond=1e-9, hermitian=True)
-    theta = inverse @ ((A / size).T @ apart[rows]) / size
-    left = apart[rows] - A @ theta
+    theta = inverse @ ((A / size).T @ difference[rows]) / size
+    left = difference[rows] - A @ theta
     variance = float(left @ left) / max(left.size - A.shape[1], 1) * _CORRELATED
     std = float(np.sqrt(variance * inverse[0, 0])) / size[0]
     if not np.isfinite([theta[0], std]).all():

@@ -38,7 +38,7 @@ def _imu_tilt_rad(inputs: CheckInputs, _: AxisMotion) -> float:
 
 
 def _clock_distance_s(inputs: CheckInputs, _: AxisMotion) -> float:
-    return np.nan if inputs.signals is None else inputs.signals.clock_distance_s
+    return np.nan if inputs.signals is None else inputs.signals.clock_drift_over_log_s
 
 
 def _make_mass_shift(check: str) -> Callable[[CheckInputs, AxisMotion], float | None]:

@@ -103,18 +103,18 @@ class Filters:
             (n, 2, 6) regressor and (n, 2) force and torque.
         """
         force, torque, s_x, s_y, speed, yaw_rate = (
-            _filter_equation_columns(each, self.mean) for each in raw
+            _apply_filter_without_ends(each, self.mean) for each in raw
         )
-        turn = _filter_equation_columns(raw.yaw_rate_rad_s, self.difference)
+        turn = _apply_filter_without_ends(raw.yaw_rate_rad_s, self.difference)
         return planar_rows.regressor(s_x, s_y, speed, yaw_rate, turn), np.stack([force, torque], -1)
 
 
-def _filter_equation_columns(raw: Floats, weights: Floats) -> Floats:
-    """Apply filter weights to a raw channel, without its ends."""
-    return np.convolve(raw, weights[::-1], "valid")
+def _apply_filter_without_ends(channel: Floats, weights: Floats) -> Floats:
+    """Apply filter weights to a raw channel; returns (n - weights + 1,), without its ends."""
+    return np.convolve(channel, weights[::-1], "valid")
 
 
-def window_system(
+def make_window_system(
     drive: Drive, filters: Filters, raw: MeasuredSignals, noise: MeasuredSignals
 ) -> tuple[Floats, Floats]:
     """System of least squares: regressor (rows, p) and right side (rows,), over the noise.
@@ -166,7 +166,7 @@ class Prediction:
         """Root mean square error: standard deviation and bias."""
         return float(np.hypot(self.std, self.bias))
 
-    def allowed_force_noise(self, error: float) -> float | None:
+    def allowed_force_noise_std(self, error: float) -> float | None:
         """Force noise in N at which the r.m.s. error is `error`; None if there is none."""
         left = error**2 - self.bias**2 - self.variance_rest
         return float(np.sqrt(left / self.variance_per_force)) if left > 0.0 else None
@@ -188,7 +188,7 @@ def predict_errors(
         Predictions by name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
     """
     columns, rows = COLUMNS[drive], _ROWS[drive]
-    A, y = window_system(drive, filters, truth, noise)
+    A, y = make_window_system(drive, filters, truth, noise)
     # noise in the regressor adds E[NᵀN] to AᵀA
     gram = A.T @ A + np.diag(_regressor_noise_squares(drive, filters, truth, noise))
     inverse = np.linalg.solve(gram, A.T)
@@ -272,7 +272,7 @@ def scaled_condition_from_gram(
     drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> float:
     """Condition number of AᵀA after each column is divided by its noise."""
-    A, _ = window_system(drive, filters, truth, noise)
+    A, _ = make_window_system(drive, filters, truth, noise)
     inside = np.sqrt(_regressor_noise_squares(drive, filters, truth, noise))
     if not (inside > 0.0).all():
         inside = np.linalg.norm(A, axis=0)

@@ -171,7 +171,10 @@ def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) ->
     Raises:
         DataError: friction of that axis is zero or holds the machine, so that there is no T.
     """
-    body, full = RigidBody.from_scenario_with_load(scenario, load_kg), scenario.full_drive
+    body, full = (
+        RigidBody.from_scenario_with_load(scenario, load_kg),
+        scenario.full_force_and_torque,
+    )
     if axis == "force":
         inertia, friction, key = body.mass_kg, body.friction_x_N_s_m, "friction_N_s_m"
         step = Excite(
@@ -240,11 +243,11 @@ def design_excitation(
         for ways in get_args(Ways)
     ]
     return ExcitationDesign(
-        drive, response_s, window_s, accuracy, scores, best_score(scores, yard_m)
+        drive, response_s, window_s, accuracy, scores, find_best_score(scores, yard_m)
     )
 
 
-def best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> WaveformScore | None:
+def find_best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> WaveformScore | None:
     """Score with the smallest error that fits the yard; None if none fits."""
     fitting = [score for score in scores if yard_m is None or score.reach_m <= yard_m]
     return min(fitting, key=lambda score: score.relative_error, default=None)
@@ -253,7 +256,9 @@ def best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> Wavefor
 def _make_excite_manoeuvre(
     scenario: Scenario, drive: Drive, shape: Shape, ways: Ways, response_s: Mapping[str, float]
 ) -> Excite:
-    force_N, torque_N_m = (full / 2.0 if drive == "joint" else full for full in scenario.full_drive)
+    force_N, torque_N_m = (
+        full / 2.0 if drive == "joint" else full for full in scenario.full_force_and_torque
+    )
     # to the millisecond, so that a person can read the scenario
     periods = {axis: round(_PERIOD_OVER_RESPONSE * each, 3) for axis, each in response_s.items()}
     if drive == "joint":
@@ -317,7 +322,8 @@ def _score_shape(
     noisy = float(noise.torque_z_N_m if drive == "spin" else noise.force_x_N)
     varies = float(applied[repeats].std())
     allowed = [
-        predictions[name].allowed_force_noise(accuracy * predictions[name].value) for name in asked
+        predictions[name].allowed_force_noise_std(accuracy * predictions[name].value)
+        for name in asked
     ]
     known = [each for each in allowed if each is not None]
     # the torque's noise goes with that of the force

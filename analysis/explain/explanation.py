@@ -11,15 +11,15 @@ from analysis.explain.determined_parameters import DeterminedParameters, find_de
 from analysis.explain.worst_manoeuvres import (
     GateStretch,
     ManoeuvreReport,
-    gate_stretches,
-    reason_shares,
+    list_gate_stretches,
     report_manoeuvre_at,
-    worst_manoeuvres,
+    report_worst_manoeuvres,
+    window_shares_by_reason,
 )
 from analysis.model.answer import Answer, answer
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
-from analysis.model.windows import samples_in_windows
+from analysis.model.windows import mark_samples_in_windows
 
 #: How far around a moment the gate is told, in s either way.
 AROUND_S: Final = 15.0
@@ -131,16 +131,16 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
     stretches: tuple[GateStretch, ...] = ()
     if at_s is not None and gate.height:
         begin, end = (round((at_s + way * AROUND_S) * NS_PER_S) for way in (-1, 1))
-        stretches = gate_stretches(gate, settings, begin, end)
+        stretches = list_gate_stretches(gate, settings, begin, end)
     manoeuvre = None if at_s is None else report_manoeuvre_at(frames, at_s)
     return Explanation(
         said=answer(run),
         at_s=at_s,
         findings=_select_findings_near(frames, at_s),
         manoeuvre=manoeuvre,
-        worst=worst_manoeuvres(frames) if at_s is None else (),
+        worst=report_worst_manoeuvres(frames) if at_s is None else (),
         gate=stretches,
-        shares=reason_shares(gate),
+        shares=window_shares_by_reason(gate),
         determined=determine_parameters_at_moment(run, manoeuvre, at_s),
     )
 
@@ -180,7 +180,7 @@ def determine_parameters_at_moment(
         rows = np.ones(excitation.height, np.bool_)
     elif gate is not None and "accepted_x" in gate.columns and gate.height == excitation.height:
         accepted = gate["accepted_x"].fill_null(value=False).to_numpy()
-        rows = samples_in_windows(accepted, settings.gate.window_samples)
+        rows = mark_samples_in_windows(accepted, settings.gate.window_samples)
         if not rows.any():
             rows = _select_moving_rows(excitation)
     else:

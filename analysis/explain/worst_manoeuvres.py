@@ -69,7 +69,7 @@ class ManoeuvreReport:
     reason: str
 
 
-def gate_stretches(
+def list_gate_stretches(
     gate: pl.DataFrame, settings: Settings, start_ns: int, end_ns: int
 ) -> tuple[GateStretch, ...]:
     """Gate decisions in order of time, each with the statistic that decided.
@@ -121,7 +121,7 @@ def _median_of_column(rows: pl.DataFrame, column: str) -> float | None:
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
 
-def reason_shares(gate: pl.DataFrame) -> dict[str, float]:
+def window_shares_by_reason(gate: pl.DataFrame) -> dict[str, float]:
     """Share of windows by reason, most frequent first."""
     if "reason_x" not in gate.columns or not gate.height:
         return {}
@@ -129,7 +129,7 @@ def reason_shares(gate: pl.DataFrame) -> dict[str, float]:
     return {str(name): count / gate.height for name, count in counts.rows()}
 
 
-def worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[ManoeuvreReport, ...]:
+def report_worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[ManoeuvreReport, ...]:
     """Manoeuvres whose mass deviates most from their load's, in standard deviations.
 
     If no manoeuvre has a mass, the longest ones that the gate rejected.

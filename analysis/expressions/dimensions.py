@@ -33,28 +33,28 @@ def convert_to_si(
         ExpressionError: both sides, where they cannot be added or compared; an unknown unit.
     """
     if isinstance(tree, Name):
-        gain, dimension = si_gain(units[tree.name], tree.name, registry)
+        gain, dimension = si_gain_and_dimension(units[tree.name], tree.name, registry)
         return (tree if gain == 1.0 else Call("*", (Number(gain), tree))), dimension
     if isinstance(tree, Number):
-        gain, dimension = si_gain(tree.unit or "", expression_text(tree), registry)
+        gain, dimension = si_gain_and_dimension(tree.unit or "", expression_text(tree), registry)
         return Number(tree.value * gain), dimension
     parts = [convert_to_si(argument, units, registry) for argument in tree.arguments]
     found = Call(tree.function, tuple(part for part, _ in parts))
     return found, _derive_dimension(tree, [dimension for _, dimension in parts], registry)
 
 
-def _derive_dimension(tree: Call, each: list[Any], registry: Any) -> Any:
+def _derive_dimension(tree: Call, argument_dimensions: list[Any], registry: Any) -> Any:
     """Dimension of a call's result; an error if its arguments differ."""
     none = registry.dimensionless.dimensionality
     if tree.function == "*":
-        return each[0] * each[1]
+        return argument_dimensions[0] * argument_dimensions[1]
     if tree.function == "/":
-        return each[0] / each[1]
+        return argument_dimensions[0] / argument_dimensions[1]
     if tree.function == SLOPE:
-        return each[0] / registry.second.dimensionality
-    values, arguments = each, tree.arguments
+        return argument_dimensions[0] / registry.second.dimensionality
+    values, arguments = argument_dimensions, tree.arguments
     if tree.function == "where":
-        values, arguments = each[1:], tree.arguments[1:]
+        values, arguments = argument_dimensions[1:], tree.arguments[1:]
     for other, argument in zip(values[1:], arguments[1:], strict=True):
         if other != values[0]:
             one, differs = expression_text(arguments[0]), expression_text(argument)
@@ -97,7 +97,7 @@ def format_dimension(dimension: Any) -> str:
     return f"in {'·'.join(parts)}"
 
 
-def si_gain(unit: str, expression: str, registry: Any) -> tuple[float, Any]:
+def si_gain_and_dimension(unit: str, expression: str, registry: Any) -> tuple[float, Any]:
     """Factor that converts a number to SI units, and its dimension."""
     import pint
 

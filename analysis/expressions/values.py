@@ -29,7 +29,9 @@ _OF_ONE: Final[Mapping[str, Callable[..., Floats]]] = {
 _OF_MANY: Final[Mapping[str, Callable[..., Floats]]] = {"min": np.minimum, "max": np.maximum}
 
 
-def evaluate(tree: Expression, values: Mapping[str, Floats], size: int) -> tuple[Floats, int]:
+def evaluate_and_count_near_zero(
+    tree: Expression, values: Mapping[str, Floats], size: int
+) -> tuple[Floats, int]:
     """Evaluate an expression.
 
     Args:

@@ -3,9 +3,9 @@
 from analysis.findings.cause_table import CAUSES, UNKNOWN
 from analysis.findings.find_causes import (
     add_masked_findings,
+    cut_to_first_hour,
     drop_findings_of_work,
     find_causes,
-    findings_of_first_hour,
 )
 from analysis.findings.finding_inputs import FindingInputs
 
@@ -14,7 +14,7 @@ __all__ = [
     "UNKNOWN",
     "FindingInputs",
     "add_masked_findings",
+    "cut_to_first_hour",
     "drop_findings_of_work",
     "find_causes",
-    "findings_of_first_hour",
 ]

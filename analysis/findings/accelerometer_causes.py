@@ -61,23 +61,23 @@ _ALL_AXES: Final = (
 
 def lacks_gravity(inputs: FindingInputs) -> bool:
     """Whether the accelerometer reads no gravity along z at standstill."""
-    z, _ = inputs.standstill_level(_Z)
+    z, _ = inputs.standstill_mean_and_std(_Z)
     return bool(abs(z) < _GRAVITY * inputs.machine.machine.gravity_m_s2)
 
 
 def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer that reads gravity along x at rest, or motion along y."""
-    over = _upside_down_symptom(inputs)
+    over = _find_upside_down_mounting(inputs)
     if over:
         return over
-    upright = _zero_reading_symptom(inputs, ("tilt", ""))
+    upright = _find_wrong_reading_at_rest(inputs, ("tilt", ""))
     found = [*upright, *_find_mounting_yaw(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
+def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer mounted upside down, by gravity of the wrong sign along z."""
-    z, std = inputs.standstill_level(_Z)
+    z, std = inputs.standstill_mean_and_std(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not z < -_GRAVITY * pull or not inputs.measured_channels(_Z):
         return []
@@ -86,7 +86,7 @@ def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
     angle = "pitch_deg" if backwards else "roll_deg"
     whole = len(inputs.measured_channels(*_ALL_AXES)) == len(_ALL_AXES)
     turned = (ACC, "roll_rate_rad_s") if backwards else (_Y, "pitch_rate_rad_s")
-    keys, scales = inputs.scale_channels(
+    keys, scales = inputs.propose_scales(
         inputs.measured_channels(_Z, *turned, "yaw_rate_rad_s"), -1.0
     )
     stated = getattr(inputs.machine.machine.imu, angle)
@@ -106,16 +106,16 @@ def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
 
 def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
     """Find a mean along x at standstill while the z axis reads all of gravity."""
-    return _zero_reading_symptom(inputs, ("bias",))
+    return _find_wrong_reading_at_rest(inputs, ("bias",))
 
 
-def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list[Symptom]:
+def _find_wrong_reading_at_rest(inputs: FindingInputs, kinds: tuple[str, ...]) -> list[Symptom]:
     """Symptom of a wrong accelerometer reading at rest."""
     seen = explain_constant_force(inputs)
     error, std = seen.error_m_s2
     if not np.isfinite(error) or seen.tilt is False or lacks_gravity(inputs):
         return []
-    kind = tell_tilt_from_bias(inputs, error)
+    kind = classify_tilt_or_bias(inputs, error)
     if kind not in kinds:
         return []
     # ground that slopes leaves no constant force, a tilt does
@@ -125,6 +125,7 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
     names = inputs.measured_channels(ACC)
     degrees = np.degrees(np.arcsin(np.clip(error / inputs.machine.machine.gravity_m_s2, -1.0, 1.0)))
     said = {"": "nose-up, or a bias", "tilt": "nose-up", "bias": "if this were a tilt"}[kind]
+    offset = inputs.machine.channels[ACC].offset if names else 0.0
     return [
         Symptom(
             float(
@@ -134,9 +135,7 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
             f"gravity: {degrees:+.2f}° {said}",
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
-            value=f"{inputs.machine.channels[ACC].offset - to_channel_unit(inputs, error):.5g}"
-            if names
-            else None,
+            value=f"{offset - to_accelerometer_unit(inputs, error):.5g}" if names else None,
             change=lambda: refit_corrected(
                 inputs,
                 lambda motion: change_accelerometer(motion, lambda x: x - error),
@@ -147,17 +146,17 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
     ]
 
 
-def tell_tilt_from_bias(inputs: FindingInputs, error: float) -> str:
+def classify_tilt_or_bias(inputs: FindingInputs, error: float) -> str:
     """Tell a tilt from a bias by the z axis: a tilt reduces the gravity that z reads.
 
     Returns:
         "tilt", "bias", or "" if the log cannot distinguish them.
     """
-    z, _ = inputs.standstill_level(_Z)
+    z, _ = inputs.standstill_mean_and_std(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not np.isfinite(z) or not has_pitch(inputs) or abs(error) >= pull:
         return ""
-    pitch = inputs.standstill_level(_PITCH)[0]
+    pitch = inputs.standstill_mean_and_std(_PITCH)[0]
     share = np.arcsin(error / pull)
     upright, turned = pull * np.cos(pitch), pull * np.cos(pitch + share)
     if upright - turned < _TELLS_M_S2:
@@ -200,7 +199,7 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
         value = f"{inputs.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
     else:
         # what drives straight is seen by its share alone
-        setting, value = inputs.scale_channels(
+        setting, value = inputs.propose_scales(
             inputs.measured_channels(ACC), 1.0 / float(np.cos(angle))
         )
     return [
@@ -251,7 +250,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
         or not lacks_gravity(inputs)
     ):
         return []
-    pitch, std = inputs.standstill_level(_PITCH)
+    pitch, std = inputs.standstill_mean_and_std(_PITCH)
     if not np.isfinite(pitch):
         return []
     strength = abs(pitch) / max(LIMITS.standing_reading_std * std, _LEAST_PITCH_RAD)
@@ -273,7 +272,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
             without_gravity=motion.specific_force,
         )
 
-    z, _ = inputs.standstill_level(_Z)
+    z, _ = inputs.standstill_mean_and_std(_Z)
     return [
         Symptom(
             strength,
@@ -287,12 +286,12 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def to_channel_unit(inputs: FindingInputs, error: float) -> float:
+def to_accelerometer_unit(inputs: FindingInputs, acceleration_m_s2: float) -> float:
     """Convert an acceleration from m/s² to the unit of its channel."""
     channel = inputs.machine.channels[ACC]
     if channel.unit is None:
-        return error
-    return error / gain_and_offset_to_si(channel.unit, "m/s²")[0]
+        return acceleration_m_s2
+    return acceleration_m_s2 / gain_and_offset_to_si(channel.unit, "m/s²")[0]
 
 
 def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
@@ -361,7 +360,7 @@ def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Float
         found = [each for first in places if (each := residual_spectrum_at(first)) is not None]
         return np.mean(found, axis=0) if len(found) >= LIMITS.loose_min_starts else None
 
-    starts = find_held_starts(inputs, force, size)
+    starts = find_ends_of_held_force_rises(inputs, force, size)
     still = inputs.resting_samples
     rests = [k for k in range(0, still.size - size, size // 2) if still[k : k + size].all()]
     driving, standing = mean_spectrum(starts), mean_spectrum(rests[:200])
@@ -370,7 +369,9 @@ def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Float
     return np.arange(size // 2 + 1) * rate_hz / size, driving, standing, len(starts)
 
 
-def find_held_starts(inputs: FindingInputs, force: Floats, size: int) -> list[int]:
+def find_ends_of_held_force_rises(
+    inputs: FindingInputs, force: Floats, held_samples: int
+) -> list[int]:
     """End (grid sample) of each rise of the force after a standstill that is then held."""
     rate_hz = inputs.machine.settings.align.rate_hz
     if not np.isfinite(force).any():
@@ -389,7 +390,7 @@ def find_held_starts(inputs: FindingInputs, force: Floats, size: int) -> list[in
         int(k) + behind
         for k in rises
         if k > stood + clear
-        and k + behind + size < force.size
+        and k + behind + held_samples < force.size
         and inputs.standing_samples[k - stood - clear : k - clear].all()
-        and pushes[k + 2 * behind : k + size].mean() > LIMITS.start_held_fraction
+        and pushes[k + 2 * behind : k + held_samples].mean() > LIMITS.start_held_fraction
     ]

@@ -12,9 +12,9 @@ from estimators.arrays import Floats
 def correct_channel_delay(motion: MotionSamples, channel: str, late_s: float) -> MotionSamples:
     """Undo the delay of `force`, `speed` or `imu`: move the channel earlier by `late_s`."""
     if channel == "force":
-        return motion.shift_force(late_s)
+        return motion.advance_force(late_s)
     if channel == "speed":
-        return motion.shift_speed(late_s)
+        return motion.advance_speed(late_s)
     rows = np.arange(motion.force.size, dtype=np.float64)
 
     def advance_samples(x: Floats) -> Floats:

@@ -51,7 +51,7 @@ class ForceShareChange(NamedTuple):
     loads: int
 
 
-def compare_share_with_loads(inputs: FindingInputs) -> ForceShareChange | None:
+def compare_force_share_with_loads(inputs: FindingInputs) -> ForceShareChange | None:
     """Compare one load and a changing force fraction with several loads.
 
     Returns:

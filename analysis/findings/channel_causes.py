@@ -9,14 +9,14 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
-from analysis.diagnosis.measured_channels import find_long_runs
+from analysis.diagnosis.measured_channels import find_long_runs_of_one_reading
 from analysis.diagnosis.side_comparison import SPEEDS, SURELY, TORQUES, SideDifference
 from analysis.findings.cause import MassChange, Symptom, keep_strongest_symptom
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_without_rows
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.model.windows import flagged_windows
+from analysis.model.windows import flag_windows
 from analysis.stages.signals.filters import period_ns
 from estimators.arrays import Bools, Floats, Ints
 
@@ -111,7 +111,7 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
     if signals is None:
         return []
     limits = signals.force_limits.get(name, {})
-    runs, never = find_long_runs(*inputs.series[name])
+    runs, never = find_long_runs_of_one_reading(*inputs.series[name])
     # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
     return [
         (run.begin_ns, run.end_ns)
@@ -128,14 +128,14 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     """Find force readings that accumulate at an extreme value."""
     signals = inputs.check_inputs.signals
-    if signals is None or not signals.clipping:
+    if signals is None or not (clipped := signals.clipped_share_and_limit):
         return []
-    name = max(signals.clipping, key=lambda each: signals.clipping[each][0])
-    share, extreme = signals.clipping[name]
+    name = max(clipped, key=lambda each: clipped[each][0])
+    share, extreme = clipped[name]
     if not share:
         return []
     at = inputs.newtons_per_unit(name) * abs(extreme)
-    count = sum(1 for each, _ in signals.clipping.values() if each > 0.0)
+    count = sum(1 for each, _ in clipped.values() if each > 0.0)
     found = inputs.check_inputs.left_out.get("clipped_share")
     limit_N = 0.98 * at * max(count, 1)
 
@@ -143,9 +143,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
         if inputs.fit is None:
             return None
         near = np.abs(inputs.fit.motion.force) > limit_N
-        return refit_without_rows(
-            inputs, flagged_windows(near, 5) | flagged_windows(near[::-1], 5)[::-1]
-        )
+        return refit_without_rows(inputs, flag_windows(near, 5) | flag_windows(near[::-1], 5)[::-1])
 
     return [
         Symptom(
@@ -164,7 +162,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     """Find a channel whose resolution is coarser than its noise."""
     found: list[Symptom] = []
     for name in inputs.measured_equation_channels:
-        repeats, lsb = reading_resolution(inputs, name)
+        repeats, lsb = repeat_share_and_resolution(inputs, name)
         if not lsb:
             continue
         found.append(
@@ -178,7 +176,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     return keep_strongest_symptom(found)
 
 
-def reading_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
+def repeat_share_and_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
     """Fraction of repeated readings in motion, and the channel's resolution in SI units.
 
     The resolution is 0 if the steps have no common divisor.
@@ -199,7 +197,7 @@ def reading_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
 
 def _is_coarse(inputs: FindingInputs, name: str) -> bool:
     """Whether readings repeat because of the channel's resolution."""
-    repeats, lsb = reading_resolution(inputs, name)
+    repeats, lsb = repeat_share_and_resolution(inputs, name)
     return bool(lsb) and repeats > _REPEATS
 
 
@@ -252,7 +250,8 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
         # a coarse channel is off by a step now and then
-        scale = np.maximum(local_std(middle), reading_resolution(inputs, name)[1] / np.sqrt(12.0))
+        resolution = repeat_share_and_resolution(inputs, name)[1]
+        scale = np.maximum(local_stds(middle), resolution / np.sqrt(12.0))
         far = np.abs(middle) > _SPIKE * scale
         far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
         places = np.flatnonzero(far) + 1
@@ -264,7 +263,7 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
             t[places],
             float(np.median(size)),
             min(float(np.max(size / scale[places - 1])), _MOST_DEVIATIONS),
-            samples_near(inputs, t[places]),
+            is_near_stamps(inputs, t[places]),
         )
     return found
 
@@ -279,7 +278,7 @@ def are_mechanical_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: 
         t, x = inputs.series[other]
         if inputs.machine.channels[other].topic == topic or x.size < 3 * _BLOCK:
             continue
-        scale = local_std(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
+        scale = local_stds(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
         near_ns = _BESIDE_PERIODS * max(period_ns(t), period_ns(inputs.series[name][0]))
         ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
         around = np.searchsorted(t, unix_ns[:, None] + np.array([-_AROUND_NS, _AROUND_NS]))
@@ -291,7 +290,7 @@ def are_mechanical_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: 
     return felt
 
 
-def local_std(x: Floats) -> Floats:
+def local_stds(x: Floats) -> Floats:
     """Robust standard deviation (n,) of each block; at least that of all samples."""
     size = x.size // _BLOCK * _BLOCK
     blocks = STD_OF_MAD * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
@@ -302,12 +301,12 @@ def local_std(x: Floats) -> Floats:
     return np.append(out, np.full(x.size - size, around[-1] if around.size else 0.0))
 
 
-def samples_near(inputs: FindingInputs, unix_ns: Ints) -> Bools:
+def is_near_stamps(inputs: FindingInputs, unix_ns: Ints) -> Bools:
     """Grid samples next to the given stamps, (n,)."""
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
-    return flagged_windows(at, _BESIDE) | flagged_windows(at[::-1], _BESIDE)[::-1]
+    return flag_windows(at, _BESIDE) | flag_windows(at[::-1], _BESIDE)[::-1]
 
 
 def is_near_spike(inputs: FindingInputs) -> Bools:
@@ -337,7 +336,7 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
             f"{sides.smaller_over_larger_1:.1%} (± {sides.std_1:.1%}) of the {other} one: "
             "one of the two is wrong",
             channel=smaller,
-            change=lambda: change_if_smaller_is_wrong(inputs, sides),
+            change=lambda: mass_change_if_smaller_wrong(inputs, sides),
         )
     if sides.kind == "slip":
         return Symptom(
@@ -346,11 +345,11 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
             f"by {abs(sides.value_1):.1%} ± {sides.std_1:.1%} more than in soft ones, "
             "by the gyroscope",
             channel=larger,
-            change=lambda: change_by_wheel_speed(inputs),
+            change=lambda: mass_change_by_wheel_speed(inputs),
             alternatives=("slip",),
         )
     wrong = find_wrong_speed(inputs, sides)
-    setting, value = (None, None) if wrong is None else inputs.scale_channels((wrong[0],), wrong[1])
+    setting, value = (None, None) if wrong is None else inputs.propose_scales((wrong[0],), wrong[1])
     by_imu = (
         "" if wrong is None else f"; the accelerometer agrees with the {_other_side(wrong[0])} ones"
     )
@@ -361,7 +360,7 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
         channel=larger if wrong is None else wrong[0],
         setting=setting,
         value=value,
-        change=lambda: change_by_wheel_speed(inputs),
+        change=lambda: mass_change_by_wheel_speed(inputs),
     )
 
 
@@ -384,7 +383,7 @@ def find_wrong_speed(inputs: FindingInputs, sides: SideDifference) -> tuple[str,
     return SPEEDS[1 - right], gains[right] / gains[1 - right]
 
 
-def change_if_smaller_is_wrong(inputs: FindingInputs, sides: SideDifference) -> MassChange | None:
+def mass_change_if_smaller_wrong(inputs: FindingInputs, sides: SideDifference) -> MassChange | None:
     """Mass change if the smaller side is wrong; as uncertain, since the larger may be."""
     if inputs.fit is None or sides.smaller_over_larger_1 <= -1.0:
         return None
@@ -392,7 +391,7 @@ def change_if_smaller_is_wrong(inputs: FindingInputs, sides: SideDifference) -> 
     return MassChange(kg, kg)
 
 
-def change_by_wheel_speed(inputs: FindingInputs) -> MassChange | None:
+def mass_change_by_wheel_speed(inputs: FindingInputs) -> MassChange | None:
     """Mass change of 0 ± half the answer's uncertainty; None without an accelerometer."""
     fit = inputs.fit
     return (

@@ -69,10 +69,12 @@ def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
 
 def _explain_constant_forces(inputs: FindingInputs) -> ConstantForces:
     """Constant forces at rest, and which causes explain that in motion."""
-    rest = inputs.standstill_level_of(longitudinal_force(inputs.aligned, inputs.machine.machine))
+    rest = inputs.standstill_mean_and_std_of(
+        longitudinal_force(inputs.aligned, inputs.machine.machine)
+    )
     error = np.nan, np.nan
     if ACC in inputs.aligned.columns:
-        error = inputs.standstill_level_of(
+        error = inputs.standstill_mean_and_std_of(
             column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs)
         )
     fit, noise = inputs.fit, inputs.column_noise

@@ -18,7 +18,7 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, search_likelihood
 from analysis.findings.refit import refit_corrected
 from analysis.model.schema import column_values
-from analysis.model.windows import flagged_windows
+from analysis.model.windows import flag_windows
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.friction_warming import WARMING
@@ -55,12 +55,12 @@ class LongDelay:
 def find_long_delay(inputs: FindingInputs) -> LongDelay | None:
     """Find the channel that is far behind the two others, which agree."""
     if "long delay" not in inputs.kept:
-        inputs.kept["long delay"] = _search_delay(inputs)
+        inputs.kept["long delay"] = _search_long_delay(inputs)
     return inputs.kept["long delay"]  # type: ignore[return-value]
 
 
-def _search_delay(inputs: FindingInputs) -> LongDelay | None:
-    step_s, channels = channel_accelerations(inputs)
+def _search_long_delay(inputs: FindingInputs) -> LongDelay | None:
+    step_s, channels = sampling_step_and_accelerations(inputs)
     if not {"speed", "force"} <= channels.keys():
         return None
     speed, force = channels["speed"], channels["force"]
@@ -69,11 +69,11 @@ def _search_delay(inputs: FindingInputs) -> LongDelay | None:
         seen = _find_force_lag(force, speed, channels["v"], drives, step_s)
         return LongDelay("force", seen[0], seen[1:], "speed") if _is_long_delay(seen) else None
     imu = channels["imu"]
-    seen = find_lag(speed, imu, step_s)
+    seen = find_lag_and_correlations(speed, imu, step_s)
     if _is_long_delay(seen):
         # the one that the force begins with is in time
         before = round(LIMITS.driving_start_s / step_s)
-        rows = flagged_windows(drives[::-1], before)[::-1]
+        rows = flag_windows(drives[::-1], before)[::-1]
         v = channels["v"]
         later = np.interp(np.arange(v.size) + seen[0] / step_s, np.arange(v.size), v)
         by_imu, by_speed = (
@@ -89,9 +89,9 @@ def _search_delay(inputs: FindingInputs) -> LongDelay | None:
     return LongDelay("force", seen[0], seen[1:]) if _is_long_delay(seen) else None
 
 
-def _is_long_delay(seen: tuple[float, float, float]) -> bool:
+def _is_long_delay(lag_and_correlations: tuple[float, float, float]) -> bool:
     """Whether a shift turns a poor correlation into a good one."""
-    late_s, after, before = seen
+    late_s, after, before = lag_and_correlations
     # the other way as they are: a sign
     return (
         abs(late_s) > LIMITS.shortest_long_delay_s
@@ -122,7 +122,7 @@ def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> floa
 def _find_force_lag(
     force: Floats, acceleration: Floats, v: Floats, drives: Bools, step_s: float
 ) -> tuple[float, float, float]:
-    """Lag of the force where no brakes act; returns the same values as `find_lag`."""
+    """Lag of the force where no brakes act, with the values of `find_lag_and_correlations`."""
     longest = round(LIMITS.longest_delay_s / step_s)
     inside = drives.copy()
     inside[:longest] = inside[-longest:] = False
@@ -134,7 +134,7 @@ def _find_force_lag(
     return (at - longest) * step_s, seen[at], seen[longest]
 
 
-def channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
+def sampling_step_and_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
     """Signals proportional to the acceleration, by channel, and their sampling step.
 
     Returns:
@@ -169,7 +169,9 @@ def channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Float
     return size / rate_hz, {**channels, "v": np.nan_to_num(speed)}
 
 
-def find_lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, float]:
+def find_lag_and_correlations(
+    one: Floats, other: Floats, step_s: float
+) -> tuple[float, float, float]:
     """Find the lag of one signal behind another.
 
     Returns:
@@ -225,7 +227,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     channel = pick.name.partition(":")[2]
     late_s, std_s = pick.value, pick.std
     names = _delayed_channels(inputs, channel)
-    setting, value = inputs.shift_channels(names, late_s)
+    setting, value = inputs.propose_delays(names, late_s)
     rivals = [each.partition(":")[2] for each in pick.rivals if each.startswith("delay")]
     words = "late" if late_s > 0 else "early"
     against = " and ".join(_SHOWN[each] for each in _SHOWN if each != channel)
@@ -259,7 +261,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
 
 def _make_long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
     names = _delayed_channels(inputs, late.channel)
-    setting, value = inputs.shift_channels(names, late.late_s)
+    setting, value = inputs.propose_delays(names, late.late_s)
     words = "late" if late.late_s > 0.0 else "early"
     rest = [late.rival] if late.rival else [each for each in _SHOWN if each != late.channel]
     against = " and ".join(_SHOWN[each] for each in rest)

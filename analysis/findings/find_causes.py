@@ -39,7 +39,9 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
     Returns:
         `findings`: a row per detected cause; explained causes follow the one that explains them.
     """
-    shown = [(cause, sign) for cause, sign in find_symptoms(inputs) if sign.strength >= 1.0]
+    shown = [
+        (cause, sign) for cause, sign in find_symptoms_of_all_causes(inputs) if sign.strength >= 1.0
+    ]
     explained = Counter(
         other[0].key
         for other, cause in permutations(shown, 2)
@@ -68,7 +70,7 @@ def _explains_other(one: tuple[Cause, Symptom], other: tuple[Cause, Symptom]) ->
     return seen.key in cause.explains and sign.strength <= cause.outdone * own.strength
 
 
-def find_symptoms(inputs: FindingInputs) -> list[tuple[Cause, Symptom]]:
+def find_symptoms_of_all_causes(inputs: FindingInputs) -> list[tuple[Cause, Symptom]]:
     """Symptoms of every cause, including those below the detection threshold."""
     with np.errstate(divide="ignore", invalid="ignore"):
         found = [(cause, sign) for cause in CAUSES for sign in cause.find(inputs)]
@@ -125,7 +127,7 @@ def drop_findings_of_work(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.Da
     return left.with_columns(rank.alias("rank"))
 
 
-def findings_of_first_hour(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def cut_to_first_hour(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """Cut the log to the first hour in which all its topics have data.
 
     Args:
@@ -143,17 +145,18 @@ def findings_of_first_hour(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.Data
 def add_masked_findings(
     found: pl.DataFrame,
     machine: Machine,
-    look: Callable[[Machine], pl.DataFrame | None],
+    find_with_machine: Callable[[Machine], pl.DataFrame | None],
     *,
-    whole: bool,
+    is_whole_log: bool,
 ) -> pl.DataFrame:
     """Add the findings that remain after a masking cause is corrected.
 
     Args:
         found: the frame `findings`.
         machine: machine file of the replay.
-        look: computes the findings with another machine file; None if the log cannot be replayed.
-        whole: whether `look` replays the whole log rather than its beginning.
+        find_with_machine: finds causes with another machine file; None if the log cannot be
+            replayed.
+        is_whole_log: whether `find_with_machine` replays the whole log rather than its beginning.
 
     Returns:
         `findings`: the masking causes, then those of the corrected log. Unchanged if no cause masks
@@ -164,7 +167,7 @@ def add_masked_findings(
     for _ in range(LIMITS.masked_rounds):
         first = seen.head(1)
         changed = _correct_machine(machine, first)
-        others = None if changed is None else look(changed)
+        others = None if changed is None else find_with_machine(changed)
         if changed is None or others is None or _has_cause(others, first["cause"][0]):
             break
         hiding.append(first)
@@ -176,7 +179,9 @@ def add_masked_findings(
         evidence=pl.format("once {} is corrected: {}", pl.lit(names), "evidence")
     )
     both = pl.concat(
-        [*hiding, seen] if whole else [*hiding, seen, drop_repeated_findings(found, hiding, seen)]
+        [*hiding, seen]
+        if is_whole_log
+        else [*hiding, seen, drop_repeated_findings(found, hiding, seen)]
     )
     return both.with_columns(rank=pl.int_range(1, both.height + 1, dtype=pl.Int64))
 

@@ -15,7 +15,7 @@ from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.verdict import Verdict
-from analysis.model.windows import flagged_windows
+from analysis.model.windows import flag_windows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
@@ -93,7 +93,7 @@ class FindingInputs:
             round(s * self.machine.settings.align.rate_hz)
             for s in (LIMITS.stand_after_motion_s, LIMITS.stand_before_motion_s)
         )
-        return ~(flagged_windows(near, after) | flagged_windows(near[::-1], before)[::-1])
+        return ~(flag_windows(near, after) | flag_windows(near[::-1], before)[::-1])
 
     @property
     def series(self) -> Mapping[str, Series]:
@@ -122,7 +122,7 @@ class FindingInputs:
         """Names of the channels that measure the speed."""
         return self.measured_channels(*SPEEDS, "position_x_m")
 
-    def channel_of(self, topic: str) -> str | None:
+    def channel_of_topic(self, topic: str) -> str | None:
         """Name of a channel of the topic, preferring one that the equation needs."""
         names = (*self.measured_equation_channels, *self.machine.channels)
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
@@ -144,7 +144,7 @@ class FindingInputs:
             return 1.0 / body.force_share
         return 1.0 / (float(body.wheel_radius_m or np.nan) * body.force_share)
 
-    def scale_channels(self, names: tuple[str, ...], times: float) -> tuple[str, str]:
+    def propose_scales(self, names: tuple[str, ...], factor: float) -> tuple[str, str]:
         """Keys and values of the machine file that multiply channels by a factor.
 
         A speed without a declared unit gets one; a scale alone could be a wheel radius.
@@ -156,13 +156,13 @@ class FindingInputs:
             if n in SPEEDS and channels[n].unit is None and channels[n].scale == 1.0
         ]
         keys = (f"channels.{name}.scale" for name in names)
-        scaled = (f"{channels[name].scale * times:.6g}" for name in names)
+        scaled = (f"{channels[name].scale * factor:.6g}" for name in names)
         return (
             ", ".join([*keys, *(f"channels.{name}.unit" for name in as_read)]),
             ", ".join([*scaled, *('"m/s"' for _ in as_read)]),
         )
 
-    def shift_channels(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
+    def propose_delays(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
         """Keys and values of the machine file that correct a delay of channels."""
         channels = self.machine.channels
         return (
@@ -170,13 +170,13 @@ class FindingInputs:
             ", ".join(f"{channels[name].delay_s + late_s:.5f}" for name in names),
         )
 
-    def standstill_level(self, column: str) -> tuple[float, float]:
+    def standstill_mean_and_std(self, column: str) -> tuple[float, float]:
         """Mean and standard deviation of a grid column at standstill; NaN if it never stands."""
         if column not in self.aligned.columns:
             return float("nan"), float("nan")
-        return self.standstill_level_of(column_values(self.aligned, column))
+        return self.standstill_mean_and_std_of(column_values(self.aligned, column))
 
-    def standstill_level_of(self, x: Floats) -> tuple[float, float]:
+    def standstill_mean_and_std_of(self, x: Floats) -> tuple[float, float]:
         """Mean and standard deviation of (n,) values at standstill, by means over half a second."""
         x = x[self.resting_samples]
         x = x[np.isfinite(x)]

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from analysis.findings.cause import MassChange, Symptom
-from analysis.findings.changing_loads import compare_share_with_loads
+from analysis.findings.changing_loads import compare_force_share_with_loads
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
@@ -37,7 +37,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     setting, value = [], []
     if body.wheel_radius_m is not None and torques:
         setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
-    keys, scales = inputs.scale_channels(inputs.speed_channels, 1.0 / (1.0 + gain))
+    keys, scales = inputs.propose_scales(inputs.speed_channels, 1.0 / (1.0 + gain))
 
     def correct_radius(motion: MotionSamples) -> MotionSamples:
         force = motion.force * (1.0 + gain) if torques else motion.force
@@ -87,7 +87,7 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     names = inputs.measured_channels("force_x_N") or inputs.measured_channels(
         "torque_left_N_m", "torque_right_N_m"
     )
-    at_rest = [inputs.standstill_level(name)[0] for name in names]
+    at_rest = [inputs.standstill_mean_and_std(name)[0] for name in names]
     return [
         Symptom(
             float(strength),
@@ -286,7 +286,7 @@ def _share_change_text(value: float, std: float) -> str:
 
 def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
     """Find a gain drift in logs whose loads alternate with the driving direction."""
-    found = compare_share_with_loads(inputs)
+    found = compare_force_share_with_loads(inputs)
     if found is None or found.worse > LIMITS.indistinguishable_gain:
         return []
     return [
@@ -307,7 +307,7 @@ def relative_mass_u(inputs: FindingInputs) -> float:
     weighing = inputs.check_inputs.weighing
     if weighing is None:
         return float("inf")
-    parts = weighing.fit.parts_kg(weighing.fit.weights_of_state(weighing.fit.main_state))
+    parts = weighing.fit.u_parts_kg(weighing.fit.weights_of_state(weighing.fit.main_state))
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
     return u_kg / abs(weighing.fit.mass_kg)
@@ -332,7 +332,7 @@ def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.fit
     if fit is None:
         return []
-    parts = fit.parts_kg(fit.weights_of_state(fit.main_state))
+    parts = fit.u_parts_kg(fit.weights_of_state(fit.main_state))
     by_term = {term.name: parts[term.name] for term in fit.terms}
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)

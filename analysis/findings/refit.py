@@ -37,7 +37,7 @@ def refit_without_rows(inputs: FindingInputs, rows: Bools) -> MassChange | None:
 
 
 def refit_with_answer_u(
-    inputs: FindingInputs, mend: Mend, relative_u: float = 0.0
+    inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion, with the answer's uncertainty added to that of the change.
 
@@ -45,33 +45,36 @@ def refit_with_answer_u(
 
     Args:
         inputs: the log.
-        mend: returns the corrected motion.
+        correct_motion: returns the corrected motion.
         relative_u: see `refit_corrected`.
     """
-    change = refit_corrected(inputs, mend, relative_u)
+    change = refit_corrected(inputs, correct_motion, relative_u)
     if change is None or inputs.fit is None:
         return None
     return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.fit.u_kg)))
 
 
 def refit_corrected(
-    inputs: FindingInputs, mend: Mend, relative_u: float = 0.0
+    inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion from the joint fit on, and compare the masses.
 
     Args:
         inputs: the log.
-        mend: returns the corrected motion.
+        correct_motion: returns the corrected motion.
         relative_u: relative standard uncertainty of the correction.
     """
     fit = inputs.fit
     if fit is None:
         return None
-    before, after = _uncorrected_mass_kg(inputs, fit), _refit_mass_kg(inputs, mend(fit.motion))
+    before, after = (
+        _uncorrected_mass_kg(inputs, fit),
+        _refit_mass_kg(inputs, correct_motion(fit.motion)),
+    )
     if before is None or after is None:
         return None
     kg = after - before
-    of_noise = fit.parts_kg(fit.weights_of_state(fit.main_state))["noise"]
+    of_noise = fit.u_parts_kg(fit.weights_of_state(fit.main_state))["noise"]
     return MassChange(
         kg,
         float(
@@ -103,9 +106,9 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
     motion = renumber_and_drop_short_stretches(
         motion.cut_to_first_stretches(LIMITS.refit_max_stretches)
     )
-    if motion.used.sum() < LIMITS.refit_min_samples or not motion.drives:
+    if motion.used.sum() < LIMITS.refit_min_samples or not motion.has_enough_motion:
         return None
-    motion = motion.near_fitted(LIMITS.refit_reach_s)
+    motion = motion.keep_near_fitted(LIMITS.refit_reach_s)
     states = None if fit.states is None else fit.states.restrict_to(motion)
     if states is not None and states.count != inputs.kept.setdefault("states", states.count):
         return None
@@ -157,7 +160,7 @@ def refit_warm_started(
         known: whether force and speed are unchanged, so that the lag is known.
     """
     part = earlier.motion.cut_to_first_stretches(LIMITS.refit_pilot_stretches)
-    if part is earlier.motion or not part.drives:
+    if part is earlier.motion or not part.has_enough_motion:
         return refit_with_changes(earlier, noise, priors, rounds=LIMITS.refit_rounds - known)
     if known:
         return refit_with_changes(earlier, noise, priors)

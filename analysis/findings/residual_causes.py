@@ -76,7 +76,7 @@ def pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
 
 
 def stretch_powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
-    """Power spectra of the used stretches, each without its own polynomial trend."""
+    """Power spectrum (frequencies,) of each used stretch, without its own polynomial trend."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], used, [False]]).astype(np.int8)))
     window = np.hanning(LIMITS.spectrum_samples)
     ramp = np.linspace(-1.0, 1.0, LIMITS.spectrum_samples)
@@ -95,7 +95,7 @@ def stretch_powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
 
 
 def typical_power(powers: list[Floats]) -> Floats:
-    """Mean of the spectra without the largest, which may hold a stop or a knock."""
+    """Mean spectrum (frequencies,) without the largest, which may hold a stop or a knock."""
     kept = max(round(LIMITS.averaged_spectra_fraction * len(powers)), 1)
     return np.sort(np.array(powers), axis=0)[:kept].mean(axis=0)
 

@@ -15,7 +15,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
     """Find steps of a topic longer than `gap_periods` of its period."""
     found: list[Symptom] = []
     settings = inputs.machine.settings.align
-    topics = channel_by_topic(inputs)
+    topics = series_of_a_channel_by_topic(inputs)
     others = {name: [t for n, (t, _) in topics.items() if n != name] for name in topics}
     for name, (t, _) in topics.items():
         period = float(period_ns(t))
@@ -39,7 +39,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _are_recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
-    """Mark gaps that are pauses of the recorder, in which no topic has a sample."""
+    """Mark gaps (gaps,) that are pauses of the recorder, in which no topic has a sample."""
     alone = np.zeros(begin.size, np.bool_)
     for t in others:
         inside = np.searchsorted(t, end - LIMITS.recorder_pause_edge_ns) - np.searchsorted(
@@ -52,7 +52,7 @@ def _are_recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
 def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     """Find topics whose time steps scatter, apart from gaps."""
     found: list[Symptom] = []
-    for name, (t, _) in channel_by_topic(inputs).items():
+    for name, (t, _) in series_of_a_channel_by_topic(inputs).items():
         uneven = relative_step_scatter(inputs.raw[inputs.machine.channels[name].topic or "table"])
         if uneven is not None:
             found.append(
@@ -92,7 +92,7 @@ def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
     weight, weighted = 0.0, 0.0
     for channel in inputs.measured_equation_channels:
         if inputs.machine.channels[channel].topic == topic:
-            share, std = stamp_fidelity(*inputs.series[channel])
+            share, std = stamp_fidelity_and_std(*inputs.series[channel])
             if np.isfinite([share, std]).all() and std > 0.0:
                 weight, weighted = weight + std**-2, weighted + share * std**-2
     if not weight:
@@ -111,7 +111,7 @@ def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
     return LIMITS.uneven_steps, ""
 
 
-def stamp_fidelity(t: Ints, x: Floats) -> tuple[float, float]:
+def stamp_fidelity_and_std(t: Ints, x: Floats) -> tuple[float, float]:
     """Estimate whether readings were taken at their stamps (1) or evenly spaced (0).
 
     A reading taken at its stamp differs from the mean of its neighbours by the slope times the
@@ -147,12 +147,12 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
     """Find a step in the latency between header stamps and log times, beyond drift."""
     found: list[Symptom] = []
     for topic, (log, latency_s) in _latencies_by_topic(inputs).items():
-        level, std_s = usual_latencies(latency_s)
+        level, std_s = usual_latencies_and_std_s(latency_s)
         if level is None:
             continue
         at, jump_s, left_s = _find_largest_step(level)
         # a clock that drifts has no one step
-        if left_s > line_residual_std(level):
+        if left_s > line_residual_std_s(level):
             continue
         strength = abs(jump_s) / max(LIMITS.clock_jump_std * std_s, LIMITS.clock_jump_s)
         place = at * log.size // LIMITS.latency_parts
@@ -162,7 +162,7 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
                 strength,
                 f"header stamps of {topic} jump by {1e3 * jump_s:.1f} ± {1e3 * std_s:.1f} ms "
                 "against log time",
-                channel=inputs.channel_of(topic),
+                channel=inputs.channel_of_topic(topic),
                 span_ns=inputs.since_first_sample_ns(when, when),
             )
         )
@@ -189,7 +189,7 @@ def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
             float(np.nan_to_num(strength)),
             f"the clock of {drift.faster} runs {drift.drift_ppm:.0f} ± {drift.drift_std_ppm:.0f} "
             f"ppm faster than that of {drift.slower}{explains}",
-            channel=inputs.channel_of(wrong),
+            channel=inputs.channel_of_topic(wrong),
         )
     ]
 
@@ -201,7 +201,7 @@ def _find_drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> s
     return slower if slower == topic else faster
 
 
-def channel_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
+def series_of_a_channel_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """Stamps and readings of one equation channel of each topic."""
     topics: dict[str | None, str] = {}
     for name in inputs.measured_equation_channels:
@@ -223,7 +223,7 @@ def _latencies_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]
     return out
 
 
-def usual_latencies(latency_s: Floats) -> tuple[Floats | None, float]:
+def usual_latencies_and_std_s(latency_s: Floats) -> tuple[Floats | None, float]:
     """Typical latency of each part, (parts,) in s, and its standard deviation."""
     parts = np.array_split(latency_s, LIMITS.latency_parts)
     level = np.array([float(np.median(part)) for part in parts])
@@ -242,7 +242,7 @@ def _find_largest_step(level: Floats) -> tuple[int, float, float]:
     return at, float(after[at - 1] - before[at - 1]), float(np.std(left))
 
 
-def line_residual_std(level: Floats) -> float:
+def line_residual_std_s(level: Floats) -> float:
     """Standard deviation in s that remains after fitting a line."""
     x = np.arange(level.size, dtype=np.float64)
     return float(np.std(level - np.polyval(np.polyfit(x, level, 1), x)))

@@ -17,7 +17,7 @@ from analysis.findings.fit_causes import relative_mass_u
 from analysis.model.methods import METHODS, FeedKind
 from analysis.model.schema import column_values
 from analysis.stages.estimation import fit_quality
-from analysis.weighing.load_frames import make_load_change_rows
+from analysis.weighing.load_frames import find_load_change_rows
 from estimators.arrays import Bools, Floats, Ints
 
 #: Braking takes a large part of the windows from this share on.
@@ -59,14 +59,14 @@ def _braking_over_driving_mass(evidence: CheckInputs) -> float:
     motion = evidence.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])
     driving = motion.known & evidence.is_phase("accelerating", "cruising")
-    found = [_fit_mass(A, motion.f, of) for of in (driving, motion.braking)]
+    found = [_fit_mass_and_std(A, motion.f, of) for of in (driving, motion.braking)]
     if not all(std_kg < _KNOWN * abs(kg) for kg, std_kg in found):
         return float("nan")
     return found[1][0] / found[0][0]
 
 
-def _fit_mass(A: np.ndarray, f: np.ndarray, chosen_rows: Bools) -> tuple[float, float]:
-    mass_kg, std_kg, _ = fit_quality.ungated_fit(A, f, chosen_rows)
+def _fit_mass_and_std(A: np.ndarray, f: np.ndarray, chosen_rows: Bools) -> tuple[float, float]:
+    mass_kg, std_kg, _ = fit_quality.fit_ungated(A, f, chosen_rows)
     return mass_kg, std_kg
 
 
@@ -99,8 +99,8 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
         inputs.check_inputs.is_phase(each)[rows] for each in ("accelerating", "cruising")
     )
     # a recursion begins anew with each load, and learns in each start
-    load = np.searchsorted(make_load_change_rows(inputs.check_inputs.weighing), rows, "right")
-    parts = np.flatnonzero(run_starts(starts) | run_starts(load))
+    load = np.searchsorted(find_load_change_rows(inputs.check_inputs.weighing), rows, "right")
+    parts = np.flatnonzero(mark_run_starts(starts) | mark_run_starts(load))
     least_kg = apply_to_parts(np.fmin.accumulate, std_kg, parts)
     steady = apply_to_parts(np.cumsum, cruises.astype(np.float64), parts)
     grown = np.minimum(np.log(std_kg / least_kg), -0.5 * steady * np.log(trace.forgetting))
@@ -119,7 +119,7 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
     )
 
 
-def run_starts(x: Bools | Ints) -> Bools:
+def mark_run_starts(x: Bools | Ints) -> Bools:
     """(n,) True where a run of True values begins, or where a number increases."""
     return np.diff(x.astype(np.int64), prepend=0) > 0
 

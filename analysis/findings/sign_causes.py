@@ -67,7 +67,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
         )
     if not names:
         return []
-    setting, value = inputs.scale_channels(names, -1.0)
+    setting, value = inputs.propose_scales(names, -1.0)
     strength = max(
         abs(of_force if of_force < -LIMITS.signed_correlation else gain)
         / LIMITS.signed_correlation,
@@ -76,7 +76,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             10.0 * strength,
-            f"force and acceleration correlate by {of_force:+.2f} with the speed's share taken out"
+            f"force and acceleration have the correlation {of_force:+.2f} at equal speed"
             + (f", the accelerometer reads {gain:+.2f} of the wheels'" if by_imu else ""),
             channel=names[0],
             setting=setting,
@@ -108,11 +108,11 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     wrong = sides[
         int(np.argmin([float((each * np.sign(along))[speeding].mean()) for each in (left, right)]))
     ]
-    setting, value = inputs.scale_channels((wrong,), -1.0)
+    setting, value = inputs.propose_scales((wrong,), -1.0)
     return [
         Symptom(
             LIMITS.sign_rank * abs(together),
-            f"left and right torque correlate by {together:+.2f} while the machine drives straight",
+            f"left and right torque have the correlation {together:+.2f} in straight driving",
             channel=wrong,
             setting=setting,
             value=value,
@@ -217,7 +217,7 @@ def find_wrong_unit(inputs: FindingInputs) -> list[Symptom]:
 def _find_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer's z axis at standstill with gravity."""
     names = inputs.measured_channels(*_ACC_AXES)
-    reads, _ = inputs.standstill_level(_ACC_AXES[2])
+    reads, _ = inputs.standstill_mean_and_std(_ACC_AXES[2])
     share = reads / inputs.machine.machine.gravity_m_s2
     near = [
         r
@@ -226,7 +226,7 @@ def _find_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     ]
     if not near or ACC not in names:
         return []
-    setting, value = inputs.scale_channels(names, 1.0 / near[0])
+    setting, value = inputs.propose_scales(names, 1.0 / near[0])
     return [
         Symptom(
             10.0 * abs(float(np.log(share))) / LIMITS.signed_correlation,
@@ -244,7 +244,7 @@ def _find_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
 
 def _reads_gravity(inputs: FindingInputs) -> bool:
     """Whether the z axis reads ±g at rest, so that its unit is m/s²."""
-    reads, _ = inputs.standstill_level(_ACC_AXES[2])
+    reads, _ = inputs.standstill_mean_and_std(_ACC_AXES[2])
     return bool(
         abs(abs(reads) / inputs.machine.machine.gravity_m_s2 - 1.0) < LIMITS.unit_ratio_tolerance
     )
@@ -287,7 +287,7 @@ def _find_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     names = channels[ratio]
     # the accelerometer's scale from the wheels' side, or the other way round
     times = 1.0 / ratio if names[0] == ACC else ratio
-    setting, value = inputs.scale_channels(names, times)
+    setting, value = inputs.propose_scales(names, times)
     told = all(channels[each] == names for each in alike)
     what = " or ".join(
         {**units, **_ACC_UNITS}[each] for each in sorted(alike, key=near.__getitem__)
@@ -328,7 +328,7 @@ def _find_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
         np.log(ratio / near)
     ):
         return []
-    setting, value = inputs.scale_channels(names, 1.0 / near)
+    setting, value = inputs.propose_scales(names, 1.0 / near)
     return [
         Symptom(
             10.0 * abs(float(np.log(ratio))) / LIMITS.signed_correlation,
@@ -343,23 +343,23 @@ def _find_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def multiply_channel(motion: MotionSamples, channel: str, times: float) -> MotionSamples:
+def multiply_channel(motion: MotionSamples, channel: str, factor: float) -> MotionSamples:
     """The motion with one channel multiplied by a factor."""
     if channel == ACC:
 
         def multiply_if_known(x: Floats | None) -> Floats | None:
-            return None if x is None else x * times
+            return None if x is None else x * factor
 
         return replace(
             motion,
-            acceleration=motion.acceleration * times,
+            acceleration=motion.acceleration * factor,
             specific_force=multiply_if_known(motion.specific_force),
             without_gravity=multiply_if_known(motion.without_gravity),
         )
     if channel.startswith(("speed", "position")):
-        turned = np.sign(times)
-        return replace(motion, speed=motion.speed * times, direction=motion.direction * turned)
-    return replace(motion, force=motion.force * times)
+        turned = np.sign(factor)
+        return replace(motion, speed=motion.speed * factor, direction=motion.direction * turned)
+    return replace(motion, force=motion.force * factor)
 
 
 def find_wrong_scale(inputs: FindingInputs) -> list[Symptom]:

@@ -44,7 +44,7 @@ def make_unexplained_symptom(judged: pl.DataFrame, causes: Collection[str]) -> S
     if not failed:
         return None
     said = "; ".join(
-        f"{row['check']} {_compare_value_with_limit(row)}: {row['meaning']}" for row in failed
+        f"{row['check']} {_value_and_limit_text(row)}: {row['meaning']}" for row in failed
     )
     return Symptom(
         max(map(_excess_over_limit, failed)), f"no known cause explains the failed checks: {said}"
@@ -59,7 +59,7 @@ def _is_unexplained(row: Mapping[str, Any], causes: set[str]) -> bool:
     return not accounts - set(_BEND_NOTHING)
 
 
-def _compare_value_with_limit(row: Mapping[str, Any]) -> str:
+def _value_and_limit_text(row: Mapping[str, Any]) -> str:
     """Value and the limit that it exceeds, as text."""
     if row["value"] is None:
         return "has no value"

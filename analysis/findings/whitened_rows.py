@@ -166,7 +166,7 @@ def whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Floats
 
 
 def samples_in_whole_blocks(group: Ints, samples: int) -> Ints:
-    """Samples in whole blocks of the given size within each stretch."""
+    """Indices of the samples in whole blocks of the given size within each stretch."""
     own = [part[: part.size // samples * samples] for part in group_rows(group)]
     return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
 

@@ -41,7 +41,7 @@ class FleetCalibration(BaseModel):
     covariance: tuple[float, float, float]
     centre_kg: float
 
-    def estimate_at_mass(self, mass_kg: float) -> tuple[float, float]:
+    def estimate_and_variance_at_mass(self, mass_kg: float) -> tuple[float, float]:
         """Estimate m̂ of a mass by the line, and its variance in kg²."""
         level, both, own = self.covariance
         off = mass_kg - self.centre_kg
@@ -105,7 +105,10 @@ def find_line_changes(calibrations: Sequence[FleetCalibration]) -> list[LineChan
 def _change_of_line(before: FleetCalibration, after: FleetCalibration) -> LineChange:
     """Change of offset and slope between two calibrations."""
     middle = (before.centre_kg + after.centre_kg) / 2.0
-    (old, old_kg2), (new, new_kg2) = before.estimate_at_mass(middle), after.estimate_at_mass(middle)
+    (old, old_kg2), (new, new_kg2) = (
+        before.estimate_and_variance_at_mass(middle),
+        after.estimate_and_variance_at_mass(middle),
+    )
     slope = np.sqrt(before.covariance[2] + after.covariance[2]) / abs(before.c1_1)
     return LineChange(
         before,

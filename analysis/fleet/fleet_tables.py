@@ -131,16 +131,16 @@ def rows_of_table(name: str, frame: pl.DataFrame, key_values: Mapping[str, objec
     )
 
 
-def tables_of_run(run: Run, more: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def tables_of_run(run: Run, other_frames: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """All tables of a run except `results`.
 
     Args:
         run: a replay.
-        more: frames `gate_shares` and `quality`.
+        other_frames: frames `gate_shares` and `quality`.
     """
     nothing = pl.DataFrame()
     return {
-        name: more[name] if name in more else run.frames.get(name, nothing)
+        name: other_frames[name] if name in other_frames else run.frames.get(name, nothing)
         for name in TABLES
         if name != "results"
     }

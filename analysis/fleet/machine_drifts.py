@@ -123,10 +123,10 @@ class MachineChart(NamedTuple):
 
 def drift_limit() -> float:
     """Limit of each chart that allows half a false alarm per machine and year in total."""
-    return chart_limit(len(SIGNALS) * _DAYS / _ALARMS_A_YEAR)
+    return cusum_limit(len(SIGNALS) * _DAYS / _ALARMS_A_YEAR)
 
 
-def machine_charts(days: pl.DataFrame) -> list[MachineChart]:
+def make_machine_charts(days: pl.DataFrame) -> list[MachineChart]:
     """Control charts by machine, quantity and calibration; each starts a new baseline.
 
     Args:
@@ -168,7 +168,7 @@ def make_control_chart(values: Floats, limit: float) -> ControlChart:
 
     Args:
         values: (n,) values in order of time, without NaN.
-        limit: limit of the sums, from `chart_limit`.
+        limit: limit of the sums, from `cusum_limit`.
     """
     innovation = standardise_innovations(whiten_series(values))
     up, down = np.zeros(values.size), np.zeros(values.size)
@@ -182,7 +182,7 @@ def make_control_chart(values: Floats, limit: float) -> ControlChart:
         up[n], down[n] = high, low
         if flagged is None and max(high, low) > limit:
             flagged, since = n, begins[0 if high > low else 1]
-    change, std = _change_since(values, since)
+    change, std = _change_and_std_since(values, since)
     return ControlChart(innovation, up, down, limit, flagged, since, change, std)
 
 
@@ -222,17 +222,17 @@ def standardise_innovations(values: Floats) -> Floats:
     return found
 
 
-def _change_since(values: Floats, since: int | None) -> tuple[float, float]:
+def _change_and_std_since(values: Floats, since_row: int | None) -> tuple[float, float]:
     """Change of the mean at a row, and its standard deviation."""
-    if since is None or since < 2 or values.size - since < 2:
+    if since_row is None or since_row < 2 or values.size - since_row < 2:
         return float("nan"), float("nan")
-    before, after = values[:since], values[since:]
+    before, after = values[:since_row], values[since_row:]
     variance = before.var(ddof=1) / before.size + after.var(ddof=1) / after.size
     return float(after.mean() - before.mean()), float(np.sqrt(variance))
 
 
 @cache
-def chart_limit(run_length: float) -> float:
+def cusum_limit(run_length: float) -> float:
     """CUSUM limit, in standard deviations, for false alarms on average `run_length` values apart.
 
     Args:

@@ -11,7 +11,7 @@ from analysis.model.fingerprint import Fingerprint
 from analysis.model.loss import Loss
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
-from analysis.model.windows import samples_in_windows
+from analysis.model.windows import mark_samples_in_windows
 
 #: What the joint fit is called among the methods.
 JOINT: Final = "joint"
@@ -155,23 +155,23 @@ def answer(run: Run, recording: str | None = None) -> Answer:
     share = 0.0
     if gated is not None and gated.height and "accepted_x" in gated.columns:
         window = about.settings.gate.window_samples
-        share = float(samples_in_windows(gated["accepted_x"].to_numpy(), window).mean())
-    loads = _rows_of_frame(run, "loads")
-    shift = _rows_of_frame(run, "shift")
+        share = float(mark_samples_in_windows(gated["accepted_x"].to_numpy(), window).mean())
+    loads = _frame_rows_as_dicts(run, "loads")
+    shift = _frame_rows_as_dicts(run, "shift")
     one = loads[0] if len(loads) == 1 else None
-    planar = _rows_of_frame(run, "planar")
+    planar = _frame_rows_as_dicts(run, "planar")
     motion = next((row for row in planar if row["kind"] == "joint"), None)
     return Answer(
         rows=() if masses is None else (AnswerRow.from_masses(masses, one, motion),),
         loads=loads,
-        nuisances=_rows_of_frame(run, "nuisances"),
-        budget=_rows_of_frame(run, "budget"),
+        nuisances=_frame_rows_as_dicts(run, "nuisances"),
+        budget=_frame_rows_as_dicts(run, "budget"),
         planar=planar,
-        planar_budget=_rows_of_frame(run, "planar_budget"),
+        planar_budget=_frame_rows_as_dicts(run, "planar_budget"),
         shift=shift[0] if shift and shift[0]["cycles_counted"] else {},
         accepted_share=share,
         verdict=Verdict() if judged is None else Verdict.from_frame(judged),
-        findings=_rows_of_frame(run, "findings"),
+        findings=_frame_rows_as_dicts(run, "findings"),
         losses=about.losses,
         notes=about.notes,
         fingerprint=about.fingerprint,
@@ -179,5 +179,5 @@ def answer(run: Run, recording: str | None = None) -> Answer:
     )
 
 
-def _rows_of_frame(run: Run, frame: str) -> list[dict[str, Any]]:
+def _frame_rows_as_dicts(run: Run, frame: str) -> list[dict[str, Any]]:
     return run.frames[frame].to_dicts() if frame in run.frames else []

@@ -73,12 +73,20 @@ def regressor_columns(axis: Axis, settings: Settings) -> tuple[str, ...]:
     return ("regressor_acc_x_m_s2", "speed_x_m_s", *direction, "force_x_N")
 
 
-def regressor(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floats]:
+def regressor_and_force(
+    axis: Axis, excitation: pl.DataFrame, settings: Settings
+) -> tuple[Floats, Floats]:
     """A (rows, p) and f (rows,) of an axis; NaN if a sample is missing."""
-    return straight_regressor(excitation, settings) if axis is X else spin_regressor(excitation)
+    return (
+        straight_regressor_and_force(excitation, settings)
+        if axis is X
+        else spin_regressor_and_torque(excitation)
+    )
 
 
-def straight_regressor(excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floats]:
+def straight_regressor_and_force(
+    excitation: pl.DataFrame, settings: Settings
+) -> tuple[Floats, Floats]:
     """A (rows, 2 or 3) and f (rows,) of the x row of (7); NaN if a sample is missing.
 
     The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
@@ -93,7 +101,7 @@ def straight_regressor(excitation: pl.DataFrame, settings: Settings) -> tuple[Fl
     return np.ascontiguousarray(A), column_values(excitation, "force_x_N")
 
 
-def spin_regressor(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
+def spin_regressor_and_torque(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
     """A (rows, 2) and τ (rows,) of the yaw row of (8); NaN if a sample is missing."""
     A = planar_rows.spin(
         column_values(excitation, "yaw_acc_rad_s2"), column_values(excitation, "yaw_rate_rad_s")
@@ -119,7 +127,7 @@ def trace_columns(axis: Axis, traced: Trace) -> dict[str, Floats]:
     }
 
 
-def estimated_parameters(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, Floats]:
+def read_parameters_and_stds(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, Floats]:
     """Parameters and standard deviations, (rows, p) each, from columns of `theta_columns`."""
     present = [pair for pair in axis.parameters if pair[0] in estimates.columns]
     theta = np.column_stack([column_values(estimates, name) for name, _ in present])
@@ -127,7 +135,7 @@ def estimated_parameters(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, F
     return theta, std
 
 
-def rows_of_axis(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
+def select_rows_of_axis(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
     """Rows of an axis; all rows if x is the only one."""
     if "axis" not in estimates.columns:
         return estimates if axis is X else estimates.clear()

@@ -63,12 +63,12 @@ def replace_former_check_names(text: str) -> str:
 
 
 def replace_former_names_in_evidence(text: str) -> str:
-    """Replace former names of checks in the evidence of a finding; others name no checks."""
+    """Evidence text of a finding with present names of checks; unchanged if it names none."""
     before, mark, checks = text.partition(_UNEXPLAINED)
-    return before + mark + _NAME_WITH_VALUE.sub(_replace_name, checks) if mark else text
+    return before + mark + _NAME_WITH_VALUE.sub(_replace_matched_name, checks) if mark else text
 
 
-def _replace_name(found: re.Match[str]) -> str:
+def _replace_matched_name(found: re.Match[str]) -> str:
     return found[1] + PRESENT_NAMES.get(found[2], found[2])
 
 

@@ -45,7 +45,7 @@ class Fingerprint(BaseModel):
         return "  ".join(f"{name} {digest[:_SHOWN]}" for name, digest in parts.items())
 
 
-def fingerprint(
+def take_fingerprint(
     frames: Mapping[str, pl.DataFrame],
     inputs: Iterable[str],
     machine: Mapping[str, Any],
@@ -93,7 +93,7 @@ def _column_digest(series: pl.Series) -> str:
         if series.null_count():
             nulls.update(np.packbits(part.is_null().to_numpy()).data)
         for array in _iter_value_arrays(part):
-            values.update(_little_endian(array).data)
+            values.update(_to_little_endian(array).data)
     about = [series.name, *_describe_dtype(series.dtype)]
     return _json_digest([about, values.hexdigest(), nulls.hexdigest()])
 
@@ -134,5 +134,5 @@ def _write_values_as_text(part: pl.Series) -> pl.Series:
     return pl.Series(part.name, written, dtype=pl.String)
 
 
-def _little_endian(array: NDArray[Any]) -> NDArray[Any]:
+def _to_little_endian(array: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(array, array.dtype.newbyteorder("<"))

@@ -104,7 +104,7 @@ class Channel(BaseModel):
         return parse_expression(self.derive.strip())
 
     @property
-    def differentiates(self) -> bool:
+    def is_derivative(self) -> bool:
         """Whether it is made by a derivative."""
         tree = self.expression if self.derive and not self.derivative_of else None
         return self.derivative_of is not None or (

@@ -138,7 +138,7 @@ _SIGNS: Final = str.maketrans(
 )
 
 
-def spelt_unit(text: str) -> str | None:
+def pint_name_of_unit(text: str) -> str | None:
     """Pint's name of a unit as users write it; None if unknown.
 
     Args:
@@ -173,7 +173,7 @@ def split_unit_from_name(name: str) -> tuple[str, str | None]:
     words = re.split(r"[_\s.]+", name)
     for count in range(min(_SUFFIX_WORDS, len(words) - 1), 0, -1):
         is_word = words[-1].lower() in _WORDS_BEHIND
-        unit = None if is_word else spelt_unit("_".join(words[-count:]))
+        unit = None if is_word else pint_name_of_unit("_".join(words[-count:]))
         # a lone letter at the end is an axis or a side more often than tonnes
         if unit and (count > 1 or len(words[-1]) > 1 or words[-1] in "sNAVWmg"):
             return "_".join(words[:-count]), unit
@@ -181,6 +181,6 @@ def split_unit_from_name(name: str) -> tuple[str, str | None]:
         last = name[hump.start() :]
         if len(last) < _LONG and name[hump.start() - 1] in _PREFIXES:
             continue
-        if last.isalnum() and last not in ("Min", "In") and (unit := spelt_unit(last)):
+        if last.isalnum() and last not in ("Min", "In") and (unit := pint_name_of_unit(last)):
             return name[: hump.start()], unit
     return name, None

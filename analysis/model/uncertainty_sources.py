@@ -32,12 +32,12 @@ class UncertaintySource:
     shrinks: str
 
 
-def largest_first(sources: Iterable[UncertaintySource]) -> list[UncertaintySource]:
+def sort_largest_first(sources: Iterable[UncertaintySource]) -> list[UncertaintySource]:
     """Sort the sources by size, unknown ones last."""
     return sorted(sources, key=lambda source: np.inf if source.u is None else -source.u)
 
 
-def unknown_scale(sources: Iterable[UncertaintySource]) -> list[str]:
+def names_of_unknown_scale_sources(sources: Iterable[UncertaintySource]) -> list[str]:
     """Names of scale sources whose uncertainty the machine file lacks."""
     return [source.name for source in sources if source.u is None]
 

@@ -79,7 +79,7 @@ class Verdict:
     @property
     def can_weigh(self) -> bool:
         """Whether no check of the mass failed."""
-        return not self.failed("mass")
+        return not self.withholding_checks("mass")
 
     @property
     def has_spins(self) -> bool:
@@ -89,8 +89,8 @@ class Verdict:
     @property
     def can_tell_inertia(self) -> bool:
         """Whether there are spins, none of their checks failed, and the force has a sign."""
-        signless = any(check.check in _SIGNS for check in self.failed("mass"))
-        return self.has_spins and not signless and not self.failed("inertia")
+        signless = any(check.check in _SIGNS for check in self.withholding_checks("mass"))
+        return self.has_spins and not signless and not self.withholding_checks("inertia")
 
     @property
     def is_contradicted(self) -> bool:
@@ -103,7 +103,7 @@ class Verdict:
             for check in self.checks
         )
 
-    def failed(self, about: EvidenceSubject) -> tuple[Check, ...]:
+    def withholding_checks(self, about: EvidenceSubject) -> tuple[Check, ...]:
         """Checks that withhold the mass or the inertia."""
         return tuple(
             each

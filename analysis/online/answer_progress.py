@@ -114,7 +114,7 @@ def target_u_kg(body: Body, until_u_kg: float | None) -> float | None:
     return UNTIL_U_1 * body.empty_mass_kg
 
 
-def missing_text(missing: int | None, reverse: int | None) -> str:
+def missing_manoeuvres_text(missing: int | None, reverse: int | None) -> str:
     """Missing manoeuvres in words; empty if none is missing or the number is unknown.
 
     Args:

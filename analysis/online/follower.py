@@ -12,7 +12,7 @@ import polars as pl
 from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.online.answer_progress import AnswerProgress, target_u_kg
-from analysis.online.gate_state import GateRow, cell_value
+from analysis.online.gate_state import GateRow, cell_as_float
 from analysis.online.growing_log import GrowingLog, causal_machine
 from analysis.online.on_board import OnlineState, TimedEstimate, finish, start, step
 from analysis.online.online_report import (
@@ -235,7 +235,7 @@ class Follower:
 
     def _note_direction(self, t_ns: int, row: Mapping[str, Any]) -> None:
         """Note when the driving direction changes."""
-        speed = cell_value(row["speed_x_m_s"])
+        speed = cell_as_float(row["speed_x_m_s"])
         if row["phase"] in (None, "standstill") or not speed:
             return
         if not self._directions or (speed < 0.0) != (self._directions[-1][1] < 0.0):

@@ -14,7 +14,12 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.schema import PHASES
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import find_slipping_samples, subtract_gravity
-from analysis.stages.gating.gate_rules import UNKNOWN, decide_windows, flag_rows, is_braking
+from analysis.stages.gating.gate_rules import (
+    UNKNOWN,
+    decide_windows,
+    flag_rows_by_reason,
+    is_braking,
+)
 from analysis.stages.motion.phases import TURNS, speed_rate_span_rows, yaw_speeding_sign
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.incremental import WindowState, window_statistics
@@ -91,7 +96,7 @@ class GateState:
     braking_lag: int
 
     @property
-    def last_braking(self) -> int:
+    def last_braking_row(self) -> int:
         """Number of the last braking row, if braking is excluded."""
         return self.last["braking"]
 
@@ -99,7 +104,9 @@ class GateState:
 def start_gate(axis: Axis, settings: Settings) -> GateState:
     """State before the first row."""
     nothing = np.zeros(1, np.bool_)
-    reasons = flag_rows(axis, np.zeros(1, np.uint8), np.zeros(1), nothing, nothing, settings.gate)
+    reasons = flag_rows_by_reason(
+        axis, np.zeros(1, np.uint8), np.zeros(1), nothing, nothing, settings.gate
+    )
     return GateState(
         axis=axis,
         row=-1,
@@ -183,11 +190,11 @@ def append_row(
     accelerations, yaw_rates = before.accelerations, before.yaw_rates
     if axis is X:
         accelerations = (*accelerations[1:], _forward_acceleration(row))
-        slips = _find_slip(row, accelerations, settings)
+        slips = _is_slipping(row, accelerations, settings)
     else:
-        yaw_rates = (*yaw_rates[1:], cell_value(row["yaw_rate_rad_s"]))
+        yaw_rates = (*yaw_rates[1:], cell_as_float(row["yaw_rate_rad_s"]))
         slows = yaw_speeding_sign(np.array(yaw_rates), settings)[-1:] < 0
-    flags = flag_rows(axis, phase, sample[-1:], slows, slips, settings.gate)
+    flags = flag_rows_by_reason(axis, phase, sample[-1:], slows, slips, settings.gate)
     happens = {"gap": missing, **{why: bool(flag[0]) for why, flag in flags.items()}}
     kind = None
     if known:
@@ -207,19 +214,19 @@ def append_row(
     )
 
 
-def _find_slip(
+def _is_slipping(
     row: Mapping[str, Any], accelerations: tuple[float, ...], settings: Settings
 ) -> Bools:
-    rate = np.array([cell_value(row["speed_rate_x_m_s2"])])
+    rate = np.array([cell_as_float(row["speed_rate_x_m_s2"])])
     return find_slipping_samples(rate, np.array(accelerations), settings)
 
 
 def _forward_acceleration(row: Mapping[str, Any]) -> float:
-    pitch = np.array([cell_value(row["pitch_rad"])]) if "pitch_rad" in row else None
-    measured = np.array([cell_value(row.get("specific_force_x_m_s2"))])
+    pitch = np.array([cell_as_float(row["pitch_rad"])]) if "pitch_rad" in row else None
+    measured = np.array([cell_as_float(row.get("specific_force_x_m_s2"))])
     return float(subtract_gravity(measured, pitch)[0])
 
 
-def cell_value(value: float | None) -> float:
+def cell_as_float(value: float | None) -> float:
     """Cell as a float; NaN if missing."""
     return np.nan if value is None else float(value)

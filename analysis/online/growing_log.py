@@ -18,7 +18,7 @@ from analysis.model.schema import HINTS
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.phases import speed_rate_span_rows
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.signals.align import Origin, align_on_grid, find_origin
+from analysis.stages.signals.align import Origin, align_on_grid, find_grid_origin
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.grid_rate import machine_at_rate_of_log
 from analysis.stages.signals.timestamps import assign_timestamps
@@ -168,7 +168,7 @@ class GrowingLog:
                 missing = ", ".join(t for t in self.topics if t not in self._raw)
                 raise DataError(f"no message arrived on the topics {missing}")
             return False
-        head = take_first_seconds(self._raw)
+        head = cut_to_first_seconds(self._raw)
         if head is None:
             if not is_whole:
                 return False
@@ -181,7 +181,7 @@ class GrowingLog:
             machine,
             {topic: log_time_offset_ns(frame, labels[topic]) for topic, frame in head.items()},
             labels,
-            find_origin(channels, machine),
+            find_grid_origin(channels, machine),
             tuple(notes),
         )
         self._raw = {
@@ -213,7 +213,7 @@ class GrowingLog:
         assert self.basis is not None
         settings = self.basis.machine.settings
         kept_s = _KEPT_S
-        if any(channel.differentiates for channel in self.basis.machine.channels.values()):
+        if any(channel.is_derivative for channel in self.basis.machine.channels.values()):
             kept_s += _SETTLED_CYCLES / settings.filter.cutoff_hz
         oldest = self._last_t_ns + self.basis.origin.start_ns - round(kept_s * 1e9)
         for topic, frame in self._raw.items():
@@ -237,7 +237,7 @@ def sort_by_time(frame: pl.DataFrame, key: str) -> pl.DataFrame:
     return frame if frame[key].is_sorted() else frame.sort(key, maintain_order=True)
 
 
-def take_first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame] | None:
+def cut_to_first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame] | None:
     """First seconds of every topic, up to a common time; None if one has fewer.
 
     The cut does not depend on how much was available, so that following again begins equally.

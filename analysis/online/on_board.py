@@ -18,8 +18,8 @@ import polars as pl
 from analysis.model.axes import Axis, axes_of_columns, regressor_columns
 from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
 from analysis.model.settings import Settings
-from analysis.online.gate_state import GateRow, GateState, cell_value, start_gate, step_gate
-from analysis.stages.noise.column_noise import axis_noise
+from analysis.online.gate_state import GateRow, GateState, cell_as_float, start_gate, step_gate
+from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.arrays import Floats
 from estimators.estimate import Estimate
 from estimators.methods import incremental
@@ -182,7 +182,7 @@ def _start_axes(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, 
             AxisState(
                 settings,
                 axis,
-                axis_noise(axis, settings, state.noise),
+                collect_axis_noise(axis, settings, state.noise),
                 incremental.start_window(parameters, window),
                 start_gate(axis, settings),
                 incremental.start_pool(parameters),
@@ -196,7 +196,7 @@ def _start_axes(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, 
 def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, AxisStep]:
     settings = state.settings
     names = regressor_columns(state.axis, settings)
-    sample = np.array([cell_value(row.get(name)) for name in names])
+    sample = np.array([cell_as_float(row.get(name)) for name in names])
     window = incremental.step_window(state.window, sample)
     gate_row, gate = step_gate(state.gate, window, row, settings, state.noise.mean)
     state = replace(
@@ -225,7 +225,7 @@ def _finish_axis(state: AxisState) -> Iterator[Mapping[str, TimedEstimate]]:
     for pending in state.pending:
         if _begins_next_manoeuvre(state, pending):
             yield _pooled_estimates(state)
-            state = _empty_pool(state)
+            state = _start_empty_pool(state)
         state = pool_sample(state, pending)
     yield _pooled_estimates(state)
 
@@ -257,7 +257,7 @@ def feed_recursive(state: AxisState) -> tuple[AxisState, dict[str, TimedEstimate
     """Feed the recursive methods the oldest settling window, unless braking has followed."""
     settings, (row, window) = state.settings, state.settling[0]
     state = replace(state, settling=state.settling[1:])
-    if state.gate.last_braking >= row:
+    if state.gate.last_braking_row >= row:
         return state, {}
     newest = min(row - state.fed_row, settings.gate.window_samples)
     mean = settings.smooth.samples
@@ -292,7 +292,7 @@ def pool_settled_samples(
     state = replace(state, pending=tuple(waiting))
     is_awaited = any(each.segment_id == state.pooled_id for each in waiting)
     if is_manoeuvre_over(state, row) and not is_awaited:
-        return _empty_pool(state), _pooled_estimates(state)
+        return _start_empty_pool(state), _pooled_estimates(state)
     return state, {}
 
 
@@ -321,7 +321,7 @@ def is_manoeuvre_over(state: AxisState, row: int) -> bool:
 
 def pool_sample(state: AxisState, pending: PendingSample) -> AxisState:
     """Pool a sample, unless braking has excluded it."""
-    if state.gate.last_braking >= pending.row:
+    if state.gate.last_braking_row >= pending.row:
         return state
     return replace(
         state,
@@ -331,7 +331,7 @@ def pool_sample(state: AxisState, pending: PendingSample) -> AxisState:
     )
 
 
-def _empty_pool(state: AxisState) -> AxisState:
+def _start_empty_pool(state: AxisState) -> AxisState:
     return replace(state, pool=incremental.start_pool(len(state.window.z) - 1), pooled_id=-1)
 
 

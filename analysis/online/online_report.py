@@ -129,11 +129,13 @@ def _describe_json_type(annotation: Any) -> dict[str, Any]:
     return {"type": kinds if len(kinds) > 1 else kinds[0]}
 
 
-def judge_mass(last: PooledEstimate | None, t_ns: int, body: Body, valid_s: float) -> Validity:
+def judge_mass(
+    last_estimate: PooledEstimate | None, t_ns: int, body: Body, valid_s: float
+) -> Validity:
     """Validity of the last mass at a grid time `t_ns`.
 
     Args:
-        last: last estimate; None before the first.
+        last_estimate: last estimate; None before the first.
         t_ns: present time.
         body: machine body with its empty mass, if known.
         valid_s: age from which a mass is old.
@@ -142,24 +144,24 @@ def judge_mass(last: PooledEstimate | None, t_ns: int, body: Body, valid_s: floa
     limits = (0.0, math.inf)
     if empty is not None:
         limits = (LEAST_OF_EMPTY_1 * empty, MOST_OF_EMPTY_1 * empty)
-    return _judge_age(last, t_ns, valid_s, limits)
+    return _judge_age(last_estimate, t_ns, valid_s, limits)
 
 
-def judge_spin(last: PooledEstimate | None, t_ns: int, valid_s: float) -> Validity:
+def judge_spin(last_estimate: PooledEstimate | None, t_ns: int, valid_s: float) -> Validity:
     """Validity of the last inertia at a grid time; it only has to be positive and recent."""
-    return _judge_age(last, t_ns, valid_s, (0.0, math.inf))
+    return _judge_age(last_estimate, t_ns, valid_s, (0.0, math.inf))
 
 
 def _judge_age(
-    last: PooledEstimate | None, t_ns: int, valid_s: float, limits: tuple[float, float]
+    last_estimate: PooledEstimate | None, t_ns: int, valid_s: float, limits: tuple[float, float]
 ) -> Validity:
     """Validity of the last estimate by its size, uncertainty and age."""
-    if last is None:
+    if last_estimate is None:
         return "none_yet"
-    value, u = float(last.estimate.theta[0]), float(last.estimate.std[0])
+    value, u = float(last_estimate.estimate.theta[0]), float(last_estimate.estimate.std[0])
     if not (math.isfinite(value) and math.isfinite(u)) or u > LARGEST_U_1 * abs(value):
         return "uncertain"
     least, most = limits
     if value <= 0.0 or not least <= value <= most:
         return "implausible"
-    return "valid" if t_ns - last.t_ns <= valid_s * 1e9 else "old"
+    return "valid" if t_ns - last_estimate.t_ns <= valid_s * 1e9 else "old"

@@ -26,7 +26,7 @@ class Figure5:
     highest_nat: Mapping[str, float]
 
 
-def make_figure_5(campaign: ReplayedCampaign) -> Figure5:
+def make_figure_5_data(campaign: ReplayedCampaign) -> Figure5:
     """Force, acceleration, speed and index of one start and stop."""
     frames, about = campaign.replayed.frames, campaign.replayed.provenance
     trial = campaign.trials.row(0, named=True)
@@ -90,7 +90,7 @@ class Figure6:
     implied_kg: tuple[float, float]
 
 
-def make_figure_6(extracts: Extracts) -> Figure6:
+def make_figure_6_data(extracts: Extracts) -> Figure6:
     """Average the raw masses over the campaigns."""
     means = mean_intervals(
         _concatenate_loads(extracts),
@@ -123,7 +123,7 @@ class Figure7:
     scatter_kg: Mapping[str, float]
 
 
-def make_figure_7(extracts: Extracts) -> Figure7:
+def make_figure_7_data(extracts: Extracts) -> Figure7:
     """Average the calibrated masses over the campaigns."""
     spread = pl.col("estimate_std_kg") * pl.col("alpha_1")
     table = mean_intervals(
@@ -147,7 +147,7 @@ class Figure8:
     middle_1: float
 
 
-def make_figure_8(extracts: Extracts) -> Figure8:
+def make_figure_8_data(extracts: Extracts) -> Figure8:
     """Average the r.m.s. errors by load and method over the campaigns."""
     table = mean_intervals(
         _concatenate_loads(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"]
@@ -163,4 +163,4 @@ def make_figure_8(extracts: Extracts) -> Figure8:
     )
 
 
-FIGURE_5: Final = Extract(START, make_figure_5)
+FIGURE_5: Final = Extract(START, make_figure_5_data)

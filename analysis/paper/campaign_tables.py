@@ -9,7 +9,7 @@ import polars as pl
 
 from analysis.calibration.campaign.by_method import calibrate_methods
 from analysis.paper import printed_numbers
-from analysis.paper.confidence_intervals import lowest_errors, mean_intervals
+from analysis.paper.confidence_intervals import keys_of_lowest_error, mean_intervals
 from analysis.paper.replayed_campaign import (
     ERRORS,
     ReplayedCampaign,
@@ -70,7 +70,7 @@ CHAINED_LINES: Final = Extract(
 
 
 def make_table_2(extracts: Extracts) -> Table2:
-    """Average the lines over the campaigns."""
+    """Mean slope and offset of the calibration line by chain and method, over the campaigns."""
     lines = pl.concat(
         [*extracts.results_of_extract(IDEAL_LINES), *extracts.results_of_extract(CHAINED_LINES)],
         how="vertical_relaxed",
@@ -185,7 +185,7 @@ def _make_swept_table(
     return SweptTable(
         frame=table,
         best_printed={
-            method: lowest_errors({at: row[i] for at, row in printed.items()})
+            method: keys_of_lowest_error({at: row[i] for at, row in printed.items()})
             for i, method in enumerate(printed_numbers.METHODS)
         },
         extremes=tuple(
@@ -227,7 +227,7 @@ def _mean_errors_by_setting(
 def _find_best_and_worst_setting(method: str, setting: str, part: pl.DataFrame) -> ErrorExtremes:
     """The values of a setting with the least and the largest error of a method."""
     known = dict(part.select(setting, "run_left_out_kg").drop_nulls().iter_rows())
-    (best, *_), worst = lowest_errors(known), max(known, key=lambda at: known[at])
+    (best, *_), worst = keys_of_lowest_error(known), max(known, key=lambda at: known[at])
     high = part.filter(pl.col(setting) == best)["run_left_out_kg_high"][0]
     alike = tuple(at for at, error in known.items() if high is not None and error <= high)
     return ErrorExtremes(method, best, known[best], worst, known[worst], alike, len(known))

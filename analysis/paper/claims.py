@@ -42,19 +42,21 @@ _PARAMETERS: Final = 2  # mass and friction
 _FLOAT_BYTES: Final = 8
 
 
-def accept_windows(campaign: ReplayedCampaign, how: Fed, settings: Settings) -> ReplayedCampaign:
+def replay_with_accepted_windows(
+    campaign: ReplayedCampaign, window_rule: Fed, settings: Settings
+) -> ReplayedCampaign:
     """Campaign with other accepted windows and new estimates.
 
     Args:
         campaign: replayed campaign.
-        how: rule that selects the windows for the estimators.
+        window_rule: rule that selects the windows for the estimators.
         settings: settings of gate, estimators and forgetting.
     """
-    if how == "ungated":
+    if window_rule == "ungated":
         settings = settings.with_changes({"gate.exclude_braking": False})
     gated = gate_windows(campaign.replayed.frames["excitation"], settings)
-    if how != "gated":
-        refused = _INCOMPLETE if how == "ungated" else (*_INCOMPLETE, "braking")
+    if window_rule != "gated":
+        refused = _INCOMPLETE if window_rule == "ungated" else (*_INCOMPLETE, "braking")
         gated = gated.with_columns(accepted_x=~pl.col("reason_x").cast(pl.String).is_in(refused))
     return reestimate(campaign, gated, settings)
 
@@ -64,10 +66,12 @@ def cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
     return tuple(_cruise_error_kg(campaign, how, directional) for how, directional in CRUISE_FED)
 
 
-def _cruise_error_kg(campaign: ReplayedCampaign, how: Fed, directional: bool) -> float:
+def _cruise_error_kg(campaign: ReplayedCampaign, window_rule: Fed, directional: bool) -> float:
     """Error of RLS at the end of the cruise; NaN without an estimate."""
     methods = {"trace.methods": ("rls",), "trace.directional_forgetting": directional}
-    again = accept_windows(campaign, how, campaign.settings.with_changes(methods))
+    again = replay_with_accepted_windows(
+        campaign, window_rule, campaign.settings.with_changes(methods)
+    )
     cruised_ns = int(campaign.trials["braking_ns"][0]) - again.replayed.provenance.t0_unix_ns
     before = again.replayed.frames["estimates/rls"].filter(pl.col("t_ns") <= cruised_ns)
     if before.is_empty():
@@ -75,7 +79,7 @@ def _cruise_error_kg(campaign: ReplayedCampaign, how: Fed, directional: bool) ->
     return float(before["mass_kg"][-1] - campaign.trials["mass_kg"][0])
 
 
-def campaign_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
+def errors_for_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
     """Errors of one campaign that the claims concern.
 
     Returns:
@@ -86,7 +90,8 @@ def campaign_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
     rls = campaign.settings.with_changes({"trace.methods": ("rls",)})
     without: tuple[Fed, ...] = ("no braking", "ungated")
     estimates = {"gated": campaign.estimate_by_method_and_trial()} | {
-        how: accept_windows(campaign, how, rls).estimate_by_method_and_trial() for how in without
+        how: replay_with_accepted_windows(campaign, how, rls).estimate_by_method_and_trial()
+        for how in without
     }
     return pl.concat(
         calibrated_errors_of_runs(masses)
@@ -101,7 +106,7 @@ def campaign_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
     )
 
 
-CAMPAIGN_ERRORS: Final = Extract(CAMPAIGNS, campaign_claims)
+CAMPAIGN_ERRORS: Final = Extract(CAMPAIGNS, errors_for_claims)
 CRUISE_ERRORS: Final = Extract(CRUISES, cruise_errors_kg)
 TEN_SECONDS: Final = AT_LENGTH[WINDOW_S]
 
@@ -192,11 +197,14 @@ def compare_claims(extracts: Extracts) -> Claims:
     )
     rows = [
         *buffer,
-        *(claim_row("rms", "trial", row, "rms_left_out_kg") for row in gated.iter_rows(named=True)),
-        claim_row("rms", "constant", {"found": printed_numbers.CONSTANT_KG}, "found"),
+        *(
+            make_claim_row("rms", "trial", row, "rms_left_out_kg")
+            for row in gated.iter_rows(named=True)
+        ),
+        make_claim_row("rms", "constant", {"found": printed_numbers.CONSTANT_KG}, "found"),
         *(_make_window_row(row) for row in windows.iter_rows(named=True)),
         *(
-            claim_row("experiment", "trial", row, "mean_abs_kg")
+            make_claim_row("experiment", "trial", row, "mean_abs_kg")
             for row in gated.iter_rows(named=True)
         ),
         *_make_cruise_rows(np.array(extracts.results_of_extract(CRUISE_ERRORS))),
@@ -226,7 +234,7 @@ def compare_claims(extracts: Extracts) -> Claims:
         experiment_mass_percent=_value_range(experiment["of_mass_percent"]),
         experiment_range_percent=_value_range(experiment["of_load_range_percent"]),
         reduced=tuple(share >= 100.0 * printed_numbers.REDUCTION for share in smaller),
-        saved_by=find_remedy_of_rls(means),
+        saved_by=best_remedy_of_rls(means),
         buffer=_compare_buffers(frame.filter(pl.col("claim") == "buffer")),
     )
 
@@ -243,7 +251,7 @@ def _make_buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
         samples = round(row[WINDOW])
         held = ls_buffer_bytes(samples) if row["method"] == "ls" else rls_state_bytes()
         of_window = {"window_samples": samples, "buffer_bytes": held}
-        rows.append(claim_row("buffer", "trial", {**row, **of_window}, "run_left_out_kg"))
+        rows.append(make_claim_row("buffer", "trial", {**row, **of_window}, "run_left_out_kg"))
     return rows
 
 
@@ -259,7 +267,9 @@ def _compare_buffers(frame: pl.DataFrame) -> BufferErrors:
     )
 
 
-def claim_row(claim: str, sample_kind: str, row: Mapping[str, Any], name: str) -> dict[str, Any]:
+def make_claim_row(
+    claim: str, sample_kind: str, row: Mapping[str, Any], name: str
+) -> dict[str, Any]:
     """Row of a finding whose number and interval are in `row` under `name`."""
     return {
         "claim": claim,
@@ -280,7 +290,7 @@ def claim_row(claim: str, sample_kind: str, row: Mapping[str, Any], name: str) -
 def _make_window_row(row: Mapping[str, Any]) -> dict[str, Any]:
     half = _NORMAL * row["bias_std_kg"]
     ends = {"bias_kg_low": row["bias_kg"] - half, "bias_kg_high": row["bias_kg"] + half}
-    return claim_row("simulation", "window", {**row, **ends}, "bias_kg")
+    return make_claim_row("simulation", "window", {**row, **ends}, "bias_kg")
 
 
 def _make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
@@ -289,7 +299,7 @@ def _make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
     found = [rms_interval(errors, rng) for errors in errors_kg.T]
     ungated_kg = found[0][0]
     return [
-        claim_row(
+        make_claim_row(
             "reduction",
             "cruise",
             {
@@ -313,7 +323,9 @@ def _make_campaign_rows(means: pl.DataFrame) -> list[dict[str, Any]]:
         gated = row["fed"] != "ungated"
         smaller = _reduction_percent(row["rms_left_out_kg"], ungated_kg) if gated else None
         rows.append(
-            claim_row("reduction", "trial", {**row, "smaller_percent": smaller}, "rms_left_out_kg")
+            make_claim_row(
+                "reduction", "trial", {**row, "smaller_percent": smaller}, "rms_left_out_kg"
+            )
         )
     return rows
 
@@ -322,7 +334,7 @@ def _reduction_percent(error_kg: float, ungated_kg: float) -> float:
     return 100.0 * (1.0 - error_kg / ungated_kg)
 
 
-def find_remedy_of_rls(means: pl.DataFrame) -> Literal["nothing", "refusing braking", "the index"]:
+def best_remedy_of_rls(means: pl.DataFrame) -> Literal["nothing", "refusing braking", "the index"]:
     """Compare RLS on short starts: gated, without braking, ungated."""
     rls = means.filter(pl.col("method") == "rls")
     by_fed = dict(rls.select("fed", "rms_left_out_kg").iter_rows())

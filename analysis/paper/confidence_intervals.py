@@ -71,6 +71,6 @@ def rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[float, float
     return float(np.sqrt(squares.mean())), float(low), float(high)
 
 
-def lowest_errors(errors: Mapping[float, float]) -> list[float]:
+def keys_of_lowest_error(errors: Mapping[float, float]) -> list[float]:
     """Keys of the smallest error, ties included."""
     return [at for at, error in errors.items() if error == min(errors.values())]

@@ -36,7 +36,7 @@ class Figure2:
     unsettled_1: float
 
 
-def make_figure_2(campaign: ReplayedCampaign) -> Figure2:
+def make_figure_2_data(campaign: ReplayedCampaign) -> Figure2:
     """Force, acceleration and speed under the triangle."""
     truth = campaign.trials.row(0, named=True)
     constant_s = truth["mass_kg"] / truth["friction_N_s_m"]
@@ -77,7 +77,7 @@ class Figure3:
     window_samples: int
 
 
-def make_figure_3(campaign: ReplayedCampaign) -> Figure3:
+def make_figure_3_data(campaign: ReplayedCampaign) -> Figure3:
     """Mass and friction over time under the triangular force."""
     rate_hz = campaign.settings.align.rate_hz
     settings = campaign.settings.with_changes(
@@ -107,7 +107,7 @@ def make_figure_3(campaign: ReplayedCampaign) -> Figure3:
         frame=series,
         true_mass_kg=truth["mass_kg"],
         rms_kg=_rms_error_by_method(series, "mass_kg", "true_mass_kg"),
-        converging=rms_error_after_convergence(series),
+        converging=early_and_late_rms_errors(series),
         memory_samples=(1.0 + settings.trace.forgetting) / (1.0 - settings.trace.forgetting),
         window_samples=settings.gate.window_samples,
     )
@@ -132,7 +132,7 @@ class Figure4:
     bias_kg_m2: Mapping[str, float]
 
 
-def make_figure_4(campaign: ReplayedCampaign) -> Figure4:
+def make_figure_4_data(campaign: ReplayedCampaign) -> Figure4:
     """Yaw inertia and friction over time under a triangular torque, by the yaw row of (8)."""
     excitation = campaign.replayed.frames["excitation"]
     A = planar_rows.spin(
@@ -219,7 +219,7 @@ def _rms_error_by_method(series: pl.DataFrame, value: str, true: str) -> dict[st
     return dict(errors.iter_rows())
 
 
-def rms_error_after_convergence(series: pl.DataFrame) -> dict[str, EarlyAndLateRms]:
+def early_and_late_rms_errors(series: pl.DataFrame) -> dict[str, EarlyAndLateRms]:
     """R.m.s. error of LS and RLS in the first `EARLY_S`, and later."""
     squares = series.with_columns(
         square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,
@@ -236,6 +236,6 @@ def rms_error_after_convergence(series: pl.DataFrame) -> dict[str, EarlyAndLateR
     }
 
 
-FIGURE_2: Final = Extract(LINEAR, make_figure_2)
-FIGURE_3: Final = Extract(LINEAR, make_figure_3)
-FIGURE_4: Final = Extract(ROTATION, make_figure_4)
+FIGURE_2: Final = Extract(LINEAR, make_figure_2_data)
+FIGURE_3: Final = Extract(LINEAR, make_figure_3_data)
+FIGURE_4: Final = Extract(ROTATION, make_figure_4_data)

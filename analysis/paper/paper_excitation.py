@@ -103,7 +103,7 @@ def scenario_with_waveforms(
     return scenario.model_copy(update={"campaign": campaign})
 
 
-def steady_drive(scenario: Scenario, force: ForceWave | None = None) -> SteadyDrive:
+def integrate_steady_drive(scenario: Scenario, force: ForceWave | None = None) -> SteadyDrive:
     """One period of the steady oscillation under a force, by default the paper's triangle.
 
     Args:

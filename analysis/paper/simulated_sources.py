@@ -11,7 +11,11 @@ from functools import partial
 from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
 from analysis.model.machine import Channel, Machine
-from analysis.paper.paper_excitation import SteadyDrive, scenario_with_waveforms, steady_drive
+from analysis.paper.paper_excitation import (
+    SteadyDrive,
+    integrate_steady_drive,
+    scenario_with_waveforms,
+)
 from analysis.paper.replayed_campaign import ReplayedCampaign
 from analysis.paper.torque_chain import TorqueChain, record_through_chain
 from analysis.simulation import Scenario, SimulatedLog
@@ -87,9 +91,9 @@ class Extracts:
     def __init__(self) -> None:
         self._made: dict[Extract[Any, Any], list[Any]] = {}
 
-    def add(self, extract: Extract[Any, T], made: T) -> None:
+    def add(self, extract: Extract[Any, T], result: T) -> None:
         """Add the result of an extract from another repetition."""
-        self._made.setdefault(extract, []).append(made)
+        self._made.setdefault(extract, []).append(result)
 
     def results_of_extract(self, extract: Extract[Any, T]) -> list[T]:
         """Results of an extract from all repetitions."""
@@ -162,7 +166,9 @@ def _return_log(log: SimulatedLog) -> SimulatedLog:
 
 
 def _make_steady_study(study: StudySettings, _: int) -> SteadyStudy:
-    return SteadyStudy(steady_drive(study.scenario), study.scenario.sensors, study.windows)
+    return SteadyStudy(
+        integrate_steady_drive(study.scenario), study.scenario.sensors, study.windows
+    )
 
 
 def _replay_seeded_campaign(study: StudySettings, repetition: int) -> ReplayedCampaign:

@@ -16,7 +16,7 @@ import numpy as np
 import polars as pl
 
 from analysis.paper import printed_numbers
-from analysis.paper.confidence_intervals import CONFIDENCE, lowest_errors, rms_interval
+from analysis.paper.confidence_intervals import CONFIDENCE, keys_of_lowest_error, rms_interval
 from analysis.paper.paper_excitation import MeasuredWindows, SteadyDrive
 from analysis.paper.simulated_sources import OSCILLATION, Extract, Extracts, SteadyStudy
 from analysis.simulation.scenario.scenario import SimulatedSensors
@@ -81,7 +81,7 @@ def make_table_1(extracts: Extracts) -> Table1:
     table = pl.concat([extracts.single_result(extract) for extract in AT_LENGTH.values()])
     beside = table.filter(pl.col("paper_kg").is_not_null())
     ours = {
-        str(method): lowest_errors(dict(part.select("window_s", "rmse_kg").iter_rows()))[0]
+        str(method): keys_of_lowest_error(dict(part.select("window_s", "rmse_kg").iter_rows()))[0]
         for (method,), part in table.group_by("method", maintain_order=True)
     }
     long = table.filter((pl.col("window_s") >= LONG_S) & pl.col("method").is_in(["ls", "tls"]))
@@ -97,7 +97,9 @@ def make_table_1(extracts: Extracts) -> Table1:
         below_bound=beside.filter(pl.col("paper_kg") < pl.col("bound_kg")).height,
         rare=beside.filter(pl.col("paper_kg") > RARE * pl.col("rmse_kg")).height,
         best_printed_s={
-            method: lowest_errors({at: row[i] for at, row in printed_numbers.TABLE_1_KG.items()})[0]
+            method: keys_of_lowest_error(
+                {at: row[i] for at, row in printed_numbers.TABLE_1_KG.items()}
+            )[0]
             for i, method in enumerate(printed_numbers.METHODS)
         },
         best_s=ours,

@@ -17,7 +17,7 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build_frame
 from analysis.model.settings import Settings
-from analysis.model.uncertainty_sources import combined_u, unknown_scale
+from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
 from analysis.model.verdict import Verdict
 from analysis.planar.planar_budget import (
     list_uncertainty_sources,
@@ -27,9 +27,9 @@ from analysis.planar.planar_budget import (
 from analysis.planar.planar_motion import make_drive
 from analysis.planar.planar_regressor import Regressor
 from analysis.planar.planar_samples import PlanarSamples, collect_planar_samples, planar_noise
-from analysis.planar.planar_terms import TERMS, terms_of_drive
+from analysis.planar.planar_terms import TERMS, select_terms_of_drive
 from analysis.stages.estimation import fit_quality
-from analysis.stages.gating.gate import accepted_samples
+from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.gating.segments import number_manoeuvres
 from estimators.arrays import Bools, Floats, Ints
 from estimators.planar import base_parameters
@@ -69,7 +69,7 @@ class PlanarFit:
     priors: tuple[str, ...]
 
 
-def fit_planar(
+def make_planar_frames(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     verdict: Verdict,
@@ -100,7 +100,7 @@ def fit_planar(
     rows += [joint[0]] if joint else []
     declared = FRAMES["planar"].columns
     table = pl.DataFrame(rows, schema={c.name: c.dtype for c in declared}, orient="row")
-    parts = uncertainty_rows(*joint, machine) if joint else []
+    parts = make_uncertainty_rows(*joint, machine) if joint else []
     declared = FRAMES["planar_budget"].columns
     budget = pl.DataFrame(parts, schema={c.name: c.dtype for c in declared}, orient="row")
     return build_frame("planar", table.to_dict()), build_frame("planar_budget", budget.to_dict())
@@ -154,21 +154,21 @@ def prior_from_axis(
     nothing = Prior.around_zero({}, 2)
     if axis is Z and not log.plane.has_torque:
         return nothing
-    used = accepted_samples(log.excitation, gated, log.machine.settings, axis)
+    used = mark_samples_to_pool(log.excitation, gated, log.machine.settings, axis)
     used &= log.plane.known
     if not used.any():
         return nothing
     fitted = fit_in_rounds(log, np.where(used, 0, -1), start, nothing, rows, columns).estimate
     if not np.isfinite(fitted.theta).all():
         return nothing
-    own = [n for n, name in enumerate(fitted.parameters) if is_of_axis_alone(name, axis)]
+    own = [n for n, name in enumerate(fitted.parameters) if is_of_one_axis_only(name, axis)]
     mean = np.zeros((2, len(own)))
     mean[rows] = fitted.by_axis[:, own]
     names = tuple(fitted.parameters[n] for n in own)
     return Prior(names, mean, fitted.covariance[np.ix_(own, own)])
 
 
-def is_of_axis_alone(name: str, axis: Axis) -> bool:
+def is_of_one_axis_only(name: str, axis: Axis) -> bool:
     """Whether a parameter or term occurs in the equation of one axis only."""
     return name in PARAMETERS or any(
         term.name == name and term.axes == axis.letter for term in TERMS
@@ -264,7 +264,7 @@ def fit_with_coefficients(
     part = slice(int(where[0]), int(where[-1]) + 1)
     of_columns = np.array(columns)
     drive = make_drive(log.plane, log.excitation, log.machine, coefficients)
-    terms = terms_of_drive(drive, "xz"[rows])
+    terms = select_terms_of_drive(drive, "xz"[rows])
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known.names}
     regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)
@@ -328,10 +328,10 @@ def _make_fit_row(
         row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*_MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
-    row["scale_unknown"] = list_missing_values(
+    row["scale_unknown"] = missing_values_text(
         fitted, [quantity_gradient(estimate, name) for name in sorted(told)], log.machine
     )
-    row["com_scale_unknown"] = list_missing_values(
+    row["com_scale_unknown"] = missing_values_text(
         fitted, [estimate.slope(moment, "mass_kg")[1] for moment in _MOMENTS], log.machine
     )
     for name, rms in zip(
@@ -341,11 +341,11 @@ def _make_fit_row(
     return row
 
 
-def list_missing_values(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
+def missing_values_text(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
     """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [list_uncertainty_sources(fitted.estimate, g, fitted.priors, machine) for g in told]
-    names = (name for found in each for name in unknown_scale(found))
+    names = (name for found in each for name in names_of_unknown_scale_sources(found))
     return ", ".join(dict.fromkeys(names))
 
 
@@ -359,7 +359,7 @@ _QUANTITIES: Final = {
 }
 
 
-def uncertainty_rows(
+def make_uncertainty_rows(
     row: Mapping[str, Any], fitted: PlanarFit, machine: Machine
 ) -> list[dict[str, Any]]:
     """Rows on the sources of uncertainty of each quantity that all motion determines."""

@@ -13,7 +13,7 @@ from analysis.model.uncertainty_sources import (
     UncertaintySource,
     combined_u,
     has_torque_of_sides,
-    largest_first,
+    sort_largest_first,
 )
 from analysis.planar.planar_terms import TERMS
 from estimators.arrays import Floats
@@ -60,10 +60,12 @@ def list_uncertainty_sources(
             found.append(UncertaintySource(name, "common", float(u), term.meaning, term.shrinks))
         else:
             stated[term.stated.name] = float(np.hypot(stated.get(term.stated.name, 0.0), u))
-    return largest_first([*found, *machine_parts(estimate, gradient, stated, machine)])
+    return sort_largest_first(
+        [*found, *machine_uncertainty_sources(estimate, gradient, stated, machine)]
+    )
 
 
-def machine_parts(
+def machine_uncertainty_sources(
     estimate: BaseEstimate, gradient: Floats, fitted: dict[str, float], machine: Machine
 ) -> Iterator[UncertaintySource]:
     """Uncertainty sources that the machine file states or should state."""

@@ -6,7 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.planar.planar_motion import Drive
-from analysis.planar.planar_terms import Term, measures_force, measures_sideways
+from analysis.planar.planar_terms import (
+    Term,
+    measures_lateral_specific_force,
+    measures_specific_force,
+)
 from estimators.arrays import Floats, Ints
 from estimators.planar.planar_rows import PARAMETERS
 
@@ -73,7 +77,7 @@ class Regressor:
 
         It is (0, 0) where no accelerometer is used, or not all six columns are fitted.
         """
-        if self.columns.size < len(PARAMETERS) or not measures_force(self.drive.machine):
+        if self.columns.size < len(PARAMETERS) or not measures_specific_force(self.drive.machine):
             return 0.0, 0.0
         return self.drive.machine.machine.imu.position_m[:2]
 
@@ -86,6 +90,6 @@ class Regressor:
             # `move_to_origin` adds ω² x + ω̇ y to s_x, and ω² y - ω̇ x to s_y
             found[0, mass, [moment_x, moment_y]] = -x_m, -y_m
             found[1, moment_y, inertia] = -y_m
-            if measures_sideways(self.drive.machine):
+            if measures_lateral_specific_force(self.drive.machine):
                 found[1, moment_x, inertia] = -x_m
         return found

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from analysis.model.axes import Z, available_axes
 from analysis.model.schema import column_values
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import possibly_braking_samples
+from analysis.stages.gating.gate import mark_possible_braking
 from analysis.stages.motion.phases import TURNS, speeding_sign, yaw_speeding_sign
-from analysis.stages.noise.column_noise import mean_stds
+from analysis.stages.noise.column_noise import stds_after_moving_mean
 from estimators.arrays import Bools, Floats
 from estimators.planar import planar_rows
 
@@ -94,8 +94,8 @@ def collect_planar_samples(
     if settings.gate.exclude_braking:
         stands = (phase == "standstill").fill_null(True).to_numpy()
         speeds_up = ((along > 0) | (about > 0)) & ~slows
-        usable = known & ~possibly_braking_samples(slows, settings)
-        usable &= ~is_ending_of_stop(slows, speeds_up, stands)
+        usable = known & ~mark_possible_braking(slows, settings)
+        usable &= ~is_end_of_stop(slows, speeds_up, stands)
     return PlanarSamples(
         t_ns=excitation["t_ns"].to_numpy(),
         motion=motion,
@@ -106,11 +106,11 @@ def collect_planar_samples(
         turning=turning,
         pace=along,
         has_torque=has_torque,
-        noise=mean_stds(settings, noise),
+        noise=stds_after_moving_mean(settings, noise),
     )
 
 
-def is_ending_of_stop(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
+def is_end_of_stop(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
     """Samples between braking and the following stand, (n,).
 
     Unmeasured brakes still act there, too gently to be classified as braking.

@@ -54,30 +54,30 @@ class Term:
     mixture: Callable[[Drive], Mixture] = lambda _: ({}, {})
 
 
-def measures_force(machine: Machine) -> bool:
+def measures_specific_force(machine: Machine) -> bool:
     """Whether an accelerometer measures the forward specific force, gravity included."""
     return machine.settings.forces.acceleration == "specific_force"
 
 
-def measures_sideways(machine: Machine) -> bool:
+def measures_lateral_specific_force(machine: Machine) -> bool:
     """Whether an accelerometer measures the lateral specific force."""
-    return measures_force(machine) and "specific_force_y_m_s2" in machine.channels
+    return measures_specific_force(machine) and "specific_force_y_m_s2" in machine.channels
 
 
 def _has_unseen_slope_along(machine: Machine) -> bool:
     """Whether no channel shows the slope along the machine."""
-    return not measures_force(machine) and "pitch_rad" not in machine.channels
+    return not measures_specific_force(machine) and "pitch_rad" not in machine.channels
 
 
 def _has_unseen_slope_sideways(machine: Machine) -> bool:
-    return not measures_sideways(machine) and "roll_rad" not in machine.channels
+    return not measures_lateral_specific_force(machine) and "roll_rad" not in machine.channels
 
 
 def _has_unknown_slope(machine: Machine) -> bool:
     return _has_unseen_slope_along(machine) or _has_unseen_slope_sideways(machine)
 
 
-def unseen_gravity(m: TurningSamples, along: Floats, across: Floats) -> Columns:
+def unmeasured_gravity_columns(m: TurningSamples, along: Floats, across: Floats) -> Columns:
     """Force of an unmeasured gravity component (along, across) the machine."""
     x = along if _has_unseen_slope_along(m.drive.machine) else 0.0 * along
     y = across if _has_unseen_slope_sideways(m.drive.machine) else 0.0 * across
@@ -88,20 +88,20 @@ def _slip_columns(m: TurningSamples) -> Columns:
     """Columns of longitudinal slip in both equations."""
     slips = np.abs(m.speed) * np.abs(m.force)
     sideways = None
-    if not measures_sideways(m.drive.machine) and m.drive.mass_kg:
+    if not measures_lateral_specific_force(m.drive.machine) and m.drive.mass_kg:
         sideways = -m.drive.moment_x_kg_m / m.drive.mass_kg * m.yaw_rate * np.sign(m.speed) * slips
-    along = -m.slip_rate if not measures_force(m.drive.machine) else None
+    along = -m.slip_rate if not measures_specific_force(m.drive.machine) else None
     return along, sideways
 
 
 def _gyro_bias_columns(m: TurningSamples) -> Columns:
-    sideways = 0.0 if measures_sideways(m.drive.machine) else m.drive.moment_x_kg_m
+    sideways = 0.0 if measures_lateral_specific_force(m.drive.machine) else m.drive.moment_x_kg_m
     return -2.0 * m.drive.moment_x_kg_m * m.yaw_rate, sideways * m.speed + m.drive.turning_friction
 
 
 def _gyro_gain_mixture(drive: Drive) -> Mixture:
     """How an error of the gyroscope's gain mixes the parameters."""
-    sideways = 0.0 if measures_sideways(drive.machine) else drive.moment_x_kg_m
+    sideways = 0.0 if measures_lateral_specific_force(drive.machine) else drive.moment_x_kg_m
     turned = {
         _INERTIA: drive.inertia_z_kg_m2,
         _FRICTION_Z: drive.turning_friction,
@@ -111,11 +111,11 @@ def _gyro_gain_mixture(drive: Drive) -> Mixture:
 
 
 def _accelerometer_gain_mixture(drive: Drive) -> Mixture:
-    sideways = drive.moment_x_kg_m if measures_sideways(drive.machine) else 0.0
+    sideways = drive.moment_x_kg_m if measures_lateral_specific_force(drive.machine) else 0.0
     return {_MASS: drive.mass_kg}, {_MOMENT_X: sideways, _MOMENT_Y: drive.moment_y_kg_m}
 
 
-def turning_torque_term(m: TurningSamples, moment_kg_m: float) -> Columns:
+def turning_torque_columns(m: TurningSamples, moment_kg_m: float) -> Columns:
     """Yaw torque of an acceleration ω² per metre, which the six columns lack."""
     return None, moment_kg_m * m.yaw_rate**2
 
@@ -128,7 +128,7 @@ def _lateral_arm_mixture(drive: Drive) -> Mixture:
 
 def _imu_x_mixture(drive: Drive) -> Mixture:
     """How an error of the IMU's position ahead mixes the parameters."""
-    sideways = drive.moment_x_kg_m if measures_sideways(drive.machine) else 0.0
+    sideways = drive.moment_x_kg_m if measures_lateral_specific_force(drive.machine) else 0.0
     return {_MOMENT_X: -drive.mass_kg}, {_INERTIA: -sideways}
 
 
@@ -286,11 +286,11 @@ TERMS: Final = (
         "longitudinal slip: wheels gain speed that the machine does not",
         "an accelerometer on the body",
         "xz",
-        lambda machine: not measures_sideways(machine),
+        lambda machine: not measures_lateral_specific_force(machine),
     ),
     Term(
         "slope_along",
-        lambda m: unseen_gravity(m, np.cos(m.heading_rad), -np.sin(m.heading_rad)),
+        lambda m: unmeasured_gravity_columns(m, np.cos(m.heading_rad), -np.sin(m.heading_rad)),
         lambda d, s: s.const_weight_share * d.gravity_m_s2,
         "a slope along the machine where the log begins, which no channel measures",
         "level ground; an accelerometer, or channels of pitch and roll",
@@ -299,7 +299,7 @@ TERMS: Final = (
     ),
     Term(
         "slope_across",
-        lambda m: unseen_gravity(m, np.sin(m.heading_rad), np.cos(m.heading_rad)),
+        lambda m: unmeasured_gravity_columns(m, np.sin(m.heading_rad), np.cos(m.heading_rad)),
         lambda d, s: s.const_weight_share * d.gravity_m_s2,
         "a slope across the machine where the log begins, which no channel measures",
         "level ground; an accelerometer, or channels of pitch and roll",
@@ -313,7 +313,7 @@ TERMS: Final = (
         "gain of the accelerometer",
         "an accelerometer that is calibrated",
         "xz",
-        measures_force,
+        measures_specific_force,
         mixture=_accelerometer_gain_mixture,
     ),
     Term(
@@ -347,8 +347,8 @@ TERMS: Final = (
     ),
     Term(
         f"{IMU_POSITION.name}_y",
-        lambda m: turning_torque_term(
-            m, m.drive.moment_x_kg_m if measures_sideways(m.drive.machine) else 0.0
+        lambda m: turning_torque_columns(
+            m, m.drive.moment_x_kg_m if measures_lateral_specific_force(m.drive.machine) else 0.0
         ),
         _imu_position_prior_std,
         f"{IMU_POSITION.meaning}, to the left",
@@ -361,7 +361,7 @@ TERMS: Final = (
 )
 
 
-def terms_of_drive(drive: Drive, axes: str = "xz") -> tuple[tuple[Term, float], ...]:
+def select_terms_of_drive(drive: Drive, axes: str = "xz") -> tuple[tuple[Term, float], ...]:
     """Terms that apply to a drive on the given axes, with their prior standard deviations."""
     found: list[tuple[Term, float]] = []
     for term in TERMS:

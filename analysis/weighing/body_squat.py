@@ -43,7 +43,7 @@ class LoadSquat:
     relative_load: Floats
 
     @property
-    def mass_overestimation(self) -> Floats:
+    def mass_overestimation_factor(self) -> Floats:
         """(masses,) factor by which each mass is overestimated."""
         return 1.0 + self.gain * self.relative_load
 
@@ -57,7 +57,7 @@ class LoadSquat:
         return abs(float(weights @ (masses_kg * self.relative_load))) * self.std
 
 
-def find_squat(
+def estimate_load_squat(
     motion: MotionSamples,
     wheels: WheelKinematics,
     loads: RelativeLoads,
@@ -79,15 +79,15 @@ def find_squat(
         None if the change is undetermined.
     """
     if motion.without_gravity is not None:
-        gain, variance = scale_squat_with_load(
+        gain, variance = gain_change_and_variance_by_squat(
             wheels.squat[0], estimate_squat_by_pitch(motion, loads)
         )
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     widths = np.empty(0) if route is None else _grade_prior_std(route)
-    found = _estimate_by_wheels(_stretch_rows(motion, wheels, loads, route), widths)
+    found = _estimate_by_wheels(_make_stretch_rows(motion, wheels, loads, route), widths)
     if wheels.squat[0] > 0.0:
         seen = None if found is None else (found.gain, found.variance)
-        gain, variance = scale_squat_with_load(wheels.squat[0], seen)
+        gain, variance = gain_change_and_variance_by_squat(wheels.squat[0], seen)
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     if found is None:
         return None
@@ -113,7 +113,7 @@ def find_squat(
     )
 
 
-def scale_squat_with_load(
+def gain_change_and_variance_by_squat(
     share: float, pitch_change: tuple[float, float] | None
 ) -> tuple[float, float]:
     """Change of gain with the load, and its variance, from the squat of the loaded body.
@@ -141,7 +141,7 @@ _OWN_COLUMNS: Final = 4
 _GRADE_PARTS: Final = 8
 
 
-def _stretch_rows(
+def _make_stretch_rows(
     motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads, route: Route | None
 ) -> list[_Stretch]:
     """Centred columns (means, 4 and those of the grade), response, time and load of each stretch.
@@ -152,7 +152,7 @@ def _stretch_rows(
     # such a squat is itself a reason why wheels and accelerometer do not go together
     known = wheels.is_consistent
     delay_s, slip_1_N = (wheels.delay_s[0], wheels.slip_1_N[0]) if known else (0.0, 0.0)
-    in_time = motion.shift_speed(delay_s)
+    in_time = motion.advance_speed(delay_s)
     ground = in_time.speed * ground_speed_ratio(in_time.speed, motion.force, slip_1_N)
     relative = loads.relative_load_of(motion.unit)
     place, heading = (None, None) if route is None else route.place_and_heading(motion)

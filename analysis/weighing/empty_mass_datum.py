@@ -18,7 +18,12 @@ import numpy as np
 
 from analysis.model.machine import Machine
 from analysis.model.machine_body import Body
-from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combined_u, largest_first
+from analysis.model.uncertainty_sources import (
+    SCALES,
+    UncertaintySource,
+    combined_u,
+    sort_largest_first,
+)
 from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
@@ -47,7 +52,7 @@ _CARRIED: Final = UncertaintySource(
 )
 
 
-def note_weighbridge_tickets(body: Body, begin_ns: int) -> list[str]:
+def weighbridge_ticket_notes(body: Body, begin_ns: int) -> list[str]:
     """Notes on a weighbridge ticket of another day than the log.
 
     Args:
@@ -68,7 +73,7 @@ def note_weighbridge_tickets(body: Body, begin_ns: int) -> list[str]:
     ]
 
 
-def factors_without_uncertainty(sources: Sequence[UncertaintySource]) -> list[str]:
+def names_of_factors_without_u(sources: Sequence[UncertaintySource]) -> list[str]:
     """Names of the factors of unknown uncertainty that an empty machine determines."""
     return [s.name for s in sources if s.u is None and s.name not in _BY_LOAD]
 
@@ -96,12 +101,12 @@ class EmptyMachine:
         return self.machine.machine
 
     @cached_property
-    def rotating_kg(self) -> float:
+    def mass_with_rotating_kg(self) -> float:
         """Weighed empty mass including rotating mass, in kg."""
         return float(self.weights @ self.weighing.fit.masses_kg) - self.carried_kg[0]
 
     @cached_property
-    def sources(self) -> list[UncertaintySource]:
+    def uncertainty_sources(self) -> list[UncertaintySource]:
         """Sources of the empty mass' uncertainty."""
         found = budget_of_mass(self.weighing, self.machine, self.weights)
         return [*found, replace(_CARRIED, u=self.carried_kg[1])]
@@ -121,34 +126,36 @@ class EmptyMachine:
         return None if u_kg is None else float(np.hypot(u_kg, self.fuel_kg[1]))
 
     @property
-    def contradiction(self) -> str:
+    def contradiction_text(self) -> str:
         """Why the weighed and the stated empty mass cannot be of one machine; "" if they can."""
         stated_kg = self._stated_kg
         if stated_kg is None:
             return ""
         scale_kg = (
-            UNKNOWN_SCALE * self.rotating_kg if factors_without_uncertainty(self.sources) else 0.0
+            UNKNOWN_SCALE * self.mass_with_rotating_kg
+            if names_of_factors_without_u(self.uncertainty_sources)
+            else 0.0
         )
-        u_kg = float(np.hypot(combined_u(self.sources), scale_kg))
+        u_kg = float(np.hypot(combined_u(self.uncertainty_sources), scale_kg))
         allowed_kg = LIMITS.empty_mass_agreement_u * float(np.hypot(u_kg, self._stated_u_kg or 0.0))
-        if abs(self.rotating_kg - stated_kg) <= allowed_kg:
+        if abs(self.mass_with_rotating_kg - stated_kg) <= allowed_kg:
             return ""
-        here_kg = self.rotating_kg - self._body.rotating_mass_kg
+        here_kg = self.mass_with_rotating_kg - self._body.rotating_mass_kg
         return (
             f"empty_mass: the empty machine weighs {here_kg:,.0f} ± {u_kg:,.0f} kg here, and "
             f"{self._body.empty_mass_kg:,.0f} kg by its machine file"
         )
 
     @property
-    def gain(self) -> tuple[float, float] | None:
+    def weighed_over_stated_and_u(self) -> tuple[float, float] | None:
         """Weighed over stated empty mass, and its standard uncertainty; None without one."""
         stated_kg, stated_u_kg = self._stated_kg, self._stated_u_kg
         if stated_kg is None or stated_u_kg is None:
             return None
-        u_kg = combined_u(self.sources, "random", "common")
+        u_kg = combined_u(self.uncertainty_sources, "random", "common")
         turns_u_kg = self._body.rotating_mass_u_kg
         u_1 = float(np.linalg.norm([u_kg, stated_u_kg, turns_u_kg])) / stated_kg
-        return self.rotating_kg / stated_kg, u_1
+        return self.mass_with_rotating_kg / stated_kg, u_1
 
     def relate_to_empty_mass(self, payload_weights: Floats) -> "EmptyDatum | None":
         """Relate payloads to the empty mass; None if that does not reduce their uncertainty.
@@ -158,24 +165,29 @@ class EmptyMachine:
         """
         stated_kg, stated_u_kg = self._stated_kg, self._stated_u_kg
         sum_kg = float(payload_weights @ self.weighing.fit.masses_kg)
-        if stated_kg is None or stated_u_kg is None or sum_kg <= 0.0 or self.rotating_kg <= 0.0:
+        if (
+            stated_kg is None
+            or stated_u_kg is None
+            or sum_kg <= 0.0
+            or self.mass_with_rotating_kg <= 0.0
+        ):
             return None
-        in_ratio = 1.0 / self.rotating_kg
+        in_ratio = 1.0 / self.mass_with_rotating_kg
 
         def make_datum(by_kg: float) -> EmptyDatum:
             return EmptyDatum(
                 self,
                 by_kg,
-                1.0 + by_kg * (stated_kg - self.rotating_kg),
+                1.0 + by_kg * (stated_kg - self.mass_with_rotating_kg),
                 by_kg * stated_u_kg,
             )
 
-        if factors_without_uncertainty(self.sources):
+        if names_of_factors_without_u(self.uncertainty_sources):
             found = make_datum(in_ratio)
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
         own_kg2 = self._variance_of_weighted_sum(payload_weights)
-        empty_kg2 = combined_u(self.sources) ** 2
+        empty_kg2 = combined_u(self.uncertainty_sources) ** 2
         ratio_kg2 = self._variance_of_weighted_sum(
             payload_weights - in_ratio * sum_kg * self.weights
         )
@@ -189,7 +201,7 @@ class EmptyMachine:
         found = make_datum(float(np.clip(by_kg, 0.0, in_ratio)))
         if (
             found.scale_1 <= 0.0
-            or combined_u(found.payload_sources(payload_weights)) ** 2 >= own_kg2
+            or combined_u(found.payload_uncertainty_sources(payload_weights)) ** 2 >= own_kg2
         ):
             return None
         return found
@@ -215,7 +227,7 @@ class EmptyDatum:
     scale_1: float
     ticket_1: float
 
-    def weights_of_masses(self, payload: Floats) -> Floats:
+    def sensitivities_to_masses(self, payload: Floats) -> Floats:
         """(masses,) sensitivities of a payload to errors of the masses, over its factor.
 
         Args:
@@ -224,7 +236,7 @@ class EmptyDatum:
         payload_kg = float(payload @ self.empty.weighing.fit.masses_kg)
         return payload - self.by_kg * payload_kg * self.empty.weights
 
-    def payload_sources(self, payload: Floats) -> list[UncertaintySource]:
+    def payload_uncertainty_sources(self, payload: Floats) -> list[UncertaintySource]:
         """Uncertainty sources of a payload, in kg, the largest first.
 
         Args:
@@ -232,15 +244,15 @@ class EmptyDatum:
         """
         empty = self.empty
         payload_kg = abs(float(payload @ empty.weighing.fit.masses_kg))
-        found = budget_of_mass(empty.weighing, empty.machine, self.weights_of_masses(payload))
-        known = factors_without_uncertainty(found)
+        found = budget_of_mass(empty.weighing, empty.machine, self.sensitivities_to_masses(payload))
+        known = names_of_factors_without_u(found)
         kept = [
             replace(each, u=None if each.u is None else each.u * abs(self.scale_1))
             for each in found
             if each.name not in known
         ]
         bucket_kg = self.by_kg * payload_kg * empty.carried_kg[1]
-        return largest_first(
+        return sort_largest_first(
             [
                 *kept,
                 replace(_TICKET, u=self.ticket_1 * payload_kg),
@@ -249,7 +261,7 @@ class EmptyDatum:
         )
 
 
-def payload_sources(
+def payload_uncertainty_sources(
     weighing: Weighing, machine: Machine, datum: EmptyDatum | None, weights: Floats
 ) -> list[UncertaintySource]:
     """Uncertainty sources of a sum of masses, in kg, using the datum if there is one.
@@ -262,4 +274,4 @@ def payload_sources(
     """
     if datum is None:
         return budget_of_mass(weighing, machine, weights)
-    return datum.payload_sources(weights)
+    return datum.payload_uncertainty_sources(weights)

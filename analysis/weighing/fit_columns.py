@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
-from analysis.weighing.fitted_stretches import is_first_of_stretch, last_of_stretch
+from analysis.weighing.fitted_stretches import is_first_of_stretch, is_last_of_stretch
 from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.motion_samples import (
@@ -68,7 +68,7 @@ class RelativeLoads:
         return cls(unit, value, weight_shares)
 
     def standardised_load_of(self, unit: Ints) -> Floats:
-        """Relative load of these manoeuvres over the root mean square of all."""
+        """Relative load of these manoeuvres over the root mean square of all, (n,)."""
         return self.relative_load_of(unit) / max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
 
     def is_loaded_in(self, unit: Ints) -> Bools:
@@ -187,7 +187,7 @@ class FitColumns:
     def average_to_rows(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
         """Average the columns over so many samples."""
         pieces = map_in_threads(lambda piece: _average_piece(piece, samples), self.pieces)
-        return weigh_piece_rows(
+        return weight_rows_of_pieces(
             pieces, noise, self.terms, samples, self.found.uneven_1_s, self.rate_hz
         )
 
@@ -213,10 +213,10 @@ def average_columns(
         lambda piece: _average_piece(_make_piece_columns(piece, noise, terms, previous), samples),
         list(motion.pieces),
     )
-    return weigh_piece_rows(pieces, noise, terms, samples, previous.uneven_1_s, motion.rate_hz)
+    return weight_rows_of_pieces(pieces, noise, terms, samples, previous.uneven_1_s, motion.rate_hz)
 
 
-def weigh_piece_rows(
+def weight_rows_of_pieces(
     pieces: list["_PieceMeans"],
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
@@ -259,19 +259,21 @@ def weigh_piece_rows(
     f *= weight
     group = np.concatenate([piece.group for piece in pieces])
     if uneven_1_s:
-        whiten_constants(A, f, group, uneven_1_s / rate_hz * mean_stride(samples))
+        whiten_random_intercepts(A, f, group, uneven_1_s / rate_hz * stride_between_means(samples))
     return FitRows(
         A,
         f,
         group,
         np.concatenate([piece.raw.direction for piece in pieces]),
         NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
-        max(rows_in_duration(LIMITS.shortest_stretch_s, rate_hz) // mean_stride(samples), 6),
+        max(
+            rows_in_duration(LIMITS.shortest_stretch_s, rate_hz) // stride_between_means(samples), 6
+        ),
         terms,
     )
 
 
-def whiten_constants(A: Floats, f: Floats, group: Ints, ratio: float) -> None:
+def whiten_random_intercepts(A: Floats, f: Floats, group: Ints, ratio: float) -> None:
     """Subtract from each stretch the part of its mean that a random intercept explains.
 
     Args:
@@ -313,10 +315,10 @@ def _make_piece_columns(
     previous: PreviousEstimates,
 ) -> _PieceColumns:
     """Make the columns of a piece."""
-    in_time = motion.shift_force(previous.lag_s)
+    in_time = motion.advance_force(previous.lag_s)
     if previous.speed_late_s:
         # what a late speed does to friction goes with the motion, which a specific force is not
-        in_time = in_time.shift_speed(previous.speed_late_s)
+        in_time = in_time.advance_speed(previous.speed_late_s)
     force, acting, speed = in_time.force, previous.ground_force(in_time), in_time.speed
     acceleration = motion.acceleration
     if previous.motion_gain:
@@ -336,15 +338,15 @@ def _make_piece_columns(
         speed,
         ground_speed_ratio(speed, acting, previous.slip_1_N),
         acting,
-        derive_force_rate(force, motion.rate_hz, force_std, whole=wheels is not None),
+        derive_force_rate(force, motion.rate_hz, force_std, keep_small=wheels is not None),
         motion.direction,
         motion.progress,
-        _samples_since_start(motion.group) / motion.rate_hz,
+        _count_samples_since_start(motion.group) / motion.rate_hz,
         zeros if loads is None else loads.relative_load_of(motion.unit),
         zeros if loads is None else loads.standardised_load_of(motion.unit),
         motion.place_1,
-        _distance_from_start(motion),
-        *_route_positions(motion, previous),
+        _distances_from_start_m(motion),
+        *_route_positions_and_length_m(motion, previous),
         previous.slip_s_m,
         previous.transfer_s2_m,
         (0.0, 0.0) if loads is None else loads.weight_shares,
@@ -359,31 +361,33 @@ def _make_piece_columns(
 
 def _average_piece(piece: _PieceColumns, samples: int) -> _PieceMeans:
     """Average the columns of a piece, without weights."""
-    kept = np.flatnonzero(_select_every_nth_sample(piece.group, mean_stride(samples)))
+    kept = np.flatnonzero(_select_every_nth_sample(piece.group, stride_between_means(samples)))
     means, count = trailing_group_means(piece.values, piece.group, samples, kept)
     return _PieceMeans(
         means[:, :-1], means[:, -1], piece.group[kept], count, piece.raw.select_rows(kept)
     )
 
 
-def mean_stride(samples: int) -> int:
+def stride_between_means(samples: int) -> int:
     """Stride in samples between the means that are fitted."""
     return max(1, samples // LIMITS.rows_per_mean)
 
 
-def _samples_since_start(group: Ints) -> Ints:
+def _count_samples_since_start(group: Ints) -> Ints:
     """Number of earlier samples in the same stretch, (n,)."""
     row = np.arange(group.size)
     return row - np.maximum.accumulate(np.where(is_first_of_stretch(group), row, 0))
 
 
-def _distance_from_start(motion: MotionSamples) -> Floats:
+def _distances_from_start_m(motion: MotionSamples) -> Floats:
     """Distance of each sample from the begin of its stretch, (n,) in m."""
     way = np.cumsum(np.abs(motion.speed)) / motion.rate_hz
-    return way - way[np.arange(way.size) - _samples_since_start(motion.group)]
+    return way - way[np.arange(way.size) - _count_samples_since_start(motion.group)]
 
 
-def _route_positions(motion: MotionSamples, previous: PreviousEstimates) -> tuple[Floats, float]:
+def _route_positions_and_length_m(
+    motion: MotionSamples, previous: PreviousEstimates
+) -> tuple[Floats, float]:
     """Position of each sample on the route, (n,), and the route's length in m.
 
     Both are 0 without a route.
@@ -395,19 +399,21 @@ def _route_positions(motion: MotionSamples, previous: PreviousEstimates) -> tupl
 
 
 def _drop_first_samples(group: Ints, lag: int) -> Ints:
-    """Drop the first samples of each stretch, whose force is from before the break-away."""
-    return np.where((_samples_since_start(group) >= lag) | last_of_stretch(group), group, -1)
+    """Stretch of each sample, (n,); -1 for its first `lag`, whose force is from before it."""
+    return np.where(
+        (_count_samples_since_start(group) >= lag) | is_last_of_stretch(group), group, -1
+    )
 
 
 def _select_every_nth_sample(group: Ints, stride: int) -> Bools:
     """Select every `stride`-th sample of each stretch, at least its last one, (n,)."""
-    since = _samples_since_start(group)
-    short = last_of_stretch(group) & (since < stride - 1)
+    since = _count_samples_since_start(group)
+    short = is_last_of_stretch(group) & (since < stride - 1)
     return (group >= 0) & ((since % stride == stride - 1) | short)
 
 
 def _row_weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floats:
-    """Square roots of the rows' weights; the first means of a start hold few samples."""
+    """Square root of each row's weight, (rows,); a start's first means hold few samples."""
     mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
     gradient = np.array([mass, friction, -1.0])
     variances = np.array([gradient @ covariance @ gradient for covariance in covariances])
@@ -416,15 +422,15 @@ def _row_weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> 
     return np.sqrt(variances[-1] / np.maximum(variances[which], variances[-1]))
 
 
-def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, whole: bool) -> Floats:
+def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, keep_small: bool) -> Floats:
     """Derivative of the force in N/s; 0 where it is within the noise.
 
     Args:
         force: (n,) in N.
         rate_hz: rate of the grid.
         noise_N: standard deviation of a sample.
-        whole: keep small values as well if hardly any of the derivative is noise. Slip needs them:
-            without them masses were 0.3 % off where wheels slip by 2 %.
+        keep_small: keep small values as well if hardly any of the derivative is noise. Slip needs
+            them: without them masses were 0.3 % off where wheels slip by 2 %.
     """
     half = rows_in_duration(LIMITS.force_rate_half_width_s, rate_hz)
     steps = (
@@ -433,7 +439,7 @@ def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, whole: b
     rate = np.convolve(force, steps, "same")
     std = noise_N * float(np.sqrt(steps @ steps))
     clear = LIMITS.force_rate_min_std if half == 1 else LIMITS.clear_force_rate_std
-    if whole and float(np.sqrt(np.mean(rate**2))) > clear * std:
+    if keep_small and float(np.sqrt(np.mean(rate**2))) > clear * std:
         return rate
     return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
 

@@ -71,10 +71,10 @@ class FitTask:
     def initial_estimates(self) -> PreviousEstimates:
         """Estimates before the first round."""
         return PreviousEstimates(
-            slip_1_N=(self._slip_from_wheels() or (0.0, 0.0))[0],
+            slip_1_N=(self._slip_and_std_from_wheels() or (0.0, 0.0))[0],
             motion_gain=self._squat_gain(),
             swing=self._body_swing(),
-            speed_late_s=self._speed_late_s(),
+            speed_late_s=self._speed_delay_s(),
             relative_loads=(loads := self._relative_loads()),
             route=self._find_route(loads),
             uneven_1_s=self.uneven_1_s,
@@ -103,14 +103,14 @@ class FitTask:
         """
         lag = term_index("lag", self.terms)
         std = np.zeros(len(self.terms))
-        levels = None if self.states is None else self.states.levels(self.motion)
+        levels = None if self.states is None else self.states.random_intercepts(self.motion)
         known = begin.found if begin else self.initial_estimates
         known = known if shift else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
         cost = begin and self._slip_cost(begin.theta, begin.solution, begin.terms)
         for number in range(rounds):
             mean, std = self._priors_of_round(cost)
-            self._narrow_gain_drift(std)
+            self._narrow_gain_drift_prior(std)
             known_s = known.lag_s
             mean[lag] -= known_s
             if number or rows is None:
@@ -129,7 +129,7 @@ class FitTask:
             if not np.isfinite(solution.theta).all():
                 break
             cost = self._slip_cost(solution.theta, solution, self.terms)
-            if cost.slip_1_N is not None and self._slip_from_wheels() is None:
+            if cost.slip_1_N is not None and self._slip_and_std_from_wheels() is None:
                 known = replace(known, slip_1_N=cost.slip_1_N[0])
             known, moved = self._update_estimates(known, solution.theta, shift=shift)
             if number and moved < LIMITS.lag_tolerance_s:
@@ -226,7 +226,7 @@ class FitTask:
             np.unique(unit_of_each_stretch(self.motion), return_inverse=True)[1],
         )
 
-    def _speed_late_s(self) -> float:
+    def _speed_delay_s(self) -> float:
         """Delay of the speed in s, if wheels and accelerometer determine it."""
         wheels = self.wheels
         told = wheels is not None and wheels.is_consistent and self.motion.by_accelerometer
@@ -243,14 +243,14 @@ class FitTask:
         return self.wheels.swing if self.wheels is not None and told else NO_SWING
 
     def _priors_of_round(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
-        """Prior means and standard deviations of a round; those of slip once its cost is known."""
+        """Prior means and standard deviations of a round, (terms,); slip's if its cost is known."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
         if cost is not None:
             self._narrow_slip_prior(cost, mean, std)
             if self.motion.wheel_acceleration is not None:
                 at = term_index("slip_acceleration", self.terms)
-                self._set_slip_prior(at, cost.mass_kg, self._slip_from_wheels(), mean, std)
+                self._set_slip_prior(at, cost.mass_kg, self._slip_and_std_from_wheels(), mean, std)
         for place, term in self._indices_of_learnt_terms():
             mean[place], std[place] = term.mean, term.std
         return mean, std
@@ -270,7 +270,7 @@ class FitTask:
             mass_kg, friction, (float(theta[count + 1 + place]) / mass_kg, std / mass_kg)
         )
 
-    def _narrow_gain_drift(self, std: Floats) -> None:
+    def _narrow_gain_drift_prior(self, std: Floats) -> None:
         """Set the prior of a gain drift to 0 if loads return.
 
         Payloads are then differences of neighbours, in which a drift cancels; free masses would
@@ -289,10 +289,10 @@ class FitTask:
             if term.name in learnt and not (by_wheels and term.name == "slip")
         ]
 
-    def _prior_means(self, mean: Floats, moved_s: float) -> PriorMeans:
+    def _prior_means(self, mean: Floats, advanced_s: float) -> PriorMeans:
         """Prior means of a round whose force was advanced by a delay in s."""
         mean, mean_u = mean.copy(), np.zeros(len(self.terms))
-        mean[term_index("lag", self.terms)] += moved_s
+        mean[term_index("lag", self.terms)] += advanced_s
         for place, term in self._indices_of_learnt_terms():
             mean_u[place] = term.mean_u
         return PriorMeans(mean, mean_u)
@@ -306,9 +306,11 @@ class FitTask:
             std[at],
             LIMITS.min_slip_std_fraction * self.priors.wheel_slip / self.motion.largest_speed,
         )
-        self._set_slip_prior(at, -friction, self._slip_from_wheels() or cost.slip_1_N, mean, std)
+        self._set_slip_prior(
+            at, -friction, self._slip_and_std_from_wheels() or cost.slip_1_N, mean, std
+        )
 
-    def _slip_from_wheels(self) -> tuple[float, float] | None:
+    def _slip_and_std_from_wheels(self) -> tuple[float, float] | None:
         """Slip and its standard deviation in 1/N; None if wheels do not determine it."""
         wheels = self.wheels
         return wheels.slip_1_N if wheels is not None and wheels.is_consistent else None

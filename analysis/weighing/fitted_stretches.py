@@ -5,10 +5,10 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
-from analysis.model.windows import flagged_windows
-from analysis.stages.gating.gate import accepted_samples, possibly_braking_samples
+from analysis.model.windows import flag_windows
+from analysis.stages.gating.gate import mark_possible_braking, mark_samples_to_pool
 from analysis.stages.gating.segments import number_manoeuvres
-from analysis.stages.motion.phases import stopping_samples
+from analysis.stages.motion.phases import mark_stopping_samples
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
@@ -36,7 +36,7 @@ def running_standstill_count(excitation: pl.DataFrame) -> Ints:
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
 
 
-def count_silences(known: Bools, shortest: int) -> Ints:
+def running_silence_count(known: Bools, shortest: int) -> Ints:
     """Number of gaps of at least `shortest` samples up to each sample, (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(np.int8)))
     first, end = edges[::2], edges[1::2]
@@ -54,7 +54,7 @@ def cut_drives(stood: Ints, longest: int) -> Ints:
     return (np.cumsum(cuts) - 1 + stood[0]).astype(np.int64)
 
 
-def fitted_manoeuvres(
+def fitted_manoeuvre_of_samples(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     machine: Machine,
@@ -68,7 +68,7 @@ def fitted_manoeuvres(
     """
     settings = machine.settings
     without = settings.gate.exclude_braking or not braking
-    accepted = accepted_samples(excitation, gated, settings)
+    accepted = mark_samples_to_pool(excitation, gated, settings)
     segment_id = number_manoeuvres(excitation, settings)
     informative = np.unique(segment_id[accepted & (segment_id >= 0)])
     phase = excitation["phase"]
@@ -77,10 +77,10 @@ def fitted_manoeuvres(
     if without:
         brakes = (phase == "braking").fill_null(False).to_numpy()
         stands = (phase == "standstill").fill_null(False).to_numpy()
-        brakes |= stopping_samples(
+        brakes |= mark_stopping_samples(
             column_values(excitation, "speed_x_m_s"), stands, moves_m_s, settings
         )
-        driving &= ~possibly_braking_samples(brakes, settings)
+        driving &= ~mark_possible_braking(brakes, settings)
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 
 
@@ -99,14 +99,14 @@ def is_first_of_stretch(group: Ints) -> Bools:
     return (group >= 0) & (np.append(-1, group[:-1]) != group)
 
 
-def last_of_stretch(group: Ints) -> Bools:
+def is_last_of_stretch(group: Ints) -> Bools:
     """Whether each sample is the last of its stretch, (n,)."""
     return (group >= 0) & (np.append(group[1:], -1) != group)
 
 
 def stretch_spans(group: Ints) -> Ints:
     """First sample of each stretch, and the one behind its last, (stretches, 2)."""
-    first, last = (np.flatnonzero(of(group)) for of in (is_first_of_stretch, last_of_stretch))
+    first, last = (np.flatnonzero(of(group)) for of in (is_first_of_stretch, is_last_of_stretch))
     return np.column_stack([first, last + 1])
 
 
@@ -120,7 +120,7 @@ def cut_stretches(group: Ints, unit: Ints) -> Ints:
 def trim_to_break_away(
     group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
 ) -> Ints:
-    """Begin each manoeuvre where its speed leaves the noise rather than where the phase begins."""
+    """Begin each manoeuvre, (n,), where its speed leaves the noise, not where the phase begins."""
     smooth = np.abs(_three_sample_mean(speed)) > moves_m_s
     grown = group.copy()
     for begin in np.flatnonzero(is_first_of_stretch(group)):
@@ -135,18 +135,18 @@ def trim_to_break_away(
     return grown
 
 
-def number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
-    """Number the runs of adjacent samples that move one way; at a reversal friction turns."""
+def number_one_way_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
+    """Number the runs that move one way, (n,), -1 elsewhere: at a reversal friction turns."""
     used = group >= 0
     forwards = _three_sample_mean(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
-    near = flagged_windows(turns, mixed) | flagged_windows(turns[::-1], mixed + 1)[::-1]
+    near = flag_windows(turns, mixed) | flag_windows(turns[::-1], mixed + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
     return np.where(group >= 0, np.cumsum(is_first_of_stretch(group)) - 1, -1).astype(np.int64)
 
 
 def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
-    """Drop stretches whose speed never exceeds its noise; the phases took them for starts.
+    """Stretch of each sample, (n,); -1 where its speed never exceeds the noise: no starts.
 
     If the noise is below the motion threshold, slow samples count as motion.
     """

@@ -19,12 +19,12 @@ BY_PLACE: Final = "place"
 
 
 def _make_spring_column(place_1: Floats) -> Floats:
-    """Column of a force proportional to the position; 1 at the end of the path."""
+    """Column (n,) of a force proportional to the position; 1 at the end of the path."""
     return 2.0 * place_1
 
 
 def _half_wave_cosine(place_1: Floats, half_waves: int) -> Floats:
-    """Cosine over the path with a number of half waves."""
+    """Cosine (n,) over the path with a number of half waves."""
     return np.cos(np.pi * half_waves * (place_1 + 0.5))
 
 
@@ -74,13 +74,13 @@ _OF_EVERY_LOAD: Final = (
 PLACE: Final = (*_OF_EVERY_LOAD, *map(_load_proportional_term, _OF_EVERY_LOAD))
 
 
-def forces_by_place(place_1: Floats) -> Floats:
+def make_place_force_columns(place_1: Floats) -> Floats:
     """(n, terms) columns of a spring and of half waves at positions on the path."""
     waves = (_half_wave_cosine(place_1, half_waves) for half_waves in range(1, _HALF_WAVES + 1))
     return np.column_stack([_make_spring_column(place_1), *waves])
 
 
-def slopes_by_place(place_1: Floats) -> Floats:
+def make_place_slope_columns(place_1: Floats) -> Floats:
     """(n, terms) derivatives of these columns by the position."""
     numbers = np.pi * np.arange(1, _HALF_WAVES + 1)
     waves = -numbers * np.sin(numbers * (place_1[:, None] + 0.5))

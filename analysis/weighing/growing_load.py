@@ -20,7 +20,7 @@ from scipy.special import ndtri
 
 from analysis.model.settings import PriorSettings
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.weighing.fit_columns import FitRows, average_columns, mean_stride
+from analysis.weighing.fit_columns import FitRows, average_columns, stride_between_means
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit, term_index
 from analysis.weighing.load_states import unit_of_each_sample, unit_of_each_stretch
@@ -223,14 +223,14 @@ def _residual_force(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
     return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared_parameters
 
 
-def _regress_mass_slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
+def _regress_mass_slope(A: Floats, residual: Floats, std_ratios: Floats) -> tuple[float, float]:
     """Regress a residual on a linearly growing mass; returns the slope and its information.
 
     The manoeuvre's own mass, friction and constant are projected out as far as they may differ:
-    `tied` is (3,) a row's standard deviation over theirs. Both results are 0 if the manoeuvre
+    `std_ratios` is (3,) a row's standard deviation over theirs. Both results are 0 if the manoeuvre
     hardly accelerates.
     """
-    own = np.vstack([A[:, :_OWN], np.diag(tied)])
+    own = np.vstack([A[:, :_OWN], np.diag(std_ratios)])
     whole = A[:, 0] * np.linspace(-0.5, 0.5, residual.size)
     own_part = np.linalg.lstsq(own, np.append(whole, np.zeros(_OWN)))[0]
     grows = whole - A[:, :_OWN] @ own_part
@@ -244,5 +244,5 @@ def _row_variance(fit: JointFit, noise: ColumnNoiseModel) -> float:
     """Variance of a row by sensor noise, summed over overlapping rows, in N²."""
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous, -1.0])
-    overlap = samples / mean_stride(samples)
+    overlap = samples / stride_between_means(samples)
     return overlap * float(gradient @ noise.covariance(samples) @ gradient)

@@ -30,7 +30,7 @@ _HINTED: Final = 0.4
 _MOST_PLACES: Final = 6
 
 
-def hauling_patterns(motion: MotionSamples) -> list[Ints]:
+def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
     """Partitions into load states that the driving pattern suggests, (units,) each.
 
     States that only follow the driving direction count only if something else shows that loads
@@ -94,7 +94,7 @@ def find_recurrent_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
 
 
 def _medians_by_kind(values: Floats, kind: Ints) -> Floats:
-    """Median of the known values of the same kind, for each value; NaN if there is none."""
+    """Median of the known values of the same kind, for each value, (n,); NaN if none is known."""
     medians = np.full(values.size, np.nan)
     for each in np.unique(kind):
         known = values[(kind == each) & np.isfinite(values)]
@@ -103,13 +103,13 @@ def _medians_by_kind(values: Floats, kind: Ints) -> Floats:
     return medians
 
 
-def _find_loaded_between_standstills(on: Bools, off: Bools) -> Bools:
+def _find_loaded_between_standstills(loading_stands: Bools, unloading_stands: Bools) -> Bools:
     """Manoeuvres between a loading stand and the next unloading stand, (units,)."""
-    stand = np.arange(1, on.size + 1)
-    last_on = np.maximum.accumulate(np.where(on, stand, 0))
-    last_off = np.maximum.accumulate(np.where(off, stand, 0))
+    stand = np.arange(1, loading_stands.size + 1)
+    last_on = np.maximum.accumulate(np.where(loading_stands, stand, 0))
+    last_off = np.maximum.accumulate(np.where(unloading_stands, stand, 0))
     # before the first of either the load is what that one ends
-    begins = bool(off[np.argmax(on | off)])
+    begins = bool(unloading_stands[np.argmax(loading_stands | unloading_stands)])
     none_yet = np.maximum(last_on, last_off) == 0
     return np.append(begins, np.where(none_yet, begins, last_on > last_off))
 

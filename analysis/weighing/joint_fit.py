@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.model.settings import PriorSettings
 from analysis.stages.signals.grid_rate import rows_in_duration
-from analysis.weighing.body_squat import find_squat
+from analysis.weighing.body_squat import estimate_load_squat
 from analysis.weighing.fit_columns import (
     FitColumns,
     FitRows,
@@ -86,7 +86,7 @@ def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> Joint
         motion, inputs.noise, inputs.priors, terms, inputs.wheels, states, inputs.uneven_1_s
     )
     part = whole.cut_to_first_stretches(_TRIED)
-    part = part if part.motion.drives else whole
+    part = part if part.motion.has_enough_motion else whole
     longest = (
         int(np.median(np.bincount(motion.group[motion.used]))) / LIMITS.disjoint_means_per_stretch
     )
@@ -114,8 +114,8 @@ def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> Joint
     best = next(
         found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
     )
-    whole = _take_slip_on_ground(inputs, whole, best)
-    chosen = _fit_whole(whole, best.mean_samples)
+    whole = _compare_wheels_after_pilot_fit(inputs, whole, best)
+    chosen = _fit_all_stretches(whole, best.mean_samples)
     share = _relative_averaging_effect(
         first, next(k for k, found in enumerate(first) if found is best)
     )
@@ -124,7 +124,7 @@ def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> Joint
     swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
     if swings and transient > best.mean_samples:
         # what all starts have in common and no term describes averages out over a longer mean
-        longer = _fit_whole(whole, transient)
+        longer = _fit_all_stretches(whole, transient)
         if longer.fit.misfit_ratio < misfit:
             share, chosen = _relative_averaging_effect([chosen, longer], 1), longer
     return replace(chosen, averaging_share=share)
@@ -139,18 +139,20 @@ def applicable_terms(motion: MotionSamples, *, several: bool) -> tuple[Nuisance,
     )
 
 
-def _take_slip_on_ground(inputs: JointFitInputs, task: FitTask, pilot: JointFit) -> FitTask:
+def _compare_wheels_after_pilot_fit(
+    inputs: JointFitInputs, task: FitTask, pilot: JointFit
+) -> FitTask:
     """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
     if not (abs(pilot.lag_s) > LIMITS.short_lag_s or pilot.found.transfer_s2_m):
         return task
     # slip is of the force on the ground at that moment
-    in_time = inputs.motion.shift_force(pilot.lag_s)
+    in_time = inputs.motion.advance_force(pilot.lag_s)
     acting = replace(in_time, force=pilot.found.ground_force(in_time))
     wheels = _find_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
     return replace(task, wheels=wheels)
 
 
-def _fit_whole(task: FitTask, samples: int) -> JointFit:
+def _fit_all_stretches(task: FitTask, samples: int) -> JointFit:
     """Fit all stretches, with the force either advanced by its lag or taken as low-passed."""
     moved = task.fit_means(samples, LIMITS.lag_rounds)
     if abs(moved.lag_s) < LIMITS.short_lag_s:
@@ -209,10 +211,10 @@ def _masses_differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
 
 
 def refit_with_changes(
-    found: JointFit,
+    earlier_fit: JointFit,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    extra: tuple[Nuisance, ...] = (),
+    extra_terms: tuple[Nuisance, ...] = (),
     rounds: int = 1,
     rows: FitRows | None = None,
 ) -> JointFit:
@@ -221,87 +223,86 @@ def refit_with_changes(
     Effects that the log is unlikely to have stay left out.
 
     Args:
-        found: the earlier fit.
+        earlier_fit: the earlier fit.
         noise: noise of acceleration, speed and force.
         priors: of the nuisances.
-        extra: terms to add after the others.
+        extra_terms: terms to add after the others.
         rounds: maximum number of rounds.
-        rows: `fit_rows` of the earlier fit, with at least these terms, if already computed.
+        rows: `make_refit_rows` of the earlier fit, with at least these terms, if already computed.
     """
-    if found.effects is not None:
-        priors = found.effects.narrow_left_out(priors)
-    terms = (*found.terms, *extra)
-    task = FitTask(found.motion, noise, priors, terms, found.kinematics, found.states)
+    if earlier_fit.effects is not None:
+        priors = earlier_fit.effects.narrow_left_out(priors)
+    terms = (*earlier_fit.terms, *extra_terms)
+    task = FitTask(
+        earlier_fit.motion, noise, priors, terms, earlier_fit.kinematics, earlier_fit.states
+    )
     rows = rows and rows.select_terms(terms)
-    fitted = task.fit_means(found.mean_samples, rounds, shift=found.shifted, begin=found, rows=rows)
-    if fitted.count != found.count:
+    fitted = task.fit_means(
+        earlier_fit.mean_samples, rounds, shift=earlier_fit.shifted, begin=earlier_fit, rows=rows
+    )
+    if fitted.count != earlier_fit.count:
         # of other loads
         return fitted
     return replace(
         fitted,
-        lag_shape_kg=found.lag_shape_kg,
-        averaging_share=found.averaging_share,
-        effects=found.effects,
-        squat=found.squat,
+        lag_shape_kg=earlier_fit.lag_shape_kg,
+        averaging_share=earlier_fit.averaging_share,
+        effects=earlier_fit.effects,
+        squat=earlier_fit.squat,
     )
 
 
-def fit_rows(found: JointFit, noise: ColumnNoiseModel, extra: tuple[Nuisance, ...] = ()) -> FitRows:
-    """Rows of the first round of a refit from `found`, with additional terms if any."""
-    terms = (*found.terms, *extra)
-    return average_columns(found.motion, noise, terms, found.mean_samples, found.found)
+def make_refit_rows(
+    earlier_fit: JointFit, noise: ColumnNoiseModel, extra_terms: tuple[Nuisance, ...] = ()
+) -> FitRows:
+    """Rows of the first round of a refit from `earlier_fit`, with additional terms if any."""
+    terms = (*earlier_fit.terms, *extra_terms)
+    return average_columns(
+        earlier_fit.motion, noise, terms, earlier_fit.mean_samples, earlier_fit.found
+    )
 
 
 def drop_unlikely_effects(
-    found: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit:
     """Refit without the effects that the log is unlikely to have."""
-    likely = LikelyEffects.weigh_choices(found.fit, found.count, found.terms, found.prior_std)
-    found = replace(found, effects=likely)
-    return (
-        refit_with_changes(found, noise, priors, rounds=2) if likely and likely.left_out else found
-    )
+    likely = LikelyEffects.from_fit(fit.fit, fit.count, fit.terms, fit.prior_std)
+    fit = replace(fit, effects=likely)
+    return refit_with_changes(fit, noise, priors, rounds=2) if likely and likely.left_out else fit
 
 
-def add_gain_by_load(found: JointFit, priors: PriorSettings) -> JointFit:
+def fit_gain_by_load(fit: JointFit, priors: PriorSettings) -> JointFit:
     """Add a change of the accelerometer's gain with the load, if the motion shows one."""
-    wheels, loads, states = found.kinematics, found.found.relative_loads, found.states
+    wheels, loads, states = fit.kinematics, fit.found.relative_loads, fit.states
     if wheels is None or loads is None or states is None:
-        return found
-    told = found.motion.without_gravity is None or wheels.squat[0] > 0.0
-    if not (found.motion.by_accelerometer and told):
-        return found
+        return fit
+    told = fit.motion.without_gravity is None or wheels.squat[0] > 0.0
+    if not (fit.motion.by_accelerometer and told):
+        return fit
     first = np.unique(states.membership, return_index=True)[1]
     for _ in range(LIMITS.squat_rounds):
-        squat = find_squat(
-            found.motion,
-            wheels,
-            loads,
-            loads.value[first],
-            priors.gain_by_load,
-            found.found.route,
+        squat = estimate_load_squat(
+            fit.motion, wheels, loads, loads.value[first], priors.gain_by_load, fit.found.route
         )
-        found = replace(found, squat=squat)
+        fit = replace(fit, squat=squat)
         # a squat that is not taken off makes loads of another size
         shares = loads.weight_shares
         loads = (
-            RelativeLoads.from_masses(states.unit, found.masses_kg[states.membership], shares)
+            RelativeLoads.from_masses(states.unit, fit.masses_kg[states.membership], shares)
             or loads
         )
-    return found
+    return fit
 
 
-def add_motion_responses(
-    found: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
-) -> JointFit:
+def add_motion_responses(fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings) -> JointFit:
     """Compute the masses' responses to errors of the motion by a refit with each error."""
-    if found.kinematics is None or not found.motion.by_accelerometer:
-        return found
-    known, count = found.found, found.count
+    if fit.kinematics is None or not fit.motion.by_accelerometer:
+        return fit
+    known, count = fit.found, fit.count
 
     def mass_response(changed: PreviousEstimates, step: float) -> Floats:
-        other = refit_with_changes(replace(found, found=changed), noise, priors)
-        return (other.theta[:count] - found.theta[:count]) / step
+        other = refit_with_changes(replace(fit, found=changed), noise, priors)
+        return (other.theta[:count] - fit.theta[:count]) / step
 
     later = replace(known, speed_late_s=known.speed_late_s + LIMITS.probe_delay_s)
     larger = replace(known, motion_gain=known.motion_gain + LIMITS.probe_gain_1)
@@ -314,4 +315,4 @@ def add_motion_responses(
         mass_response(larger, LIMITS.probe_gain_1),
         swung,
     )
-    return replace(found, by_motion=responses)
+    return replace(fit, by_motion=responses)

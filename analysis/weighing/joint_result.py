@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.weighing.body_squat import LoadSquat
 from analysis.weighing.fit_columns import PreviousEstimates
-from analysis.weighing.force_by_place import BY_PLACE, forces_by_place
+from analysis.weighing.force_by_place import BY_PLACE, make_place_force_columns
 from analysis.weighing.load_states import LoadStates
 from analysis.weighing.log_effects import LikelyEffects
 from analysis.weighing.motion_samples import Floats, MotionSamples
@@ -123,7 +123,7 @@ class JointFit:
         if not own or (self.effects is not None and BY_PLACE in self.effects.left_out):
             return None
         found_N = self.theta[self.count + 1 + np.array(own)]
-        columns = forces_by_place(self.motion.place_1)
+        columns = make_place_force_columns(self.motion.place_1)
         force = columns @ found_N[: columns.shape[1]]
         loads, by_load_N = self.found.relative_loads, found_N[columns.shape[1] :]
         if loads is None or not by_load_N.size:
@@ -221,7 +221,7 @@ class JointFit:
         out[state] = 1.0
         return out
 
-    def parts_kg(self, weights: Floats) -> dict[str, float]:
+    def u_parts_kg(self, weights: Floats) -> dict[str, float]:
         """Parts of the standard uncertainty of a sum of masses, by cause, in kg.
 
         Args:
@@ -253,8 +253,8 @@ class JointFit:
             if self.effects is None
             else self.effects.model_choice_u_kg(weights),
             "squat": math.hypot(
-                self._pitch_parts_kg(weights),
-                self._squat_parts_kg(weights),
+                self._pitch_part_kg(weights),
+                self._squat_part_kg(weights),
                 0.0 if self.by_motion is None else float(weights @ self.by_motion.swing_kg),
             ),
             "misfit": weighted_std(fit.misfit) if fit.has_misfit else 0.0,
@@ -273,11 +273,11 @@ class JointFit:
             parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
         return parts
 
-    def _squat_parts_kg(self, weights: Floats) -> float:
+    def _squat_part_kg(self, weights: Floats) -> float:
         """Uncertainty of a sum of masses due to a gain that changes with the load, in kg."""
         return 0.0 if self.squat is None else self.squat.u_kg(weights, self.masses_kg)
 
-    def _pitch_parts_kg(self, weights: Floats) -> float:
+    def _pitch_part_kg(self, weights: Floats) -> float:
         """Uncertainty of a sum of masses due to the squat that the pitch shows, in kg."""
         if self.kinematics is None or not self.motion.by_accelerometer:
             return 0.0
@@ -295,7 +295,7 @@ class JointFit:
         slip = term_index("slip", self.terms)
         alone_kg = abs(float(found[slip] @ self.weights_of_state(self.main_state)))
         if alone_kg > 0.0:
-            known_kg = self.parts_kg(self.weights_of_state(self.main_state))["slip"]
+            known_kg = self.u_parts_kg(self.weights_of_state(self.main_state))["slip"]
             found[slip] *= min(known_kg / alone_kg, 1.0)
         return found
 
@@ -346,7 +346,7 @@ class JointFit:
         if wheels is not None and self.corrects_gain:
             gain = wheels.gain_by_prior[0]
         masses = self.theta[: self.count]
-        by_load = 1.0 if self.squat is None else self.squat.mass_overestimation
+        by_load = 1.0 if self.squat is None else self.squat.mass_overestimation_factor
         return (masses - self.resistance_slope * late) / (1.0 + gain) / by_load
 
     @property
@@ -369,7 +369,7 @@ class JointFit:
 
     def sum_u_kg(self, weights: Floats) -> float:
         """Standard uncertainty of a sum of masses, in kg."""
-        return root_sum_of_squares(self.parts_kg(weights))
+        return root_sum_of_squares(self.u_parts_kg(weights))
 
 
 def root_sum_of_squares(parts_kg: dict[str, float]) -> float:

@@ -14,7 +14,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import MOVED, SCALE, build_frame
 from analysis.model.uncertainty_sources import combined_u
-from analysis.weighing.load_frames import difference_weights
+from analysis.weighing.load_frames import weights_of_difference
 from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
@@ -102,11 +102,11 @@ def make_learnt_mean_responses(
     moved_kg = errors.mass_shifts_kg(weighing)
 
     def make_rows_of_kind(mass_kind: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
-        return _make_response_rows(mass_kind, weighing, machine, errors.terms, moved_kg, sums)
+        return _make_mass_response_rows(mass_kind, weighing, machine, errors.terms, moved_kg, sums)
 
     rows = make_rows_of_kind(of_mass, {k: fit.weights_of_state(k) for k in states})
     if empty:
-        against = {k: difference_weights(weighing, k, empty) for k in states if k not in empty}
+        against = {k: weights_of_difference(weighing, k, empty) for k in states if k not in empty}
         rows += make_rows_of_kind(of_payload, against)
     rows += make_rows_of_kind(of_cycle, payloads)
     known = [
@@ -126,7 +126,7 @@ def make_learnt_mean_responses(
     }
 
 
-def _make_response_rows(
+def _make_mass_response_rows(
     mass_kind: str,
     weighing: Weighing,
     machine: Machine,

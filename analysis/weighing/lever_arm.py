@@ -99,7 +99,7 @@ def estimate_swing(measured: Floats, motion: MotionSamples, springs: BodySwing) 
         springs: springs of the body, and the swing that is in its reading at first.
     """
     compared = _WheelComparison.from_motion(measured, motion)
-    solved = None if compared is None else compared.estimate_lever_arm(springs)
+    solved = None if compared is None else compared.estimate_swing_with_springs(springs)
     if solved is None:
         return None
     found = solved[0]
@@ -109,7 +109,7 @@ def estimate_swing(measured: Floats, motion: MotionSamples, springs: BodySwing) 
     return replace(found, u_s2=float(np.hypot(found.u_s2, LIMITS.lever_shape_u * found.lever_s2)))
 
 
-def search_springs(measured: Floats, motion: MotionSamples) -> BodySwing | None:
+def fit_springs(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     """Springs that leave the smallest residual between wheels and accelerometer.
 
     Args:
@@ -127,7 +127,7 @@ def search_springs(measured: Floats, motion: MotionSamples) -> BodySwing | None:
         return None
 
     tried = [
-        compared.estimate_lever_arm(BodySwing(frequency_hz=hz, damping_1=damping_1))
+        compared.estimate_swing_with_springs(BodySwing(frequency_hz=hz, damping_1=damping_1))
         for hz, damping_1 in product(_FREQUENCIES_HZ, _DAMPINGS_1)
     ]
     known = [each for each in tried if each is not None]
@@ -140,7 +140,7 @@ def search_springs(measured: Floats, motion: MotionSamples) -> BodySwing | None:
         return replace(first, frequency_hz=hz, damping_1=damping_1)
 
     def misfit_of_swing(logs: Floats) -> float:
-        found = compared.estimate_lever_arm(swing_from_logs(logs))
+        found = compared.estimate_swing_with_springs(swing_from_logs(logs))
         return np.inf if found is None else found[1]
 
     begin = np.log([first.frequency_hz, first.damping_1])
@@ -191,7 +191,7 @@ class _WheelComparison:
         columns = (gained, slipping, -measured, motion.speed - gained)
         return cls(motion, spans, lag, _difference_means(columns, spans, lag))
 
-    def estimate_lever_arm(self, springs: BodySwing) -> tuple[BodySwing, float] | None:
+    def estimate_swing_with_springs(self, springs: BodySwing) -> tuple[BodySwing, float] | None:
         """Lever arm with these springs, and the mean square residual."""
         motion = self.motion
         assert motion.specific_force is not None

@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import CALIBRATED, FRAMES, build_frame
-from analysis.model.uncertainty_sources import combined_u, unknown_scale
+from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.fuel_on_board import FuelOnBoard
@@ -46,8 +46,8 @@ def make_load_frame(
     fit = weighing.fit
     times = _span_of_each_state(fit, excitation)
     empty = find_empty_states(weighing, times, machine)
-    since_ticket_kg = _fuel_since_ticket_kg(weighing, empty, times, fuel)
-    datum, against = _choose_empty_datum(weighing, empty, machine, since_ticket_kg)
+    since_ticket_kg = _fuel_since_ticket_and_u_kg(weighing, empty, times, fuel)
+    datum, against = _choose_empty_datum_or_reason(weighing, empty, machine, since_ticket_kg)
     rows = [
         _make_load_row(weighing, state, empty, times[state], machine, verdict, datum)
         for state in range(fit.count)
@@ -55,7 +55,7 @@ def make_load_frame(
     said = "; ".join(
         filter(
             None,
-            (_note_on_states(fit, machine), against, _note_growing_loads(weighing, excitation)),
+            (_load_states_note(fit, machine), against, _growing_loads_note(weighing, excitation)),
         )
     )
     if machine.settings.loads.empty_from_s is not None and not empty:
@@ -72,28 +72,28 @@ def _span_of_each_state(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[i
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    of = states.membership[_manoeuvre_of_samples(fit, states)]
+    of = states.membership[_manoeuvre_index_of_samples(fit, states)]
     inside = (used[of == state] for state in range(fit.count))
     return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
 
 
-def _manoeuvre_of_samples(fit: JointFit, states: LoadStates) -> Ints:
-    """Index of each fitted sample's manoeuvre among those with a load state."""
+def _manoeuvre_index_of_samples(fit: JointFit, states: LoadStates) -> Ints:
+    """Index of each fitted sample's manoeuvre, (n,), among those with a load state."""
     return np.searchsorted(states.unit, unit_of_each_sample(fit.motion))
 
 
-def make_load_change_rows(weighing: Weighing | None) -> list[int]:
+def find_load_change_rows(weighing: Weighing | None) -> list[int]:
     """Grid rows at which a different load begins to move."""
     if weighing is None or weighing.fit.states is None:
         return []
     fit, states = weighing.fit, weighing.fit.states
-    of = states.membership[_manoeuvre_of_samples(fit, states)]
+    of = states.membership[_manoeuvre_index_of_samples(fit, states)]
     used = np.flatnonzero(fit.motion.used)
     return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
 
 
 def find_empty_states(
-    weighing: Weighing, times: list[tuple[int, int]], machine: Machine
+    weighing: Weighing, state_spans_ns: list[tuple[int, int]], machine: Machine
 ) -> list[int]:
     """Indices of the load states in which the machine is empty; none if the log cannot tell.
 
@@ -107,9 +107,11 @@ def find_empty_states(
         return []
     if settings.empty_from_s is not None and settings.empty_to_s is not None:
         first, last = settings.empty_from_s * 1e9, settings.empty_to_s * 1e9
-        shared = [min(last, end) - max(first, begin) for begin, end in times]
+        shared = [min(last, end) - max(first, begin) for begin, end in state_spans_ns]
         inside = [
-            state for state, (begin, end) in enumerate(times) if 2 * shared[state] > end - begin
+            state
+            for state, (begin, end) in enumerate(state_spans_ns)
+            if 2 * shared[state] > end - begin
         ]
         most = int(np.argmax(shared))
         return inside or ([most] if shared[most] > 0 else [])
@@ -132,7 +134,7 @@ def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machi
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
         if state == lightest:
             continue
-        weights = difference_weights(weighing, state, found)
+        weights = weights_of_difference(weighing, state, found)
         random_kg = combined_u(budget_of_mass(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
@@ -140,10 +142,10 @@ def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machi
     return sorted(found)
 
 
-def _fuel_since_ticket_kg(
+def _fuel_since_ticket_and_u_kg(
     weighing: Weighing,
     empty: list[int],
-    times: list[tuple[int, int]],
+    state_spans_ns: list[tuple[int, int]],
     fuel: FuelOnBoard | None,
 ) -> tuple[float, float]:
     """Mean fuel mass of the empty states beyond that on the ticket, with its uncertainty."""
@@ -151,11 +153,11 @@ def _fuel_since_ticket_kg(
     if fuel is None or states is None or not empty:
         return 0.0, 0.0
     count = np.bincount(states.membership)[empty]
-    middles_ns = np.mean([times[state] for state in empty], axis=1)
-    return fuel.mass_since_ticket_kg(middles_ns, count / count.sum())
+    middles_ns = np.mean([state_spans_ns[state] for state in empty], axis=1)
+    return fuel.mass_since_ticket_and_u_kg(middles_ns, count / count.sum())
 
 
-def _choose_empty_datum(
+def _choose_empty_datum_or_reason(
     weighing: Weighing, empty: list[int], machine: Machine, fuel_kg: tuple[float, float]
 ) -> tuple[EmptyDatum | None, str]:
     """Datum of the empty states for payloads, or the reason why the log contradicts it."""
@@ -163,16 +165,16 @@ def _choose_empty_datum(
     if not empty or len(empty) == fit.count:
         return None, ""
     # less the mass of none: the empty ones alone
-    weights = fit.weights_of_state(0) - difference_weights(weighing, 0, empty)
+    weights = fit.weights_of_state(0) - weights_of_difference(weighing, 0, empty)
     found = EmptyMachine(weighing, machine, weights, fuel_kg=fuel_kg)
-    if found.contradiction:
-        return None, f"{found.contradiction}: payloads are on the log's own scale"
+    if found.contradiction_text:
+        return None, f"{found.contradiction_text}: payloads are on the log's own scale"
     others = [state for state in range(fit.count) if state not in empty]
-    payloads = np.sum([difference_weights(weighing, state, empty) for state in others], axis=0)
+    payloads = np.sum([weights_of_difference(weighing, state, empty) for state in others], axis=0)
     return found.relate_to_empty_mass(payloads), ""
 
 
-def difference_weights(weighing: Weighing, state: int, empty: list[int]) -> Floats:
+def weights_of_difference(weighing: Weighing, state: int, empty: list[int]) -> Floats:
     """(masses,) weights of a mass minus the mean of others, by number of manoeuvres."""
     states = weighing.fit.states
     assert states is not None
@@ -197,7 +199,7 @@ def _make_load_row(
     sources = budget_of_mass(weighing, machine, fit.weights_of_state(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
     u_kg = combined_u(sources)
-    withheld = [check.check for check in verdict.failed("mass")]
+    withheld = [check.check for check in verdict.withholding_checks("mass")]
     # as the check of that name judges the load that most manoeuvres are of
     known = relative_u(weighing, machine, state) <= machine.settings.verdict.relative_std_max
     if not known and "relative_u" not in withheld:
@@ -227,7 +229,7 @@ def _make_load_row(
         "scatter_known": states.scatter_known,
         "mean_samples": fit.mean_samples,
         "braking_left_out": weighing.braking_left_out,
-        "scale_unknown": ", ".join(unknown_scale(sources)),
+        "scale_unknown": ", ".join(names_of_unknown_scale_sources(sources)),
         "payload_scale_unknown": ", ".join(unknown),
         "withheld": bool(withheld),
         "withheld_for": ", ".join(withheld),
@@ -246,7 +248,7 @@ def _payload_with_uncertainty(
     names = ("kg", "u_kg", "u_random_kg")
     if not empty and body.empty_mass_kg is None:
         return {f"{of}_{name}": None for of in ("payload", "own_payload") for name in names}, []
-    weights = difference_weights(weighing, state, empty)
+    weights = weights_of_difference(weighing, state, empty)
     sources = budget_of_mass(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
     u_kg = combined_u(sources)
@@ -256,16 +258,16 @@ def _payload_with_uncertainty(
     own = (own_kg, u_kg, combined_u(sources, "random"))
     told = own
     if datum is not None:
-        sources = datum.payload_sources(weights)
+        sources = datum.payload_uncertainty_sources(weights)
         told = (datum.scale_1 * own_kg, combined_u(sources), combined_u(sources, "random"))
     found: dict[str, float | None] = {
         f"payload_{n}": value for n, value in zip(names, told, strict=True)
     }
     found |= {f"own_payload_{n}": value for n, value in zip(names, own, strict=True)}
-    return found, unknown_scale(sources)
+    return found, names_of_unknown_scale_sources(sources)
 
 
-def _note_on_states(fit: JointFit, machine: Machine) -> str:
+def _load_states_note(fit: JointFit, machine: Machine) -> str:
     """Note about the load states for the reader."""
     states = fit.states
     assert states is not None
@@ -290,7 +292,7 @@ def _note_on_states(fit: JointFit, machine: Machine) -> str:
     return "; ".join(said)
 
 
-def _note_growing_loads(weighing: Weighing, excitation: pl.DataFrame) -> str:
+def _growing_loads_note(weighing: Weighing, excitation: pl.DataFrame) -> str:
     """Note that names the manoeuvres whose load changes; "" if none does."""
     t_ns = excitation["t_ns"].to_numpy()
     told = [
@@ -318,7 +320,7 @@ def make_manoeuvre_frame(
     fit, states = weighing.fit, weighing.fit.states
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    place = _manoeuvre_of_samples(fit, states)
+    place = _manoeuvre_index_of_samples(fit, states)
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well

@@ -5,14 +5,14 @@ from typing import Final, Self
 
 import numpy as np
 
-from analysis.weighing.fit_columns import mean_stride
+from analysis.weighing.fit_columns import stride_between_means
 from analysis.weighing.fit_task import FitTask
-from analysis.weighing.haul_patterns import hauling_patterns
+from analysis.weighing.haul_patterns import propose_hauling_partitions
 from analysis.weighing.joint_fit import (
     JointFitInputs,
     applicable_terms,
-    fit_rows,
     joint_fit,
+    make_refit_rows,
     refit_with_changes,
 )
 from analysis.weighing.joint_result import JointFit
@@ -25,7 +25,7 @@ from analysis.weighing.load_states import (
     unit_of_each_stretch,
 )
 from analysis.weighing.motion_samples import Ints
-from analysis.weighing.record_places import rows_to_search
+from analysis.weighing.record_places import rows_for_load_search
 from analysis.weighing.uneven_ground import FEWEST
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.group_effects import HINTED, GroupEffects
@@ -36,7 +36,7 @@ from estimators.numerics.autocorrelation import pooled_autocorrelation
 _INDEPENDENT: Final = 15
 
 
-def add_load_states(
+def search_and_fit_load_states(
     found: JointFit, inputs: JointFitInputs, repeatability_kg: float | None
 ) -> JointFit:
     """Find load states and fit a mass for each, iterating until nothing changes.
@@ -52,14 +52,14 @@ def add_load_states(
     misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
     if not misfits or found.motion.manoeuvre_count < FEWEST:
         return settled
-    inputs = _add_uneven_ground(found, inputs, fit_rows(found, inputs.noise).group)
+    inputs = _add_uneven_ground(found, inputs, make_refit_rows(found, inputs.noise).group)
     alike = _PartitionComparison.from_fit(found, inputs)
     fits = list[JointFit]()
     hints = np.append(0, np.cumsum(kind > 1))
     if hints[-1] and not _has_membership(settled, hints):
         held = _refit_fixed_states(alike.states(hints), inputs)
         fits.append(_settle_states(held, inputs, repeatability_kg, kind, settled))
-    hauls = hauling_patterns(found.motion)
+    hauls = propose_hauling_partitions(found.motion)
     if hauls:
         haul = min(hauls, key=alike.information_criterion)
         kind = np.where(np.diff(haul) > 0, np.maximum(kind, HINTED), kind)
@@ -158,7 +158,9 @@ def _refit_with_own_scatter(
 
 def _manoeuvre_effects(found: JointFit, inputs: JointFitInputs, kind: Ints) -> GroupEffects:
     """Mass estimates of each manoeuvre by a fit, with the kinds of change between them."""
-    units = _task_of_fit(found, inputs).group_effects_of_fit(found, fit_rows(found, inputs.noise))
+    units = _task_of_fit(found, inputs).group_effects_of_fit(
+        found, make_refit_rows(found, inputs.noise)
+    )
     return replace(units, kind=kind)
 
 
@@ -192,7 +194,7 @@ def _settle_states(
         return _withhold_masses(found)
     first, best, tried = found, None, list[Ints]()
     for _ in range(LIMITS.state_rounds):
-        task, rows = _task_of_fit(found, inputs), fit_rows(found, inputs.noise)
+        task, rows = _task_of_fit(found, inputs), make_refit_rows(found, inputs.noise)
         states = max(
             (
                 find_load_states(
@@ -200,7 +202,7 @@ def _settle_states(
                     number,
                     repeatability_kg,
                 )
-                for each in rows_to_search(found, rows)
+                for each in rows_for_load_search(found, rows)
             ),
             key=lambda each: each.log_odds,
         )
@@ -253,7 +255,7 @@ def _add_uneven_ground(found: JointFit, inputs: JointFitInputs, group: Ints) -> 
         return inputs
     residual = found.solution.residual
     correlation, white = pooled_autocorrelation(residual, group, None)
-    a_second = found.motion.rate_hz / mean_stride(found.mean_samples)
+    a_second = found.motion.rate_hz / stride_between_means(found.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
     std_N = inputs.priors.ground_uneven_share * found.motion.weight
     return replace(inputs, uneven_1_s=std_N**2 * a_second / noise)

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
-from analysis.weighing.fitted_stretches import is_first_of_stretch, last_of_stretch
+from analysis.weighing.fitted_stretches import is_first_of_stretch, is_last_of_stretch
 from analysis.weighing.motion_samples import (
     Floats,
     Ints,
@@ -95,7 +95,7 @@ class LoadStates:
         )
 
     @property
-    def scatters(self) -> bool:
+    def has_excess_scatter(self) -> bool:
         """Whether manoeuvres disagree by more than chance explains."""
         if not 0 < self.freedom < np.inf:
             return self.scatter_kg > float(np.median(self.std_kg))
@@ -145,7 +145,7 @@ class LoadStates:
         variance = float(weights @ mean_kg) ** 2 + float(weights**2 @ (within / count))
         return float(np.sqrt(self.other.probability * variance))
 
-    def levels(self, motion: MotionSamples) -> RandomIntercepts:
+    def random_intercepts(self, motion: MotionSamples) -> RandomIntercepts:
         """States of the motion's stretches, as random intercepts."""
         number = np.searchsorted(self.unit, unit_of_each_stretch(motion))
         scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
@@ -175,7 +175,7 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
     after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
     goes = np.where(before < 0, np.argmax(tells), before)
     group = motion.group
-    first, last = (np.flatnonzero(each(group)) for each in (is_first_of_stretch, last_of_stretch))
+    first, last = (np.flatnonzero(f(group)) for f in (is_first_of_stretch, is_last_of_stretch))
     for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
@@ -322,7 +322,7 @@ def _make_load_states(units: GroupEffects, manoeuvre_ids: Ints, best: Partition)
         best.state,
         level_kg,
         np.sqrt(units.variance),
-        *_between_manoeuvre_scatter(level_kg, units.variance, best),
+        *_scatter_dof_and_birge_ratio(level_kg, units.variance, best),
         load_returns=np.unique(best.level).size < best.states
         or _count_reversals(best) >= LIMITS.load_return_reversals,
     )
@@ -349,7 +349,7 @@ def _alternative_partition(
     if other is None or probability < doubted:
         return None
     level_kg = units.y - units.x @ other.effects
-    scatter_kg, _, _ = _between_manoeuvre_scatter(level_kg, units.variance, other)
+    scatter_kg, _, _ = _scatter_dof_and_birge_ratio(level_kg, units.variance, other)
     differs_kg = other.levels[other.state] - best.levels[best.state]
     return AlternativePartition(other.state, differs_kg, scatter_kg, probability)
 
@@ -378,7 +378,7 @@ def means_by_state(level: Floats, weight: Floats, state: Ints) -> Floats:
     return np.bincount(state, weights=weight * level) / np.bincount(state, weights=weight)
 
 
-def _between_manoeuvre_scatter(
+def _scatter_dof_and_birge_ratio(
     level: Floats, variance: Floats, found: Partition
 ) -> tuple[float, float, float]:
     """Scatter about the states (Paule & Mandel 1982), degrees of freedom and Birge ratio."""

@@ -67,7 +67,7 @@ class LikelyEffects:
     removed_kg: Mapping[str, Floats]
 
     @classmethod
-    def weigh_choices(
+    def from_fit(
         cls, fit: MapFit, masses: int, terms: tuple[Nuisance, ...], prior_std: Floats
     ) -> Self | None:
         """Compute the probabilities of all choices of effects; None without effects.
@@ -151,13 +151,13 @@ def _invert_precision(precision: Floats) -> Floats:
 
 
 def score_effects(
-    kept: np.ndarray, before: float, information: Floats, scores: Floats, variance: Floats
+    kept: np.ndarray, log_prior_odds: float, information: Floats, scores: Floats, variance: Floats
 ) -> tuple[float, np.ndarray, Floats, Floats]:
     """Log evidence of a choice of effects, the choice, and mean and covariance of its terms.
 
     Args:
         kept: (terms,) terms that it includes.
-        before: log prior odds of the choice, up to a constant.
+        log_prior_odds: log prior odds of the choice, up to a constant.
         information: (terms, terms) information of the log.
         scores: (terms,) information times the estimates.
         variance: (terms,) prior variances.
@@ -165,11 +165,16 @@ def score_effects(
     mean, covariance = np.zeros(kept.size), np.zeros((kept.size, kept.size))
     own = np.flatnonzero(kept)
     if not own.size:
-        return before, kept, mean, covariance
+        return log_prior_odds, kept, mean, covariance
     inside = np.ix_(own, own)
     inner = _invert_precision(information[inside] + np.diag(1.0 / variance[own]))
     mean[own], covariance[inside] = inner @ scores[own], inner
     sized = np.linalg.slogdet(np.eye(own.size) + variance[own][:, None] * information[inside])[1]
     # at least 0, but for rounding, of which only what is singular shows anything
     sized = max(sized, 0.0)
-    return float(before - sized / 2.0 + scores[own] @ mean[own] / 2.0), kept, mean, covariance
+    return (
+        float(log_prior_odds - sized / 2.0 + scores[own] @ mean[own] / 2.0),
+        kept,
+        mean,
+        covariance,
+    )

@@ -23,12 +23,12 @@ BY_GEAR: Final = "gears"
 
 
 def _low_gear_fraction(speed: Floats, quarter_m_s: float) -> Floats:
-    """Fraction of the first gear's rotating mass at a speed."""
+    """Fraction of the first gear's rotating mass at each speed, (n,)."""
     return (1.0 + (speed / quarter_m_s) ** 2) ** -2
 
 
 def _remaining_slope_s_m(speed: Floats, quarter_m_s: float) -> Floats:
-    """Derivative of the remaining gear inertia by the speed, in s/m."""
+    """Derivative of the remaining gear inertia by the speed, (n,) in s/m."""
     return -4.0 * speed / quarter_m_s**2 * (1.0 + (speed / quarter_m_s) ** 2) ** -3
 
 

@@ -6,7 +6,12 @@ from typing import Final
 import numpy as np
 
 from analysis.model.machine import Machine
-from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combined_u, largest_first
+from analysis.model.uncertainty_sources import (
+    SCALES,
+    UncertaintySource,
+    combined_u,
+    sort_largest_first,
+)
 from analysis.weighing.force_by_place import BY_PLACE
 from analysis.weighing.joint_result import JointFit, root_sum_of_squares
 from analysis.weighing.low_gears import BY_GEAR
@@ -139,7 +144,7 @@ def budget_of_mass(
     loaded_kg = abs(float(weights @ (fit.masses_kg * _relative_loads(fit, machine))))
     terms = {term.name: term for term in fit.terms}
     sources: list[UncertaintySource] = []
-    parts_kg = fit.parts_kg(weights)
+    parts_kg = fit.u_parts_kg(weights)
     parts_kg |= _widening_by_checks(weighing, weights, parts_kg)
     for source in {term.source: None for term in fit.terms if term.source}:
         own_kg = [parts_kg.pop(name) for name, term in terms.items() if term.source == source]
@@ -167,7 +172,7 @@ def budget_of_mass(
                 "known loads, or the drawings of the driveline",
             )
         )
-    return largest_first(sources)
+    return sort_largest_first(sources)
 
 
 def relative_u(weighing: Weighing, machine: Machine, state: int) -> float:

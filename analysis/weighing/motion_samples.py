@@ -15,20 +15,20 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
-from analysis.model.windows import flagged_windows
+from analysis.model.windows import flag_windows
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.fitted_stretches import (
-    count_silences,
     cut_drives,
     cut_stretches,
     driving_directions,
     drop_standing_runs,
-    fitted_manoeuvres,
+    fitted_manoeuvre_of_samples,
     make_centred_progress,
     mark_missing_rows,
-    number_runs,
+    number_one_way_runs,
     path_positions,
+    running_silence_count,
     running_standstill_count,
     stretch_spans,
     trim_to_break_away,
@@ -132,13 +132,13 @@ class MotionSamples:
         end = int(np.argmax(self.group >= stretches))
         return replace(self._select_samples(slice(0, end)), progress=make_centred_progress(end))
 
-    def near_fitted(self, reach_s: float) -> "MotionSamples":
+    def keep_near_fitted(self, reach_s: float) -> "MotionSamples":
         """Drop samples farther than `reach_s` from all that may be fitted.
 
         Time shifts of force or speed up to `reach_s` are not affected.
         """
         size = math.ceil(reach_s * self.rate_hz) + 1
-        near = flagged_windows(self.used, size) | flagged_windows(self.used[::-1], size)[::-1]
+        near = flag_windows(self.used, size) | flag_windows(self.used[::-1], size)[::-1]
         return self._select_samples(np.flatnonzero(near))
 
     def _select_samples(self, cut: slice | Ints) -> "MotionSamples":
@@ -187,16 +187,16 @@ class MotionSamples:
         group[left] = np.unique(group[left], return_inverse=True)[1]
         return replace(self, group=group)
 
-    def shift_force(self, lag_s: float) -> "MotionSamples":
+    def advance_force(self, lag_s: float) -> "MotionSamples":
         """Advance the force by its delay."""
-        return replace(self, force=self._shift_in_time(self.force, lag_s))
+        return replace(self, force=self._advance_signal(self.force, lag_s))
 
-    def shift_speed(self, delay_s: float) -> "MotionSamples":
+    def advance_speed(self, delay_s: float) -> "MotionSamples":
         """Advance the speed by its delay."""
-        return replace(self, speed=self._shift_in_time(self.speed, delay_s))
+        return replace(self, speed=self._advance_signal(self.speed, delay_s))
 
-    def _shift_in_time(self, x: Floats, late_s: float) -> Floats:
-        """Advance a signal by a cubic per stretch, as lines would low-pass it on a slow grid."""
+    def _advance_signal(self, x: Floats, late_s: float) -> Floats:
+        """Signal (n,) advanced by a cubic per stretch: lines low-pass it on a slow grid."""
         late = late_s * self.rate_hz
         rows = np.arange(x.size, dtype=np.float64)
         moved = np.interp(rows + late, rows, x)
@@ -252,7 +252,7 @@ class MotionSamples:
         return self.largest_force / reached if reached else 0.0
 
     @property
-    def drives(self) -> bool:
+    def has_enough_motion(self) -> bool:
         """Whether force, speed and acceleration are large enough to scale the priors."""
         return self.approximate_mass_kg > 0.0 and self.largest_speed > 0.0
 
@@ -289,7 +289,7 @@ class MotionSamples:
         return bool(forwards.any() and not forwards.all())
 
 
-def motion_samples(
+def collect_motion_samples(
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
@@ -316,8 +316,8 @@ def motion_samples(
     known &= ~aligned["gap"].to_numpy()
     noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.covariance(3)[1, 1]))
     moves_m_s = max(noise_m_s, LIMITS.moving_speed_m_s)
-    group = fitted_manoeuvres(excitation, gated, machine, moves_m_s, braking=braking)
-    filtered = any(channel.differentiates for channel in machine.channels.values())
+    group = fitted_manoeuvre_of_samples(excitation, gated, machine, moves_m_s, braking=braking)
+    filtered = any(channel.is_derivative for channel in machine.channels.values())
     mixed = LIMITS.mixed_friction_filtered_samples if filtered else LIMITS.mixed_friction_samples
     settled = max(mixed, round(LIMITS.mixed_friction_s * settings.align.rate_hz))
     group = trim_to_break_away(
@@ -330,8 +330,8 @@ def motion_samples(
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
     clear = rows_in_duration(LIMITS.gap_margin_s, settings.align.rate_hz)
     silent = ~known | mark_missing_rows(aligned)
-    near_gap = flagged_windows(silent, clear) | flagged_windows(silent[::-1], clear)[::-1]
-    group = number_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
+    near_gap = flag_windows(silent, clear) | flag_windows(silent[::-1], clear)[::-1]
+    group = number_one_way_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     group = drop_standing_runs(group, np.where(known, speed, 0.0), noise_m_s)
     measured = _read_grid_column(aligned, "specific_force_x_m_s2", known)
     pitch = _read_grid_column(aligned, "pitch_rad", known)
@@ -341,7 +341,7 @@ def motion_samples(
     stood = running_standstill_count(excitation)
     unit = cut_drives(stood, rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz))
     longest_hole = rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
-    silences = count_silences(known, longest_hole)
+    silences = running_silence_count(known, longest_hole)
     group = cut_stretches(group, unit)
     return MotionSamples(
         np.where(known, acceleration, 0.0),

@@ -31,7 +31,7 @@ def make_nuisance_frame(weighing: Weighing | None) -> pl.DataFrame:
 def _make_term_rows(weighing: Weighing) -> pl.DataFrame:
     """Rows of the terms of the fit."""
     fit, own = weighing.fit, weighing.alone
-    parts_kg = fit.parts_kg(fit.weights_of_state(fit.main_state))
+    parts_kg = fit.u_parts_kg(fit.weights_of_state(fit.main_state))
     prior_std, mean_u = fit.prior_std.copy(), fit.prior_means.mean_u.copy()
     columns = {
         "term": [term.name for term in fit.terms],
@@ -66,7 +66,7 @@ def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
     wheels = fit.kinematics
     if wheels is None or not wheels.is_consistent or wheels.gain_counts:
         return pl.DataFrame()
-    parts_kg = fit.parts_kg(fit.weights_of_state(fit.main_state))
+    parts_kg = fit.u_parts_kg(fit.weights_of_state(fit.main_state))
     said = list(wheels.values_by_term.values())
     rows: dict[str, object] = {
         "term": TERMS,

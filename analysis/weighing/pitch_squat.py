@@ -71,7 +71,7 @@ def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> PitchP
 
 
 def trim_to_means_with_rate(x: Floats) -> Floats:
-    """Drop the outer means, which have no rate."""
+    """The means without the outer ones, which have no rate."""
     return x[LIMITS.pitch_rate_means : -LIMITS.pitch_rate_means]
 
 

@@ -10,7 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.weighing.fit_columns import FitRows
-from analysis.weighing.force_by_place import BY_PLACE, forces_by_place, slopes_by_place
+from analysis.weighing.force_by_place import (
+    BY_PLACE,
+    make_place_force_columns,
+    make_place_slope_columns,
+)
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
@@ -66,18 +70,18 @@ def find_record_offsets(
     best_1, least = off_1, np.inf
     for _ in range(LIMITS.place_rounds):
         place = place_1 + of_record @ off_1
-        known = np.column_stack((straight, forces_by_place(place)))
-        found, missed = _solve_penalised(
+        known = np.column_stack((straight, make_place_force_columns(place)))
+        found, missed = _ridge_solution_and_residual(
             known, force, np.full(known.shape[1], LIMITS.free_column_std)
         )
         cost = float(missed @ missed) / max(float(force @ force), 1e-300)
         if cost >= least * (1.0 - 1e-9):
             break
         best_1, least = off_1, cost
-        slope = slopes_by_place(place) @ found[straight.shape[1] :]
+        slope = make_place_slope_columns(place) @ found[straight.shape[1] :]
         moving = np.column_stack((known, slope[:, None] * of_record[:, 1:]))
         free = np.full(moving.shape[1], LIMITS.free_column_std)
-        step = _solve_penalised(moving, force, free)[0][known.shape[1] :]
+        step = _ridge_solution_and_residual(moving, force, free)[0][known.shape[1] :]
         step = np.append(0.0, step).clip(-LIMITS.max_record_step_1, LIMITS.max_record_step_1)
         if float(np.abs(step).max()) < LIMITS.record_tolerance_1:
             break
@@ -85,7 +89,7 @@ def find_record_offsets(
     return best_1
 
 
-def rows_to_search(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
+def rows_for_load_search(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
     """Rows for the search of load states, with or without weight in the force by place.
 
     A one-mass fit cannot tell how much of that force is weight, so none and all of it are tried.
@@ -100,22 +104,24 @@ def rows_to_search(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
         n for n, term in enumerate(found.terms) if term.source == BY_PLACE and not term.by_load
     ]
     if found.count == 1 or states is None:
-        return rows, add_weight(rows, place, theta[place] / found.mass_kg)
+        return rows, add_weight_by_place(rows, place, theta[place] / found.mass_kg)
     grows = [n for n, term in enumerate(found.terms) if term.source == BY_PLACE and term.by_load]
     usual_kg = float(np.mean(found.masses_kg[states.membership]))
-    taken = add_weight(rows, place, theta[grows] / usual_kg)
+    taken = add_weight_by_place(rows, place, theta[grows] / usual_kg)
     taken.A[:, 2 + np.array(grows)] = 0.0
     return (taken,)
 
 
-def add_weight(rows: FitRows, place: list[int], weight_m_s2: Floats) -> FitRows:
+def add_weight_by_place(rows: FitRows, place: list[int], weight_m_s2: Floats) -> FitRows:
     """Add the position-dependent weight per kg to the column that multiplies the mass."""
     A = rows.A.copy()
     A[:, 0] += rows.A[:, 2:][:, place] @ weight_m_s2
     return replace(rows, A=A)
 
 
-def _solve_penalised(columns: Floats, force: Floats, free: Floats) -> tuple[Floats, Floats]:
+def _ridge_solution_and_residual(
+    columns: Floats, force: Floats, free: Floats
+) -> tuple[Floats, Floats]:
     """Ridge regression with all but the free columns penalised; solution and residual."""
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0.0] = 1.0

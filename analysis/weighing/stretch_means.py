@@ -18,7 +18,7 @@ EVERY: Final = 3
 
 @compiled_ahead
 def average_overlapping(x: Floats) -> Floats:
-    """Overlapping means of `MEAN` samples, one every `EVERY`."""
+    """Overlapping means (means,) of `MEAN` samples, one every `EVERY`."""
     out = np.empty((x.size - MEAN) // EVERY + 1)
     for i in range(out.size):
         out[i] = sum_in_order(x[i * EVERY : i * EVERY + MEAN]) / MEAN
@@ -27,7 +27,7 @@ def average_overlapping(x: Floats) -> Floats:
 
 @compiled_ahead
 def subtract_fitted_line(x: Floats) -> Floats:
-    """Residual of a linear fit."""
+    """Residual (n,) of a linear fit."""
     middle = (x.size - 1) / 2.0
     ramp = np.arange(x.size) - middle
     slope = sum_in_order(ramp * x) / sum_in_order(ramp * ramp)

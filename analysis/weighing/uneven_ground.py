@@ -60,7 +60,9 @@ class _DrivingDirection:
         for begin_m, end_m in places:
             name, column = f"_{begin_m:.0f}_{end_m:.0f}m", _make_ramp_between(begin_m, end_m)
             width = _make_random_walk_prior(end_m - begin_m)
-            found.append(self._term(name, column, width, "how the ground's force changes along it"))
+            found.append(
+                self._make_term(name, column, width, "how the ground's force changes along it")
+            )
             found.append(self._make_load_difference_term(name, column, width))
         return found
 
@@ -72,9 +74,11 @@ class _DrivingDirection:
     ) -> Nuisance:
         """Term of the difference between loaded and empty starts."""
         meaning = "difference of the ground under loaded and empty starts"
-        return self._term(f"{name}_by_load", lambda m: column(m) * m.load_contrast, width, meaning)
+        return self._make_term(
+            f"{name}_by_load", lambda m: column(m) * m.load_contrast, width, meaning
+        )
 
-    def _term(
+    def _make_term(
         self,
         name: str,
         column: Callable[[ColumnInputs], Floats],
@@ -111,7 +115,7 @@ def _make_ramp_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs],
 
 @compiled_ahead
 def _clipped_ramp(place: Floats, begin: float, end: float) -> Floats:
-    """Linear from 0 at `begin` to 1 at `end`, constant outside."""
+    """Linear from 0 at `begin` to 1 at `end`, constant outside, as `place`."""
     out = np.empty(place.size)
     for k in range(out.size):
         out[k] = min(max((place[k] - begin) / (end - begin), 0.0), 1.0)
@@ -120,7 +124,7 @@ def _clipped_ramp(place: Floats, begin: float, end: float) -> Floats:
 
 @compiled_ahead
 def _restrict_to_direction(column: Floats, direction: Floats, sign: float) -> Floats:
-    """Force that acts in one driving direction, 0 in the other."""
+    """Column (n,) in one driving direction, 0 in the other."""
     out = np.zeros(column.size)
     for k in range(out.size):
         if direction[k] == sign:

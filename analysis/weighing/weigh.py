@@ -22,20 +22,20 @@ from analysis.weighing.growing_load import (
 )
 from analysis.weighing.joint_fit import (
     JointFitInputs,
-    add_gain_by_load,
     add_motion_responses,
     drop_unlikely_effects,
-    fit_rows,
+    fit_gain_by_load,
     joint_fit,
+    make_refit_rows,
     refit_with_changes,
 )
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.load_search import add_load_states
+from analysis.weighing.load_search import search_and_fit_load_states
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
     MotionSamples,
-    motion_samples,
+    collect_motion_samples,
 )
 from analysis.weighing.nuisances import CURVATURE, FILLING
 from analysis.weighing.other_motion import (
@@ -187,13 +187,17 @@ def _weigh_with_priors(
     columns = _DerivativeNoise(known, rate_hz) if machine.differentiates_speed else known
 
     def select_motion(*, braking: bool) -> MotionSamples:
-        found = motion_samples(aligned, excitation, gated, machine, columns, braking=braking)
+        found = collect_motion_samples(
+            aligned, excitation, gated, machine, columns, braking=braking
+        )
         return align_records(found)
 
     def fit_load_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
         fitted = JointFitInputs.prepare(motion, columns, priors, begin)
         states = None if begin is None or begin.states is None else begin.states.restrict_to(motion)
-        return add_load_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
+        return search_and_fit_load_states(
+            joint_fit(fitted, states), fitted, machine.machine.repeatability_kg
+        )
 
     whole = select_motion(braking=True)
     if not _has_enough_samples(whole):
@@ -223,25 +227,27 @@ def _weigh_with_priors(
             lags_apart = abs(alone.lag_s - fit.lag_s) > LIMITS.same_lag_s
             if (
                 not (beyond or lags_apart)
-                and not fit_curvature(alone, columns, priors).is_significant
+                and not fit_force_curvature(alone, columns, priors).is_significant
             ):
-                braking_kg = mean_difference_kg(fit, alone)
+                braking_kg = mean_mass_difference_kg(fit, alone)
                 allowed = LIMITS.braking_left_out_u * float(np.hypot(fit.u_kg, alone.u_kg))
                 left_out = abs(braking_kg) > max(
                     allowed, LIMITS.braking_min_fraction * abs(alone.mass_kg)
                 )
                 if left_out:
-                    fit = add_load_states(alone, fitted, machine.machine.repeatability_kg)
+                    fit = search_and_fit_load_states(
+                        alone, fitted, machine.machine.repeatability_kg
+                    )
     doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
 
     fit = drop_unlikely_effects(fit, columns, priors)
-    fit = add_gain_by_load(fit, priors)
+    fit = fit_gain_by_load(fit, priors)
     fit = add_motion_responses(fit, columns, priors)
     if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
         return None
     alone = _fit_without_learnt(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
-    rows = fit_rows(fit, columns, (CURVATURE, FILLING))
+    rows = make_refit_rows(fit, columns, (CURVATURE, FILLING))
     halved_kg, doubled_kg = (
         refit_with_changes(fit, columns, _scale_prior_stds(priors, factor), rows=rows).masses_kg
         for factor in (0.5, 2.0)
@@ -253,7 +259,7 @@ def _weigh_with_priors(
         braking_kg,
         left_out,
         doubted,
-        fit_curvature(fit, columns, priors, rows),
+        fit_force_curvature(fit, columns, priors, rows),
         fit_filling(own, columns, own_priors, rows if own is fit else None),
         grown,
         refit_with_wheel_or_imu_motion(fit, columns, priors)
@@ -272,12 +278,12 @@ def _weigh_with_priors(
 def _has_enough_samples(motion: MotionSamples) -> bool:
     """Whether enough samples may be fitted."""
     fewest = rows_in_duration(LIMITS.shortest_log_s, motion.rate_hz, FEWEST_READINGS)
-    return int(motion.used.sum()) >= fewest and motion.drives
+    return int(motion.used.sum()) >= fewest and motion.has_enough_motion
 
 
-def _exclude_manoeuvres(motion: MotionSamples, units: Sequence[int]) -> MotionSamples:
+def _exclude_manoeuvres(motion: MotionSamples, excluded_units: Sequence[int]) -> MotionSamples:
     """Exclude manoeuvres by their numbers."""
-    return motion.exclude_samples(np.isin(motion.unit, units))
+    return motion.exclude_samples(np.isin(motion.unit, excluded_units))
 
 
 def _fit_without_learnt(
@@ -306,7 +312,7 @@ def widen_learnt_priors(priors: PriorSettings) -> PriorSettings:
     return priors.model_copy(update={"learnt": learnt})
 
 
-def mean_difference_kg(one: JointFit, other: JointFit) -> float:
+def mean_mass_difference_kg(one: JointFit, other: JointFit) -> float:
     """Mean difference of two fits' masses over the same manoeuvres, in kg."""
     mine, theirs = one.states, other.states
     if mine is None or theirs is None:
@@ -317,7 +323,7 @@ def mean_difference_kg(one: JointFit, other: JointFit) -> float:
     return float(np.mean(one.masses_kg[mine.membership[a]] - other.masses_kg[theirs.membership[b]]))
 
 
-def fit_curvature(
+def fit_force_curvature(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
 ) -> ForceCurvature:
     """Refit with a term in a·|a|; 0 where the log does not determine it.

@@ -16,7 +16,7 @@ from analysis.weighing.fitted_stretches import stretch_spans
 from analysis.weighing.lever_arm import (
     BodySwing,
     estimate_swing,
-    search_springs,
+    fit_springs,
     subtract_swing,
 )
 from analysis.weighing.motion_samples import (
@@ -74,7 +74,7 @@ def compare_wheels(
         return found
     level = motion.without_gravity
     measured = motion.specific_force if level is None else level
-    springs = springs or search_springs(measured, motion)
+    springs = springs or fit_springs(measured, motion)
     swing = None if springs is None else estimate_swing(measured, motion, springs)
     if swing is None:
         return replace(found, springs=springs)
@@ -98,7 +98,9 @@ def _compare_wheels_and_accelerometer(
     """
     if motion.specific_force is None:
         return None
-    told = None if earlier is None or not earlier.is_found else earlier.own or earlier
+    told = (
+        None if earlier is None or not earlier.can_start_next_comparison else earlier.own or earlier
+    )
     found = _fit_comparison(motion.specific_force, motion, noise, priors, told)
     if found is None:
         return None
@@ -174,7 +176,7 @@ def _fit_comparison(
     if earlier is not None:
         delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
         about = abs(slip_1_N) + earlier.slip_1_N[1]
-    rows = _make_comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N)
+    rows = _make_comparison_rows(measured, motion.advance_speed(delay_s), noise, slip_1_N)
     if rows is None:
         return None
     lines = loss = None
@@ -193,7 +195,9 @@ def _fit_comparison(
         about = abs(slip_1_N) + (wide.fit.std[1] if earlier is None else earlier.slip_1_N[1])
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + late_s, -LIMITS.longest_delay_s, LIMITS.longest_delay_s))
-        rows = _make_comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N) or rows
+        rows = (
+            _make_comparison_rows(measured, motion.advance_speed(delay_s), noise, slip_1_N) or rows
+        )
         # only the last one's deviations count
         if lines is None and number == LIMITS.slip_passes - 1:
             lines = stretch_trend_columns(rows[2])
@@ -214,7 +218,7 @@ def _fit_comparison(
     std = prior_stds(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solve_rows(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
-    least = _min_std_from_noise(rows, noise, std, 1.0 / motion.rate_hz)
+    least = _min_stds_from_noise(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.std, 1.0)
     covariance = found.covariance * np.outer(widened, widened)
     values = list(
@@ -247,7 +251,7 @@ def is_gain_significant(fit: MapFit, noise_m_s: float) -> bool:
     return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0]))
 
 
-def _min_std_from_noise(
+def _min_stds_from_noise(
     rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
 ) -> Floats:
     """Lower bound of the standard deviations from instrument noise alone, (4,).

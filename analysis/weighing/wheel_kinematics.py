@@ -62,7 +62,7 @@ class WheelKinematics:
         return self.mismatch <= LIMITS.max_kinematic_mismatch
 
     @property
-    def is_found(self) -> bool:
+    def can_start_next_comparison(self) -> bool:
         """Whether the comparison is good enough to start another one from."""
         return self.is_consistent and abs(self.delay_s[0]) < LIMITS.longest_delay_s
 

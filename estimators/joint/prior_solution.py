@@ -61,7 +61,7 @@ def _weight_units(
     theta: Floats,
     variance: float,
 ) -> WeightedNormalEquations:
-    """Weight the sums of units, (units,) each with one level, by their scatter."""
+    """Normal equations of all units, each weighted by the scatter about its level, (units,)."""
     sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
     tau = shape.levels.scatter * shape.scale
     turns, clean, gram, scatter, bare, taken = compute_weighted_equations(

@@ -28,7 +28,7 @@ _MOST_OUTPUT: Final = 256 << 20
 #: Bytes of tables whose reading is kept: those of evidence have some kB, and are read again with
 #: the evidence after it and with the chain.
 _MOST_KEPT: Final = 1 << 20
-#: What `write_table` makes of a column, by Arrow's name: the reader's process has Arrow, not ours.
+#: What `encode_parquet` makes of a column, by Arrow's name: the reader's process has Arrow alone.
 _ARROW: Final[Mapping[type[pl.DataType], str]] = {
     pl.String: "string",
     pl.Float64: "double",
@@ -39,7 +39,7 @@ _ARROW: Final[Mapping[type[pl.DataType], str]] = {
 Schema = Mapping[str, type[pl.DataType]]
 
 
-def write_table(frame: pl.DataFrame) -> bytes:
+def encode_parquet(frame: pl.DataFrame) -> bytes:
     """Frame as Parquet, without compression and dictionaries."""
     import pyarrow.parquet as pq
 
@@ -69,7 +69,7 @@ class UntrustedTable:
 
 
 def read_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
-    """Read untrusted tables in the format of `write_table`.
+    """Read untrusted tables in the format of `encode_parquet`.
 
     Returns:
         The frame of each, or its fault: other columns, compressed or coded, too many rows, a number

@@ -226,8 +226,8 @@ def constant_share_text(fitted: Calibration) -> str:
             f"{begin}. That part is a constant, which no sensor influences. What the machine "
             f"measured moves the result by {fitted.alpha_1:.3f} kg for each kg of the estimate. "
             "So a small error relative to the machine's whole mass is not a merit of the "
-            "estimate: judge errors by the range of loads. An error of β stays whole in every "
-            "result, and outside the range the line says nothing."
+            "estimate: judge errors by the range of loads. An error of β is contained "
+            "in full in every result, and outside the range the line says nothing."
         )
     return (
         f"{begin}. The rest is measured: the estimate moves the result by {fitted.alpha_1:.3f} kg "

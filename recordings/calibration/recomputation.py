@@ -10,7 +10,7 @@ from pydantic_core import to_jsonable_python
 
 from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
-    check_known_mass,
+    compare_known_mass,
     fit_campaign,
     make_calibration_options,
 )
@@ -270,7 +270,7 @@ def compare_fit(
     notes: list[str],
 ) -> Findings:
     """Compare fit, budget, verdict and points."""
-    fitted, drift = _refit_line_to_readings(document, readings)
+    fitted, drift = _refit_campaign_or_check(document, readings)
     stored = document.calibration
     pairs: tuple[tuple[str, Any, Any], ...] = (
         ("calibration", _convert_to_json(stored), _convert_to_json(fitted.calibration)),
@@ -299,13 +299,13 @@ def compare_fit(
     yield from compare_earlier_line(document, fitted.frame)
 
 
-def _refit_line_to_readings(
+def _refit_campaign_or_check(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> tuple[CampaignFit, DriftCheck | None]:
     """Refit the readings; for a single-mass check, under the calibration's line."""
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
-        return check_known_mass(campaign, body, readings, document.calibration)
+        return compare_known_mass(campaign, body, readings, document.calibration)
     responses = () if document.learnt is None else document.learnt.responses
     return fit_campaign(campaign, body, readings, document.options, responses), None
 

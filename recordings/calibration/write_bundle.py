@@ -19,7 +19,7 @@ from recordings.calibration.bundle_folder import (
     read_file,
     sums_text,
 )
-from recordings.calibration.bundle_tables import write_table
+from recordings.calibration.bundle_tables import encode_parquet
 from recordings.calibration.calibration_report import report_html, report_pdf
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
 from recordings.signatures.signing import SigningKey, make_envelope, make_statement
@@ -29,7 +29,7 @@ def encode_tables(
     readings: pl.DataFrame, points: pl.DataFrame
 ) -> tuple[dict[str, bytes], EvidenceTables]:
     """Encoded tables, and their digests."""
-    written = {READINGS: write_table(readings), POINTS: write_table(points)}
+    written = {READINGS: encode_parquet(readings), POINTS: encode_parquet(points)}
     return written, EvidenceTables(
         readings_sha256=hashlib.sha256(written[READINGS]).hexdigest(),
         points_sha256=hashlib.sha256(written[POINTS]).hexdigest(),

@@ -48,7 +48,7 @@ class FleetPage:
         results: table `results`.
         days: frame of `daily`.
         weeks: frame of `weekly`.
-        charts: charts of `machine_charts`.
+        charts: charts of `make_machine_charts`.
         calibrations: calibrations of all machines.
         changes: changes between successive calibrations.
         looks: frame of `rank_concerns`, with column `command`.

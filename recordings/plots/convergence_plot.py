@@ -48,7 +48,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
                 axes, frame, method, starts, NS_PER_S / run.provenance.settings.align.rate_hz
             )
     means = _draw_running_means(axes, run)
-    answers = _draw_answers(axes, run)
+    answers = _draw_answers_and_list_ends_kg(axes, run)
     bounds += means + answers
     if at_s is not None:
         axes.axvline(at_s, color="black", lw=0.8, ls="--")
@@ -134,7 +134,7 @@ def _draw_running_means(axes: "Axes", run: Run) -> list[float]:
     return [*(mean - bars), *(mean + bars)]
 
 
-def _draw_answers(axes: "Axes", run: Run) -> list[float]:
+def _draw_answers_and_list_ends_kg(axes: "Axes", run: Run) -> list[float]:
     """Draw the answer of each load; returns the ends of the intervals in kg, for the axis."""
     loads = run.frames.get("loads")
     if loads is None:

@@ -16,7 +16,7 @@ from analysis.cycles.cycle_parts import (
     summarise_shift_motion,
 )
 from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
-from analysis.cycles.friction_trend import FrictionPart, friction_parts
+from analysis.cycles.friction_trend import FrictionPart, fit_friction_of_parts
 from analysis.model.check_names import replace_former_check_names, replace_former_names_in_evidence
 from analysis.model.physical_units import NS
 from analysis.model.run_record import InputFile, Run
@@ -188,7 +188,7 @@ def collect_review_state(
             if name.startswith("raw/")
         ),
         friction=(load["friction_x_N_s_m"], load["friction_x_std_N_s_m"]),
-        friction_parts=friction_parts(
+        friction_parts=fit_friction_of_parts(
             frames["excitation"], frames["manoeuvres"], frames["nuisances"], about.settings
         ),
         digs=frames["digging"].height,

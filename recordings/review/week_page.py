@@ -89,7 +89,8 @@ def week_html(
         heads=list(HEADS),
         tables={by: [_make_total_cells(each) for each in sum_by_group(parts, by)] for by in GROUPS},
         shifts=[
-            _make_shift_row(shift, by_review.get(str(shift.folder)), folder) for shift in shifts
+            _list_shift_begin_link_and_cells(shift, by_review.get(str(shift.folder)), folder)
+            for shift in shifts
         ],
         missing=[(shift.begins, text) for shift in shifts for text in shift.missing],
         trends=trend_sentences(trends),
@@ -120,7 +121,7 @@ def _make_total_cells(total: WeekTotal) -> tuple[str, ...]:
     )
 
 
-def _make_shift_row(
+def _list_shift_begin_link_and_cells(
     shift: WeekShift, total: WeekTotal | None, folder: Path
 ) -> tuple[str, str, tuple[str, ...]]:
     """Start of a shift, link to its page, and cells of its totals."""

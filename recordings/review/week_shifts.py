@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, friction_trend
+from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_friction_trend
 from analysis.model.physical_units import NS
 from recordings.report.shift_text import K
 from recordings.review.review_state import ReviewState, read_state
@@ -90,7 +90,8 @@ def trend_friction_by_machine(
         shifts
     )
     return {
-        machine: friction_trend(days, limit_N_s_m) for machine, days in sorted(by_machine.items())
+        machine: fit_friction_trend(days, limit_N_s_m)
+        for machine, days in sorted(by_machine.items())
     }
 
 

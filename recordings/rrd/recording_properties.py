@@ -72,7 +72,7 @@ def _quantity_property(
 def _summarise_verdict(verdict: Verdict) -> str:
     if not verdict.checks:
         return "not judged"
-    failed = [check.check for check in verdict.failed("mass")]
+    failed = [check.check for check in verdict.withholding_checks("mass")]
     return f"cannot weigh: {', '.join(failed)}" if failed else "can weigh"
 
 

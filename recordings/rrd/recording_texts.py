@@ -95,7 +95,7 @@ _MOST_LINES: Final = 12
 
 def answer_headline(answer: Answer) -> str:
     """The answer in one sentence, without Markdown."""
-    failed = answer.verdict.failed("mass")
+    failed = answer.verdict.withholding_checks("mass")
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
     if len(answer.loads) > 1:
@@ -188,7 +188,7 @@ def format_answer(run: Run) -> str:
     parts.append(_AXES if about.t0_unix_ns >= FIRST_DATE_NS else _AXES_WITHOUT_DATE)
     if is_shift(said):
         parts.append("As weighed; the verdicts of reviewers are on the page of the review.")
-    if failed := said.verdict.failed("mass"):
+    if failed := said.verdict.withholding_checks("mass"):
         parts.append("**The mass is withheld**, because:")
         parts.append(
             "\n".join(

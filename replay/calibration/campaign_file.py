@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from analysis.calibration.campaign.campaign_fit import load_references, make_decision_rule
+from analysis.calibration.campaign.campaign_fit import make_decision_rule, references_and_covariance
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
@@ -52,7 +52,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
         machine_with_campaign_mass(campaign, machine), campaign.machine.id, path
     )
     try:
-        known, _ = load_references(campaign, machine.machine)
+        known, _ = references_and_covariance(campaign, machine.machine)
         make_decision_rule(campaign, known)
     except (CampaignError, DataError) as fault:
         raise CampaignError(f"{path}: {fault}") from None

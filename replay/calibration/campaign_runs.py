@@ -190,7 +190,7 @@ def evidence_of_replay(
         losses=tuple(str(loss)[:_LONGEST] for loss in about.losses),
         notes=tuple(note[:_LONGEST] for note in about.notes),
         can_weigh=said.verdict.can_weigh,
-        failed_checks=tuple(check.check for check in said.verdict.failed("mass")),
+        failed_checks=tuple(check.check for check in said.verdict.withholding_checks("mass")),
         settings_fingerprint=taken.settings,
         results_fingerprint=taken.results,
         recording=recording,

@@ -136,7 +136,7 @@ def _print_explanation(
     if mended is not None and mended.path is None:
         print_line(screen, "no proposal improves the mass, so no machine file was written")
     print_line(screen, verdict_sentence(explained))
-    failed = explained.said.verdict.failed("mass")
+    failed = explained.said.verdict.withholding_checks("mass")
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)

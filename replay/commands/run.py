@@ -322,7 +322,7 @@ def _print_methods(screen: "Console", answer: "Answer") -> None:
 def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
     """Print whether the log can weigh: failed and near checks in full, the others counted."""
     verdict = answer.verdict
-    failed = (*verdict.failed("mass"), *verdict.failed("inertia"))
+    failed = (*verdict.withholding_checks("mass"), *verdict.withholding_checks("inertia"))
     passed = sum(check.passed is True for check in verdict.checks)
     if verdict.can_weigh:
         share = f"{answer.accepted_share:.0%}"

@@ -317,7 +317,10 @@ def _make_verdict_cells(row: SweepRow) -> Sequence[str]:
 
 def _failed_checks(row: SweepRow) -> list[str]:
     verdict = row.answer.verdict
-    return [check.check for check in (*verdict.failed("mass"), *verdict.failed("inertia"))]
+    return [
+        check.check
+        for check in (*verdict.withholding_checks("mass"), *verdict.withholding_checks("inertia"))
+    ]
 
 
 def _quantity_by_method(row: SweepRow, quantity: str) -> Mapping[str, float | None]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import polars as pl
 
-from analysis.compare.run_comparison import Comparison, compare_runs, same_inputs
+from analysis.compare.run_comparison import Comparison, compare_runs, has_same_inputs
 from analysis.model.run_record import Provenance, Run
 from estimators.errors import RecordingError
 from estimators.file_digest import file_sha256
@@ -139,7 +139,7 @@ def compare_recordings(
 def are_of_one_log(mine: RecordedRun, theirs: RecordedRun) -> bool:
     """Whether both replay the same bytes, or one is a replay of the other recording."""
     return (
-        same_inputs(mine.provenance, theirs.provenance)
+        has_same_inputs(mine.provenance, theirs.provenance)
         or is_replay_of_recording(mine.path, theirs.provenance)
         or is_replay_of_recording(theirs.path, mine.provenance)
     )

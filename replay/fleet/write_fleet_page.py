@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, friction_trend
+from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_friction_trend
 from analysis.fleet.attention import rank_concerns
 from analysis.fleet.calibration_steps import find_line_changes
 from analysis.fleet.daily_figures import (
@@ -19,7 +19,7 @@ from analysis.fleet.daily_figures import (
     sum_results,
     weekly_tonnes,
 )
-from analysis.fleet.machine_drifts import MachineChart, machine_charts
+from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
 from recordings.fleet.fleet_page import FleetPage, fleet_html
 from recordings.report.atomic_output import atomic_file
 from recordings.review.week_shifts import trend_sentences
@@ -103,7 +103,7 @@ def report_page(results: FleetResults, destination: str, name: str) -> FleetPage
         results=rows,
         days=days,
         weeks=weekly_tonnes(rows),
-        charts=machine_charts(days),
+        charts=make_machine_charts(days),
         calibrations=calibrations,
         changes=find_line_changes(calibrations),
         looks=add_commands(rank_concerns(rows, cycles, results.scan("findings")), destination),
@@ -154,4 +154,4 @@ def fleet_friction_trends(results: pl.DataFrame, limit_N_s_m: float) -> dict[str
     columns = ("machine", "t0_unix_ns", "friction_x_N_s_m", "friction_x_std_N_s_m")
     for machine, begin_ns, friction, std in known.select(columns).iter_rows():
         days[machine].append(FrictionDay(begin_ns / _DAY_NS, friction, std))
-    return {machine: friction_trend(each, limit_N_s_m) for machine, each in days.items()}
+    return {machine: fit_friction_trend(each, limit_N_s_m) for machine, each in days.items()}

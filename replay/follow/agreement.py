@@ -15,7 +15,14 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.answer import Answer
-from analysis.model.axes import Axis, X, Z, available_axes, estimated_parameters, rows_of_axis
+from analysis.model.axes import (
+    Axis,
+    X,
+    Z,
+    available_axes,
+    read_parameters_and_stds,
+    select_rows_of_axis,
+)
 from analysis.model.schema import REASON
 from analysis.online.follower import FollowedRow
 from recordings import read_recording
@@ -140,8 +147,8 @@ def _digest_replayed_frames(frames: Mapping[str, pl.DataFrame]) -> dict[str, _Mi
         for name, frame in frames.items():
             method = name.removeprefix("estimates/")
             if method != name and axis.parameters[0][0] in frame.columns:
-                rows = rows_of_axis(axis, frame).drop_nulls("t_ns")
-                theta, _ = estimated_parameters(axis, rows)
+                rows = select_rows_of_axis(axis, frame).drop_nulls("t_ns")
+                theta, _ = read_parameters_and_stds(axis, rows)
                 found[_followed_column_name(method, axis)] = _digest_rows_by_minute(
                     rows["t_ns"], theta
                 )

@@ -13,7 +13,7 @@ from mcap.records import Message, Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
-from analysis.online.answer_progress import missing_text
+from analysis.online.answer_progress import missing_manoeuvres_text
 from analysis.online.online_report import OnlineReport, report_schema
 from recordings.report.atomic_output import (
     AppendedFile,
@@ -202,7 +202,7 @@ def progress_text(report: OnlineReport) -> str:
     """Progress towards an answer and the missing inputs; empty without a target uncertainty."""
     if report.until_u_kg is None or report.percent is None:
         return ""
-    missing = missing_text(report.starts_missing, report.reverse_missing)
+    missing = missing_manoeuvres_text(report.starts_missing, report.reverse_missing)
     rest = f"; missing: {missing}" if missing else ""
     if report.load_mass_kg is None or report.load_u_kg is None:
         return f"0 % to ± {report.until_u_kg:,.3g} kg{rest}"

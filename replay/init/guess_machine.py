@@ -350,9 +350,9 @@ def _format_mounting_angles(guess: MountingGuess) -> list[str]:
     found = f"# gravity lies {guess.tilt_deg:.0f}° off the IMU's z axis {where}"
     if guess.is_level and guess.yaw_deg is not None:
         return []
-    if guess.is_level and not guess.tilt_is_sure:
+    if guess.is_level and not guess.is_tilt_sure:
         return [f"{found}: level. Its yaw cannot be determined from", "# the log.", ""]
-    sure = guess.tilt_is_sure and guess.stood
+    sure = guess.is_tilt_sure and guess.stood
     lines = [
         found
         + (": the IMU is mounted so" if sure else ": check this, the ground may slope instead"),

@@ -152,7 +152,7 @@ class MessageLog(Log):
         if fields is None:
             return tuple(leaf for name, leaf in leaves.items() if name not in OWN_COLUMNS)
         resolved = self._resolve(topic, fields, kind)
-        return tuple(leaves.get(f.name, LeafField(f.name, f.dtype)) for f in resolved)
+        return tuple(leaves.get(f.name, LeafField(f.name, f.column_dtype)) for f in resolved)
 
     def _require_decodable_topic(self, topic: str) -> _Topic:
         """The topic; raises an error if it cannot be decoded."""

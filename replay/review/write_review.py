@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.payload_target import TargetCheck, check_target
+from analysis.cycles.payload_target import TargetCheck, judge_payload_target
 from analysis.cycles.shift_totals import LabelTotal, recount_shift, sum_by_label
 from recordings.review.energy_columns import energy_dict
 from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
@@ -144,7 +144,7 @@ class ShiftCount:
             state,
             add_motion_columns(self.rows, state),
             self.shift,
-            None if target_kg is None else check_target(counted, target_kg),
+            None if target_kg is None else judge_payload_target(counted, target_kg),
             changes,
             UsedCalibration(*state.calibration),
             track,

@@ -5,7 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from analysis.simulation import Scenario
-from analysis.simulation.trials.trial_limits import check_limits, check_shift_limits
+from analysis.simulation.trials.trial_limits import (
+    check_scenario_can_be_driven,
+    check_shift_can_be_driven,
+)
 from estimators.errors import ScenarioError
 from recordings.report.atomic_output import atomic_file
 from replay.machines.toml_file import read_toml, set_value, toml_value, validate
@@ -31,9 +34,9 @@ def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Sce
     scenario = validate(source, content, Scenario, ScenarioError)
     try:
         if scenario.shift is None:
-            check_limits(scenario, scenario.campaign.loads_kg)
+            check_scenario_can_be_driven(scenario, scenario.campaign.loads_kg)
         else:
-            check_shift_limits(scenario, scenario.shift)
+            check_shift_can_be_driven(scenario, scenario.shift)
     except ScenarioError as fault:
         raise ScenarioError(f"{source}: {fault}") from None
     return scenario

@@ -10,14 +10,14 @@ import polars as pl
 from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
-from analysis.planar.centre_of_mass import fit_planar
+from analysis.planar.centre_of_mass import make_planar_frames
 from analysis.stages.estimation.masses import summarise_masses, withhold_masses
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.noise.channel_noise import channel_noise
+from analysis.stages.noise.channel_noise import estimate_channel_noise
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.mounting import rotation_to_machine_axes
@@ -171,7 +171,7 @@ def replayed(said, loader=None):
     loader = loader or machine()
     settings = loader.settings
     aligned, excitation = _to_excitation(said, loader)
-    noise = channel_noise(aligned, excitation, loader)
+    noise = estimate_channel_noise(aligned, excitation, loader)
     gated = gate_windows(excitation, settings, noise)
     estimates = trace_estimates(excitation, gated, settings, noise)
     judged = judge_checks(CheckInputs(excitation, gated, loader))
@@ -190,7 +190,7 @@ def replayed(said, loader=None):
         **dict(
             zip(
                 ("planar", "planar_budget"),
-                fit_planar(excitation, gated, opinion, loader, noise),
+                make_planar_frames(excitation, gated, opinion, loader, noise),
                 strict=True,
             )
         ),

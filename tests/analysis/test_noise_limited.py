@@ -9,7 +9,7 @@ from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.noise.channel_noise import channel_noise
+from analysis.stages.noise.channel_noise import estimate_channel_noise
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
@@ -60,7 +60,7 @@ def weighed(starts, force_of_speed, speed_noise_m_s, known=True, seed=1, index=N
     channels, _ = derive(read_measured_channels(placed, machine)[0], machine)
     aligned, _ = align(channels, machine)
     excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
-    noise = channel_noise(aligned, excitation, machine) if known else None
+    noise = estimate_channel_noise(aligned, excitation, machine) if known else None
     gated = gate_windows(excitation, machine.settings, noise)
     estimates = trace_estimates(excitation, gated, machine.settings, noise)
     table = summarise_masses(excitation, gated, estimates, machine, noise)
@@ -130,7 +130,7 @@ def test_clean_starts_keep_their_windows(throttle_N):
         aligned, _ = align(channels, machine)
         excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
         before = gate_windows(excitation, machine.settings)["accepted_x"].to_numpy()
-        noise = channel_noise(aligned, excitation, machine)
+        noise = estimate_channel_noise(aligned, excitation, machine)
         gated = gate_windows(excitation, machine.settings, noise)
         after = gated["accepted_x"].to_numpy()
         assert not (after & ~before).any()

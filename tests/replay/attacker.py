@@ -24,7 +24,7 @@ from recordings.calibration.bundle_folder import (
     read_file,
     sums_text,
 )
-from recordings.calibration.bundle_tables import write_table
+from recordings.calibration.bundle_tables import encode_parquet
 from recordings.calibration.calibration_report import report_html
 from recordings.calibration.evidence_document import EvidenceDocument, parse_document
 from recordings.signatures.canonical_json import canonical_bytes
@@ -102,7 +102,7 @@ def tampered(genuine: Path, folder: Path, tamper: Tamper, *, signed: bool) -> Pa
 def _write(bundle: Bundle) -> None:
     folder = bundle.folder
     for name, frame in ((READINGS, bundle.readings), (POINTS, bundle.points)):
-        data = write_table(frame)
+        data = encode_parquet(frame)
         (folder / name).write_bytes(data)
         bundle.evidence["tables"][f"{name.partition('.')[0]}_sha256"] = hashlib.sha256(
             data

@@ -123,11 +123,11 @@ def test_tables_are_read_by_another_process_that_may_die() -> None:
     import pyarrow.parquet as pq
 
     from analysis.calibration.campaign.campaign_readings import READINGS as COLUMNS
-    from recordings.calibration.bundle_tables import write_table
+    from recordings.calibration.bundle_tables import encode_parquet
 
     row = dict.fromkeys(COLUMNS, None) | {"run_id": "a", "reading": 1, "used": False}
     frame = pl.DataFrame([row], schema=COLUMNS)
-    data = write_table(frame)
+    data = encode_parquet(frame)
     (back,) = read_tables([UntrustedTable(data, COLUMNS)])
     assert isinstance(back, pl.DataFrame)
     assert back.equals(frame)

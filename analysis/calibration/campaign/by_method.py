@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.campaign_fit import points_outside_fit
+from analysis.calibration.campaign.campaign_fit import points_without_line
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.model.schema import conform_to_schema
@@ -43,7 +43,7 @@ def calibrate_methods(estimates: pl.DataFrame) -> pl.DataFrame:
         try:
             line = fit_calibration(found.readings, known, exact, CalibrationOptions(method))
         except DataError:
-            line, points = None, points_outside_fit(found.readings, known)
+            line, points = None, points_without_line(found.readings, known)
         else:
             points = line.points
         rows += method_rows(method, points, line, lambda point: float(point.load_id))

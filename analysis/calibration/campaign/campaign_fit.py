@@ -12,7 +12,11 @@ from analysis.calibration.campaign.campaign_plan import JOINT_ESTIMATORS, Calibr
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point, StatedPart
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.line.shared_errors import RunResponse
-from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_drift_against
+from analysis.calibration.use.calibration_drift import (
+    CheckPoint,
+    DriftCheck,
+    check_drift_by_known_mass,
+)
 from analysis.calibration.use.error_limits import (
     DecisionRule,
     ErrorLimits,
@@ -86,13 +90,13 @@ def fit_campaign(
         options: options of the fit.
         responses: responses of runs to errors of learnt means.
     """
-    known, covariance_kg2 = load_references(campaign, body)
+    known, covariance_kg2 = references_and_covariance(campaign, body)
     rule = make_decision_rule(campaign, known)
     try:
         fitted = fit_calibration(readings, known, covariance_kg2, options, responses)
     except DataError as fault:
         no_fit = str(fault).removeprefix("calibration: ")
-        return CampaignFit(None, no_fit, points_outside_fit(readings, known), None)
+        return CampaignFit(None, no_fit, points_without_line(readings, known), None)
     limits = None if rule is None else judge_error_limits(fitted, rule)
     return CampaignFit(fitted, "", fitted.points, limits)
 
@@ -165,7 +169,7 @@ def stated_force_scale_parts(
     )
 
 
-def points_outside_fit(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Point, ...]:
+def points_without_line(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Point, ...]:
     """Means of runs, without a line.
 
     Args:
@@ -202,7 +206,7 @@ def points_outside_fit(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Poi
     )
 
 
-def load_references(
+def references_and_covariance(
     campaign: CalibrationCampaign, body: Body
 ) -> tuple[pl.DataFrame, NDArray[np.float64]]:
     """Reference of each load, and covariance of the references.
@@ -250,7 +254,7 @@ def load_references(
     return frame, covariance_kg2
 
 
-def check_known_mass(
+def compare_known_mass(
     campaign: CalibrationCampaign,
     body: Body,
     readings: pl.DataFrame,
@@ -267,9 +271,9 @@ def check_known_mass(
     Returns:
         The calibration with the points of this campaign, and the result of the check.
     """
-    known, covariance_kg2 = load_references(campaign, body)
-    (point, *_) = points_outside_fit(readings, known)
-    drift = check_drift_against(
+    known, covariance_kg2 = references_and_covariance(campaign, body)
+    (point, *_) = points_without_line(readings, known)
+    drift = check_drift_by_known_mass(
         calibration,
         point.reference_kg,
         float(covariance_kg2[0, 0]) ** 0.5,

@@ -125,7 +125,7 @@ def joint_fit_readings(replayed: Run, procedure: Procedure) -> list[dict[str, An
     """Readings of the joint fit, one per manoeuvre."""
     loads = {row["load_id"]: row for row in replayed.frames["loads"].to_dicts()}
     factors = () if procedure.factors_in_common else _FACTORS
-    absorbed = [*causes_not_in_common(replayed), *factors]
+    absorbed = [*common_sources_of_one_log(replayed), *factors]
     own = replayed.frames["budget"].filter(pl.col("cause").is_in(absorbed))
     own_kg = dict(own.group_by("load_id").agg((pl.col("u_kg") ** 2).sum().sqrt()).iter_rows())
     found: list[dict[str, Any]] = []
@@ -139,7 +139,7 @@ def joint_fit_readings(replayed: Run, procedure: Procedure) -> list[dict[str, An
     return found
 
 
-def causes_not_in_common(replayed: Run) -> list[str]:
+def common_sources_of_one_log(replayed: Run) -> list[str]:
     """Uncertainty sources common to one log's masses but not to all masses of the campaign.
 
     Errors of learnt means are absorbed by the line. Their prior widths vary from log to log, and

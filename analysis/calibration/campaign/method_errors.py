@@ -5,7 +5,7 @@ import polars as pl
 
 from analysis.calibration.campaign.by_method import MethodReadings, readings_by_method
 from analysis.calibration.line.calibration_points import average_runs
-from analysis.calibration.line.line_fit import fit_tested_line
+from analysis.calibration.line.line_fit import fit_line_and_test
 from analysis.calibration.line.point_errors import fit_lines_without_each_load
 from estimators.arrays import Floats
 from estimators.errors import DataError
@@ -73,7 +73,7 @@ def calibrated_errors_of_points(found: MethodReadings) -> tuple[Floats, Floats]:
     within, without = np.full(mass.size, np.nan), np.full(mass.size, np.nan)
     try:
         points = average_runs(found.readings, found.references, found.covariance_kg2).points
-        line, _ = fit_tested_line(points, None)
+        line, _ = fit_line_and_test(points, None)
     except DataError:
         return within, without
     within = (mass - line.level_kg) / line.slope_1 + line.centre_kg - reference

@@ -40,7 +40,7 @@ def calibration_budget_rows(
         common_kg: common error that counts, in kg of m̂; None if the line absorbs it.
     """
     mass_kg, readings = at
-    anew = clip_negative_parts(inversion.parts_kg2(readings), components)
+    anew = clip_negative_parts(inversion.variance_parts_kg2(readings), components)
     size = abs(inversion.slope_1)
     rows = [
         BudgetRow(

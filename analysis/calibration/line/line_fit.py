@@ -38,7 +38,7 @@ from analysis.calibration.line.point_errors import (
     slope_attenuation,
 )
 from analysis.calibration.line.shared_errors import RunResponse, line_responses
-from analysis.calibration.line.variance_components import restricted_likelihood
+from analysis.calibration.line.variance_components import estimate_variances_by_reml
 from estimators.arrays import Floats
 from estimators.errors import DataError
 
@@ -53,6 +53,10 @@ def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
     Args:
         points: means of runs.
         day_known_kg: known deviation between days, in kg of m̂; None if unknown.
+
+    Returns:
+        The F test: its ratio, probability and degrees of freedom, all None if the points allow no
+        test, and what the loads' deviations are compared with.
     """
     design = (points.load[:, None] == np.unique(points.load)[None, :]).astype(np.float64)
     loads, count = design.shape[1], points.y_kg.size
@@ -71,7 +75,7 @@ def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
             separate=False,
         )
     scatter = make_scatter(points, names, day_known_kg)
-    found = restricted_likelihood(
+    found = estimate_variances_by_reml(
         points.y_kg, design, scatter.mean_square_covariances, scatter.known, points.within
     )
     y_cov = scatter.covariance_for_variances(found.combine_linearly(scatter.squares).value)
@@ -118,7 +122,7 @@ def fit_calibration(
         raise DataError(f"calibration: the readings have no column '{missing[0]}'")
     campaign = average_runs(readings, references, covariance_kg2)
     points = campaign.points
-    line, test = fit_tested_line(points, options.day_known_kg)
+    line, test = fit_line_and_test(points, options.day_known_kg)
     day_unknown = options.day_known_kg is None and points.day_count == 1
     common_kg = largest_common_kg(campaign.readings)
     counted_kg = common_kg if day_unknown else 0.0
@@ -189,7 +193,7 @@ def fit_calibration(
     return replace(calibration, says=calibration_notes(calibration))
 
 
-def fit_tested_line(points: Points, day_known_kg: float | None) -> tuple[FittedLine, LackOfFit]:
+def fit_line_and_test(points: Points, day_known_kg: float | None) -> tuple[FittedLine, LackOfFit]:
     """Fit the line, with an extra deviation of each load if the points show one.
 
     Args:

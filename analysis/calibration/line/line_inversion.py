@@ -98,14 +98,14 @@ class Inversion:
         Source:
             Fieller (1954); Draper and Smith, Applied Regression Analysis, 3.2 (inverse regression).
         """
-        new = self._new_value_effects(readings)
+        new = self._effect_factors_of_new_value(readings)
         beyond = self._excess_random_variance_kg2(new, u_random_kg)
-        return self._solve_estimates(y_kg, new, beyond + self.extra_kg2, confidence_1)
+        return self._invert_with_effect_factors(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
     def invert_without_scatter(self, y_kg: float, confidence_1: float) -> InverseReading:
         """Mass at which the line itself has the value `y_kg`: of a reading without scatter."""
         none = np.zeros((1, self.variance_kg2.size))
-        return self._solve_estimates(np.array([y_kg]), none, np.zeros(1), confidence_1)
+        return self._invert_with_effect_factors(np.array([y_kg]), none, np.zeros(1), confidence_1)
 
     def slope_interval(self, confidence_1: float) -> tuple[float, float]:
         """Confidence interval of the slope."""
@@ -114,10 +114,12 @@ class Inversion:
         half = float(np.sqrt((squared * gradient) @ self.variance_kg2)[0])
         return self.slope_1 - half, self.slope_1 + half
 
-    def parts_kg2(self, readings: float) -> Floats:
+    def variance_parts_kg2(self, readings: float) -> Floats:
         """(effects,) variance that each new draw adds to a later mass, in kg² of mass."""
         return (
-            self._new_value_effects(np.array([readings]))[0] * self.variance_kg2 / self.slope_1**2
+            self._effect_factors_of_new_value(np.array([readings]))[0]
+            * self.variance_kg2
+            / self.slope_1**2
         )
 
     def add_common_u(self, u_kg: float) -> "Inversion":
@@ -126,7 +128,7 @@ class Inversion:
 
     def u_kg(self, mass_kg: float, readings: float, u_random_kg: float = 0.0) -> float:
         """Standard uncertainty of a later mass, in kg."""
-        return self._half_interval_kg(mass_kg, None, readings, u_random_kg)
+        return self._half_interval_or_u_kg(mass_kg, None, readings, u_random_kg)
 
     def half_interval_kg(
         self, mass_kg: float, confidence_1: float, readings: float, u_random_kg: float = 0.0
@@ -139,7 +141,7 @@ class Inversion:
             readings: number of readings in its mean.
             u_random_kg: own random standard uncertainty in kg of m̂; 0 if unknown.
         """
-        return self._half_interval_kg(mass_kg, confidence_1, readings, u_random_kg)
+        return self._half_interval_or_u_kg(mass_kg, confidence_1, readings, u_random_kg)
 
     def exceedance_probability(
         self, distance_kg: float, mass_kg: float, readings: float, u_random_kg: float = 0.0
@@ -160,12 +162,12 @@ class Inversion:
             else 0.5
         )
 
-    def _half_interval_kg(
+    def _half_interval_or_u_kg(
         self, mass_kg: float, confidence_1: float | None, readings: float, u_random_kg: float
     ) -> float:
         """Half interval; one standard uncertainty if no confidence is given."""
         away = np.array([1.0, mass_kg - self.centre_kg])
-        new = self._new_value_effects(np.array([readings]))
+        new = self._effect_factors_of_new_value(np.array([readings]))
         gradient = new + np.einsum("i,kij,j->k", away, self.on_line, away)
         more_kg2 = self._excess_random_variance_kg2(new, np.array([u_random_kg])) + self.extra_kg2
         scaled, of_more = gradient, 1.0
@@ -175,10 +177,10 @@ class Inversion:
         variance = float((scaled @ self.variance_kg2)[0]) + of_more * float(more_kg2[0])
         return float(np.sqrt(variance)) / abs(self.slope_1)
 
-    def _excess_random_variance_kg2(self, new: Floats, u_random_kg: Floats) -> Floats:
+    def _excess_random_variance_kg2(self, effect_factors: Floats, u_random_kg: Floats) -> Floats:
         """Random variance of later values beyond that of the campaign's readings, (n,)."""
         random = (
-            new[:, self._index_of_random_effect()]
+            effect_factors[:, self._index_of_random_effect()]
             * self.variance_kg2[self._index_of_random_effect()]
         )
         return np.fmax(np.nan_to_num(u_random_kg) ** 2 - np.maximum(random, 0.0), 0.0)
@@ -187,7 +189,7 @@ class Inversion:
         """Index of the effect that averages out over readings, or of the one that contains it."""
         return self.effects.get(REPEATABILITY, self.effects.get(RUN, 0))
 
-    def _new_value_effects(self, readings: Floats) -> Floats:
+    def _effect_factors_of_new_value(self, readings: Floats) -> Floats:
         """Factor of each variance component in the variance of a later value, (n, effects)."""
         new = np.tile(self.scatters, (readings.size, 1))
         if self.variance_kg2[self.effects.get(RUN, 0)] < 0.0:
@@ -197,19 +199,19 @@ class Inversion:
             new[:, self.effects[REPEATABILITY]] /= readings
         return new
 
-    def _solve_estimates(
-        self, y_kg: Floats, new: Floats, more_kg2: Floats, confidence_1: float
+    def _invert_with_effect_factors(
+        self, y_kg: Floats, effect_factors: Floats, more_kg2: Floats, confidence_1: float
     ) -> InverseReading:
         """Mass, uncertainty and interval of later values, given the factor of each effect."""
         away = (y_kg - self.level_kg) / self.slope_1
         at = np.stack([np.ones_like(away), away], -1)
-        gradient = new + np.einsum("ni,kij,nj->nk", at, self.on_line, at)
+        gradient = effect_factors + np.einsum("ni,kij,nj->nk", at, self.on_line, at)
         u_kg = np.sqrt(gradient @ self.variance_kg2 + more_kg2) / abs(self.slope_1)
         squared, of_more = self._squared_student_factors(gradient, more_kg2, confidence_1)
         # (d - s h)² = Σ t² (own + v00 + 2 h v01 + h² v11), for h from the centre
         scaled = squared * self.variance_kg2
         line = np.einsum("nk,kij->nij", scaled, self.on_line)
-        own = (scaled * new).sum(axis=1) + of_more * more_kg2
+        own = (scaled * effect_factors).sum(axis=1) + of_more * more_kg2
         d = y_kg - self.level_kg
         a = self.slope_1**2 - line[:, 1, 1]
         b = d * self.slope_1 + line[:, 0, 1]
@@ -241,8 +243,10 @@ class Inversion:
             k = self.effects[name]
             if self.variance_kg2[k] > 0.0:
                 rest[:, k] = 0.0
-                squared[:, k] = student_factor(confidence_1, np.array([float(freedom)]))[0] ** 2
-        common = student_factor(
+                squared[:, k] = (
+                    two_sided_student_factor(confidence_1, np.array([float(freedom)]))[0] ** 2
+                )
+        common = two_sided_student_factor(
             confidence_1, self._dof_of_variances(rest, rest @ self.variance_kg2 + more_kg2)
         )
         return np.where(squared > 0.0, squared, common[:, None] ** 2), common**2
@@ -254,14 +258,14 @@ class Inversion:
         variances = Variances(self.variance_kg2[self.estimated], self.covariance)
         return np.array(
             [
-                variances.dof(row[self.estimated], float(all_kg2))
+                variances.degrees_of_freedom(row[self.estimated], float(all_kg2))
                 for row, all_kg2 in zip(gradient, total, strict=True)
             ]
         )
 
 
-def student_factor(confidence_1: float, freedom: Floats) -> Floats:
-    """Student's factor of a two-sided interval; the normal one for infinite degrees of freedom."""
+def two_sided_student_factor(confidence_1: float, freedom: Floats) -> Floats:
+    """Student's factor of a two-sided interval, by element; normal for infinite `freedom`."""
     level = 0.5 + 0.5 * confidence_1
     finite = np.isfinite(freedom)
     return np.where(finite, stdtrit(np.where(finite, freedom, 1.0), level), ndtri(level))

@@ -9,7 +9,7 @@ from analysis.calibration.line.distance_regression import distance_regression
 from analysis.calibration.line.variance_components import (
     Variances,
     WithinRunVariance,
-    restricted_likelihood,
+    estimate_variances_by_reml,
 )
 from estimators.arrays import Floats, Ints
 
@@ -229,7 +229,7 @@ def fit_line(
     residual = y
     rounds, start = 0, None
     while True:
-        found = restricted_likelihood(
+        found = estimate_variances_by_reml(
             residual, design, by_squares, scatter.known + slope**2 * x_cov, points.within, start
         )
         start, variances = found.value, found.combine_linearly(scatter.squares)

@@ -121,7 +121,7 @@ class SharedErrors:
             ]
         )
 
-    def offset_from_line_kg(self, moved_kg: Floats, line_kg: Floats) -> tuple[float, float]:
+    def offset_from_line_and_u_kg(self, moved_kg: Floats, line_kg: Floats) -> tuple[float, float]:
         """Offset of an estimate from its line, with its standard uncertainty.
 
         Args:

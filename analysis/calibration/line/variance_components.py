@@ -46,7 +46,7 @@ class Variances:
         """Variances of the linear combinations `coefficients` @ value."""
         return Variances(coefficients @ self.value, coefficients @ self.covariance @ coefficients.T)
 
-    def dof(self, weight: Floats, total: float) -> float:
+    def degrees_of_freedom(self, weight: Floats, total: float) -> float:
         """Degrees of freedom of a variance `total` whose estimated part is `weight` @ value.
 
         Source:
@@ -56,7 +56,7 @@ class Variances:
         return max(2.0 * total**2 / uncertain, 1.0) if uncertain > 0.0 else float("inf")
 
 
-def restricted_likelihood(
+def estimate_variances_by_reml(
     residual: Floats,
     design: Floats,
     effects: Floats,
@@ -87,7 +87,9 @@ def restricted_likelihood(
     value = np.maximum(value, floor)
     information = np.eye(value.size)
     for _ in range(_ITERATIONS):
-        score, information = reml_score(residual, design, effects, known, within_run, value)
+        score, information = reml_score_and_information(
+            residual, design, effects, known, within_run, value
+        )
         stepped = scoring_step(value, score, information, floor)
         settled = np.abs(stepped - value).max() <= _SMALL * max(stepped.sum(), 1e-300)
         value = stepped
@@ -99,7 +101,7 @@ def restricted_likelihood(
 def _starting_variances(
     residual: Floats, design: Floats, effects: Floats, within_run: WithinRunVariance
 ) -> Floats:
-    """Initial variances: equal shares of the least-squares residual, and the readings' own."""
+    """Initial variances (effects,): equal shares of the residual, and the readings' own."""
     left = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
     freedom = max(residual.size - design.shape[1], 1)
     spread = max(float(left @ left) / freedom, 1e-300)
@@ -115,10 +117,10 @@ def expected_information(
     """(effects, effects) expected information on the variances.
 
     Args:
-        design: as `restricted_likelihood` takes it.
+        design: as `estimate_variances_by_reml` takes it.
         effects: likewise.
         known: likewise.
-        within_run: as in `restricted_likelihood`; its sum of squares is not used.
+        within_run: as in `estimate_variances_by_reml`; its sum of squares is not used.
         value: (effects,) the variances.
     """
     return _fisher_information(
@@ -127,21 +129,21 @@ def expected_information(
 
 
 def _reml_projection(design: Floats, effects: Floats, known: Floats, value: Floats) -> Floats:
-    """Projection matrix P of restricted maximum likelihood."""
+    """Projection matrix P (points, points) of restricted maximum likelihood."""
     weight = np.linalg.inv(np.tensordot(value, effects, 1) + known)
     weighted = weight @ design
     return weight - weighted @ np.linalg.solve(design.T @ weighted, weighted.T)
 
 
 def _fisher_information(through: Floats, within_run: WithinRunVariance, value: Floats) -> Floats:
-    """Expected information on the variances; readings add to the first."""
+    """Expected information (effects, effects) on the variances; readings add to the first."""
     information = 0.5 * np.einsum("kij,lji->kl", through, through)
     if within_run.freedom:
         information[0, 0] += 0.5 * within_run.freedom / value[0] ** 2
     return information
 
 
-def reml_score(
+def reml_score_and_information(
     residual: Floats,
     design: Floats,
     effects: Floats,
@@ -149,7 +151,7 @@ def reml_score(
     within_run: WithinRunVariance,
     value: Floats,
 ) -> tuple[Floats, Floats]:
-    """Derivative of the restricted log likelihood, and expected information."""
+    """Derivative (effects,) of the restricted log likelihood, and expected information."""
     projection = _reml_projection(design, effects, known, value)
     projected = projection @ residual
     through = projection @ effects
@@ -162,7 +164,7 @@ def reml_score(
 
 
 def scoring_step(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:
-    """Scoring step that keeps each variance above a fraction of itself."""
+    """Variances (effects,) after a scoring step, each at least a fraction of what it was."""
     try:
         step = np.linalg.solve(information, score)
     except np.linalg.LinAlgError:

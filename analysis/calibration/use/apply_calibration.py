@@ -9,8 +9,12 @@ import polars as pl
 
 from analysis.calibration.line.calibration import CalibratedMass, Calibration
 from analysis.calibration.line.shared_errors import SharedErrors
-from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_drift_against
-from analysis.calibration.use.mass_differences import NORMAL, difference_on_line
+from analysis.calibration.use.calibration_drift import (
+    CheckPoint,
+    DriftCheck,
+    check_drift_by_known_mass,
+)
+from analysis.calibration.use.mass_differences import NORMAL, calibrate_payloads_by_line
 from analysis.model.schema import CALIBRATED, conform_to_schema
 from estimators.errors import DataError, nearest
 
@@ -73,8 +77,8 @@ def calibrate_loads(
         )
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
-    check = find_empty_machine(rows, calibration, log)
-    refused = log.refused or reason_of_change(check, log)
+    check = check_empty_machine_drift(rows, calibration, log)
+    refused = log.refused or machine_change_text(check, log)
     told = check is not None and check.drifted is not None
     empties = sum(row["manoeuvres"] for row in rows if row["empty"])
     found = [
@@ -99,7 +103,7 @@ def _calibrate_load_columns(
     empty_weighings: int,
 ) -> dict[str, Any]:
     """Calibrated columns of a load."""
-    off_kg, unlike_u_kg = _offset_by_unlike_driving_kg(row, calibration, log.shared_errors)
+    off_kg, unlike_u_kg = _offset_by_unlike_driving_and_u_kg(row, calibration, log.shared_errors)
     one = _calibrate_load(row, calibration, refusal, off_kg, unlike_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
@@ -114,7 +118,7 @@ def _calibrate_load_columns(
     said["calibrated_unlike_u_kg"] = unlike_u_kg / abs(calibration.c1_1)
     if calibration.is_of_one_day and not drift_was_checked:
         said["calibrated_said"] = log.unseen.get(row["load_id"], "")
-    payload = payload_interval(row, calibration, log, one, empty_weighings)
+    payload = payload_with_u_and_half_interval(row, calibration, log, one, empty_weighings)
     if payload is not None:
         mass_kg, u_kg, half_kg = payload
         said |= {
@@ -126,7 +130,7 @@ def _calibrate_load_columns(
     return said
 
 
-def _offset_by_unlike_driving_kg(
+def _offset_by_unlike_driving_and_u_kg(
     row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
     """Offset of m̂ caused by driving unlike the campaign, with its uncertainty, in kg."""
@@ -135,7 +139,7 @@ def _offset_by_unlike_driving_kg(
         return 0.0, 0.0
     away_kg = ((row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
     line_kg = shared_errors.line_shifts(calibration.responses, 1.0, away_kg)
-    return shared_errors.offset_from_line_kg(shared_errors.moved_kg[key], line_kg)
+    return shared_errors.offset_from_line_and_u_kg(shared_errors.moved_kg[key], line_kg)
 
 
 def _calibrate_load(
@@ -157,7 +161,7 @@ def _calibrate_load(
     return calibration.calibrate_estimate(estimate_kg - off_kg, random_kg, count, unlike_u_kg)
 
 
-def payload_interval(
+def payload_with_u_and_half_interval(
     row: Mapping[str, Any],
     calibration: Calibration,
     log: LaterLog,
@@ -183,7 +187,7 @@ def payload_interval(
     u_kg, u_random_kg = row["own_payload_u_kg"], row["own_payload_u_random_kg"]
     random_kg = max(u_random_kg, repeats_kg)
     common_kg = float(np.sqrt(max(u_kg**2 - u_random_kg**2, 0.0)))
-    found = difference_on_line(
+    found = calibrate_payloads_by_line(
         calibration,
         log.shared_errors,
         [("payload", row["load_id"])],
@@ -195,7 +199,7 @@ def payload_interval(
     return float(found.payload_kg[0]), u_kg, max(calibration.coverage_k_1, NORMAL) * u_kg
 
 
-def find_empty_machine(
+def check_empty_machine_drift(
     rows: list[dict[str, Any]], calibration: Calibration, log: LaterLog
 ) -> DriftCheck | None:
     """Check of the log's empty part against the known mass; None without one."""
@@ -204,7 +208,9 @@ def find_empty_machine(
         return None
     count = np.array([row["manoeuvres"] for row in empty], np.float64)
     share = count / count.sum()
-    apart = [_offset_by_unlike_driving_kg(row, calibration, log.shared_errors) for row in empty]
+    apart = [
+        _offset_by_unlike_driving_and_u_kg(row, calibration, log.shared_errors) for row in empty
+    ]
     mass_kg = float(
         share @ [row["mass_kg"] - off for row, (off, _) in zip(empty, apart, strict=True)]
     )
@@ -213,10 +219,10 @@ def find_empty_machine(
     unlike_u_kg = float(share @ [u for _, u in apart]) / abs(calibration.c1_1)
     point = CheckPoint(mass_kg, random_kg, int(count.sum()))
     u_kg = float(np.hypot(log.empty_u_kg, unlike_u_kg))
-    return check_drift_against(calibration, log.empty_kg, u_kg, point)
+    return check_drift_by_known_mass(calibration, log.empty_kg, u_kg, point)
 
 
-def reason_of_change(check: DriftCheck | None, log: LaterLog) -> str:
+def machine_change_text(check: DriftCheck | None, log: LaterLog) -> str:
     """Why the calibration no longer applies to this machine; "" if it does."""
     if check is None or check.p_1 is None or check.p_1 > _RARE or log.empty_kg is None:
         return ""

@@ -55,7 +55,7 @@ class DriftCheck:
     reason: str
 
 
-def check_drift_against(
+def check_drift_by_known_mass(
     calibration: Calibration,
     reference_kg: float,
     reference_u_kg: float,

@@ -139,7 +139,7 @@ def judge_error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLim
     readings = float(calibration.budget_at[1])
     inversion = calibration.inversion
     rows: list[LimitRow] = []
-    for load_id, reference_kg, error_kg in errors_of_points(calibration):
+    for load_id, reference_kg, error_kg in mean_errors_of_loads(calibration):
         limit = error_limit_kg(rule, reference_kg - rule.tare_kg)
         outside = min(
             inversion.exceedance_probability(limit - error_kg, reference_kg, readings)
@@ -162,7 +162,7 @@ def judge_error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLim
     return _overall_verdict(rule, tuple(rows))
 
 
-def errors_of_points(calibration: Calibration) -> list[tuple[str, float, float]]:
+def mean_errors_of_loads(calibration: Calibration) -> list[tuple[str, float, float]]:
     """Name, reference and mean error of each load on board, in kg."""
     found: list[tuple[str, float, float]] = []
     for reference in calibration.references:

@@ -7,7 +7,10 @@ import polars as pl
 
 from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.apply_calibration import LaterLog
-from analysis.calibration.use.learnt_priors import contradicted_priors, undetectable_changes
+from analysis.calibration.use.learnt_priors import (
+    describe_contradicted_priors,
+    describe_undetectable_changes,
+)
 from analysis.model.machine_body import Body
 
 #: What it takes of a replay; the last two a replay under learnt priors has.
@@ -26,9 +29,9 @@ def describe_later_log(
     """
     nuisances, shared_errors = frames["nuisances"], SharedErrors.from_frames(frames)
     return LaterLog(
-        refused or contradicted_priors(nuisances),
+        refused or describe_contradicted_priors(nuisances),
         shared_errors,
         body.empty_mass_kg,
         body.empty_mass_u_kg or 0.0,
-        undetectable_changes(nuisances, shared_errors),
+        describe_undetectable_changes(nuisances, shared_errors),
     )

@@ -115,7 +115,7 @@ def _pool_term(log_terms: Sequence[TermOfLog], level: float) -> LearntTerm:
     """Prior of a term from the logs' estimates, which count once with the old prior."""
     # all floats are Python's own: evidence is written and read back to the last bit
     prior = float(max(each.prior_std for each in log_terms))
-    told = [own for each in log_terms if (own := estimate_without_prior(each)) is not None]
+    told = [own for each in log_terms if (own := estimate_and_std_without_prior(each)) is not None]
     value, variance = np.array([v for v, _ in told]), np.array([s**2 for _, s in told])
     between = between_log_variance(value, variance, level) if len(told) >= LOGS_MIN else 0.0
     weight = 1.0 / (variance + between)
@@ -128,13 +128,13 @@ def _pool_term(log_terms: Sequence[TermOfLog], level: float) -> LearntTerm:
     )
 
 
-def estimate_without_prior(log_term: TermOfLog) -> tuple[float, float] | None:
+def estimate_and_std_without_prior(log_term: TermOfLog) -> tuple[float, float] | None:
     """Estimate of a term by the log alone, without the prior, and its standard deviation."""
     prior = (log_term.prior_mean, log_term.prior_std)
-    return machine_without_prior((log_term.posterior, log_term.posterior_std), prior)
+    return remove_prior((log_term.posterior, log_term.posterior_std), prior)
 
 
-def machine_without_prior(
+def remove_prior(
     posterior: tuple[float, float], prior: tuple[float, float]
 ) -> tuple[float, float] | None:
     """Remove a prior from a posterior (mean and deviation each); None if the log adds little."""
@@ -176,7 +176,7 @@ def machine_for_later_log(machine: Machine) -> Machine:
     return machine.model_copy(update={"settings": machine.settings.with_changes(told)})
 
 
-def contradicted_priors(nuisances: pl.DataFrame) -> str:
+def describe_contradicted_priors(nuisances: pl.DataFrame) -> str:
     """How a later log contradicts its learnt priors; "" if it does not.
 
     Args:
@@ -200,7 +200,7 @@ def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], 
     if "alone" not in nuisances.columns:
         return
     for row in nuisances.drop_nulls("alone").to_dicts():
-        own = machine_without_prior(
+        own = remove_prior(
             (row["alone"], row["alone_std"]), (row["alone_prior_mean"], row["alone_prior_std"])
         )
         if own is not None and row["prior_mean_u"]:
@@ -208,7 +208,7 @@ def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], 
             yield row, own[0], std
 
 
-def undetectable_changes(
+def describe_undetectable_changes(
     nuisances: pl.DataFrame, shared_errors: SharedErrors | None
 ) -> dict[int, str]:
     """Largest change since the calibration that this log would not contradict, by load.

@@ -55,10 +55,10 @@ class DifferenceOnLine:
         return np.sqrt(np.maximum(common_kg**2 - self.taken_kg**2, 0.0)) / self.size_1
 
 
-def difference_on_line(
+def calibrate_payloads_by_line(
     calibration: Calibration,
     shared_errors: SharedErrors | None,
-    numbers: Sequence[tuple[str, int]],
+    kinds_and_numbers: Sequence[tuple[str, int]],
     payload_kg: Floats,
 ) -> DifferenceOnLine:
     """Calibrate payloads by a line.
@@ -66,31 +66,35 @@ def difference_on_line(
     Args:
         calibration: calibration of masses, or of payloads with a level.
         shared_errors: the log's estimate of errors shared with its campaign; None corrects none.
-        numbers: (n,) kind (`MOVED`) and number of each payload.
+        kinds_and_numbers: (n,) kind (`MOVED`) and number of each payload.
         payload_kg: (n,) uncalibrated payloads; NaN if missing.
     """
     absolute = calibration.method == "joint_payload"
-    gain = line_gain(calibration) if absolute else _combine_gains(calibration, shared_errors)
+    gain = slope_gain(calibration) if absolute else _combine_gains(calibration, shared_errors)
     slope, size = gain.slope_1, abs(gain.slope_1)
     level_kg = calibration.c0_kg if absolute else 0.0
     mass_kg = (payload_kg - level_kg) / slope
-    none = np.zeros(len(numbers))
+    none = np.zeros(len(kinds_and_numbers))
     off_kg, taken_kg, unlike_u_kg, shared_u_kg = none, none, none, none
     if shared_errors is not None and calibration.responses:
         centre_kg = calibration.centre_kg if absolute else 0.0
         nothing = np.zeros(len(shared_errors.terms))
-        moved = np.array([shared_errors.moved_kg.get(each, nothing) for each in numbers])
+        moved = np.array([shared_errors.moved_kg.get(each, nothing) for each in kinds_and_numbers])
         of_level = shared_errors.line_shifts(calibration.responses, 1.0, 0.0)
         of_slope = shared_errors.line_shifts(calibration.responses, 0.0, 1.0)
         each = (1.0 - gain.by_level_1) * of_slope
         each = each + gain.by_level_1 * of_level / calibration.centre_kg
         line = np.outer(mass_kg - centre_kg, each) + (of_level if absolute else 0.0)
-        told = np.array([each in shared_errors.moved_kg for each in numbers]) & np.isfinite(mass_kg)
+        told = np.array(
+            [each in shared_errors.moved_kg for each in kinds_and_numbers]
+        ) & np.isfinite(mass_kg)
         moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
-        off = [shared_errors.offset_from_line_kg(*each) for each in zip(moved, line, strict=True)]
+        off = [
+            shared_errors.offset_from_line_and_u_kg(*each) for each in zip(moved, line, strict=True)
+        ]
         off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
         share = np.nan_to_num(np.abs(mass_kg)) / max(float(np.nansum(np.abs(mass_kg))), 1e-9)
-        scale_kg = np.array([shared_errors.scale_kg.get(each, 0.0) for each in numbers])
+        scale_kg = np.array([shared_errors.scale_kg.get(each, 0.0) for each in kinds_and_numbers])
         taken_kg = np.hypot(share * shared_errors.learnt_part_kg(moved.sum(axis=0)), scale_kg)
         shared_u_kg = share * shared_errors.u_kg((moved - line).sum(axis=0))
     mass_kg = (payload_kg - off_kg - level_kg) / slope
@@ -123,7 +127,7 @@ class DifferenceGain:
     by_level_1: float
 
 
-def line_gain(calibration: Calibration) -> DifferenceGain:
+def slope_gain(calibration: Calibration) -> DifferenceGain:
     """Gain by the slope of the line alone."""
     return DifferenceGain(calibration.c1_1, calibration.covariance[2], 0.0)
 
@@ -131,7 +135,7 @@ def line_gain(calibration: Calibration) -> DifferenceGain:
 def _combine_gains(calibration: Calibration, shared_errors: SharedErrors | None) -> DifferenceGain:
     """Gain of mass differences: slope and level of the line, weighted by uncertainty."""
     if shared_errors is None or not calibration.responses:
-        return line_gain(calibration)
+        return slope_gain(calibration)
     at_kg, slope = calibration.centre_kg, calibration.c1_1
     level_variance, both, slope_variance = calibration.covariance
     # the line's own uncertainty at its centre, of c0 + c1 m
@@ -140,7 +144,7 @@ def _combine_gains(calibration: Calibration, shared_errors: SharedErrors | None)
     by_level, by_level_kg2 = calibration.level_kg / at_kg, max(own, 0.0) + means_kg**2
     variances = np.array([by_level_kg2 / at_kg**2, slope_variance + (_BY_LOAD_1 * slope) ** 2])
     if abs(by_level - slope) > _APART * float(np.sqrt(variances.sum())):
-        return line_gain(calibration)
+        return slope_gain(calibration)
     share = float(variances[1] / variances.sum())
     variance = share**2 * max(own, 0.0) / at_kg**2 + (1.0 - share) ** 2 * float(variances[1])
     return DifferenceGain(share * by_level + (1.0 - share) * slope, variance, share)

@@ -23,7 +23,7 @@ from estimators.errors import ScenarioError
 _PEDAL_STEPS_A_LAG: Final = 80
 
 
-def integrate_log(scenario: Scenario, load_kg: float, load_index: int) -> IntegratedLog:
+def integrate_trials_of_log(scenario: Scenario, load_kg: float, load_index: int) -> IntegratedLog:
     """Drive all trials of one log, without noise.
 
     Args:
@@ -48,7 +48,7 @@ def integrate_log(scenario: Scenario, load_kg: float, load_index: int) -> Integr
         np.array(trial_s),
         tuple(driver.driven),
         driver.kept.rows,
-        driver.kept.stages,
+        driver.kept.kind_of_each_row,
     )
 
 
@@ -118,7 +118,7 @@ class TrialDriver(MachineDriver):
             case Excite():
                 times = self._drive_waveform(manoeuvre, body)
             case Travel():
-                times = self._follow_pedal(manoeuvre, body)
+                times = self._drive_by_pedal(manoeuvre, body)
             case _:
                 raise ScenarioError(
                     f"campaign.manoeuvres.{manoeuvre_number}: a {manoeuvre.kind} cannot be "
@@ -138,7 +138,10 @@ class TrialDriver(MachineDriver):
         assert force is not None
         since_s = np.arange(0.0, excite.duration_s + 2.0 * WAVE_STEP_S, WAVE_STEP_S)
         wave = np.array(
-            [self.scenario.drive_through_valves(float(value), 0.0)[0] for value in force(since_s)]
+            [
+                self.scenario.force_and_torque_through_valves(float(value), 0.0)[0]
+                for value in force(since_s)
+            ]
         )
         stage = DriveStage(begin_s, body.mass_kg, coulomb_N=body.coulomb_x_N)
         self.state[plant.BRAKE] = -body.mass_kg * self.uphill_m_s2()
@@ -147,7 +150,7 @@ class TrialDriver(MachineDriver):
         self.brake_to_stop(stage._replace(begin_s=braking_s))
         return ManoeuvreTimes("excite", begin_s, begin_s, None, braking_s, self.time_s)
 
-    def _follow_pedal(self, travel: Travel, body: RigidBody) -> ManoeuvreTimes:
+    def _drive_by_pedal(self, travel: Travel, body: RigidBody) -> ManoeuvreTimes:
         """Follow target speeds by a pedal, with brakes and a rest at each stand.
 
         Raises:
@@ -157,7 +160,7 @@ class TrialDriver(MachineDriver):
         full_N = self.scenario.campaign.throttle_force_N
         stopping_N = body.mass_kg * self.scenario.campaign.braking_m_s2
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
-        for leg in travel_legs(travel, self._make_random_generator("travel"), WAVE_STEP_S):
+        for leg in draw_travel_legs(travel, self._make_random_generator("travel"), WAVE_STEP_S):
             stage = DriveStage(
                 self.time_s,
                 body.mass_kg,
@@ -227,17 +230,19 @@ class TravelLeg(NamedTuple):
     stand_s: float | None
 
 
-def travel_legs(travel: Travel, dice: np.random.Generator, step_s: float) -> Iterator[TravelLeg]:
+def draw_travel_legs(
+    travel: Travel, generator: np.random.Generator, step_s: float
+) -> Iterator[TravelLeg]:
     """Yield the legs of a travel, of about its duration in total."""
     left_s = travel.duration_s
     speed = 0.0
     parts: list[Floats] = []
     first = travel.in_motion
     while left_s > 0.0:
-        target = float(dice.uniform(travel.speed_least_m_s, travel.speed_most_m_s))
-        hold_s = float(dice.uniform(travel.hold_least_s, travel.hold_most_s))
-        stands = bool(dice.random() < travel.stop_share)
-        stand_s = float(dice.uniform(travel.stand_least_s, travel.stand_most_s))
+        target = float(generator.uniform(travel.speed_least_m_s, travel.speed_most_m_s))
+        hold_s = float(generator.uniform(travel.hold_least_s, travel.hold_most_s))
+        stands = bool(generator.random() < travel.stop_share)
+        stand_s = float(generator.uniform(travel.stand_least_s, travel.stand_most_s))
         if first:
             speed, first = target, False
         parts += [
@@ -257,6 +262,6 @@ def travel_legs(travel: Travel, dice: np.random.Generator, step_s: float) -> Ite
 
 
 def _ramp_pedal_speed(begin_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:
-    """Target speeds of a ramp, one per integration step."""
+    """Target speeds of a ramp in m/s, one per integration step."""
     steps = round(abs(end_m_s - begin_m_s) / travel.acceleration_m_s2 / step_s)
     return np.linspace(begin_m_s, end_m_s, steps, endpoint=False)

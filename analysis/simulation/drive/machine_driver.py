@@ -250,7 +250,7 @@ class MachineDriver:
             ScenarioError: the machine becomes too fast.
         """
         steps = steps or max(math.ceil(duration_s / self._step_s - 1e-9), 1)
-        rows = self.kept.free_rows(2 * steps + 4)
+        rows = self.kept.provide_free_rows(2 * steps + 4)
         self.time_s, kept, self._moved = plant.integrate_plant(
             stage.begin_s + duration_s,
             steps,
@@ -292,7 +292,7 @@ class MachineDriver:
         )
 
     def draw_coulomb(self) -> float:
-        """Draw the Coulomb friction of the next start, on a cold machine."""
+        """Draw the Coulomb friction of the next start in N, on a cold machine."""
         drawn = self._make_random_generator("start_coulomb").standard_normal()
         varied = self.scenario.starts.coulomb_std_N * float(drawn)
         return max(self.scenario.machine.coulomb_N + varied, 0.0)

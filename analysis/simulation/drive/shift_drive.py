@@ -175,7 +175,7 @@ class ShiftDriver(MachineDriver):
 
     def _drive_legs(
         self,
-        way: float,
+        direction: float,
         until_m: float,
         starts_most: int,
         operator: np.random.Generator,
@@ -189,16 +189,18 @@ class ShiftDriver(MachineDriver):
         count = max(int(operator.integers(1, starts_most + 1)), 1 + pours)
         parts = operator.uniform(0.7, 1.3, count)
         for number in range(count):
-            left_m = way * (until_m - self.position_m)
+            left_m = direction * (until_m - self.position_m)
             share = parts[number] / parts[number:].sum()
             if left_m > 2.0:
-                self._drive_start(way, float(left_m * share), operator)
+                self._drive_start(direction, float(left_m * share), operator)
                 if pours and number == 0:
                     self._pour_part_of_load()
 
-    def _drive_start(self, way: float, distance_m: float, operator: np.random.Generator) -> None:
+    def _drive_start(
+        self, direction: float, distance_m: float, operator: np.random.Generator
+    ) -> None:
         """Drive one start along the way (1) or against it (-1), and stand afterwards."""
-        sign = way * self.facing
+        sign = direction * self.facing
         body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
         throttle = self.draw_throttle()
         open_s = _OPEN_S if distance_m > 2.0 * self.shift.back_m else _SHORT_OPEN_S
@@ -216,11 +218,11 @@ class ShiftDriver(MachineDriver):
         times, _, spilled_kg = self.drive_start(order, body)
         if spilled_kg:
             self._load_kg -= spilled_kg
-            self._note_spill("spill", spilled_kg, times.start_s, from_m)
-        self._note_manoeuvre(times, body, sign, throttle, begin_kg)
+            self._record_spill("spill", spilled_kg, times.start_s, from_m)
+        self._record_manoeuvre(times, body, sign, throttle, begin_kg)
         self._rest_between_cycles(operator)
 
-    def _note_spill(self, kind: str, mass_kg: float, since_s: float, from_m: float) -> None:
+    def _record_spill(self, kind: str, mass_kg: float, since_s: float, from_m: float) -> None:
         """Record material that has left the bucket since a time and a place."""
         lost = Dump(self._cycle, kind, since_s, self.time_s, from_m, self.position_m, mass_kg)
         self.dumps.append(lost)
@@ -231,12 +233,12 @@ class ShiftDriver(MachineDriver):
         times = self.stand_still(half_s, loaded.mass_kg)
         self._record_boom_angles(_CARRY, at_s=times.start_s)
         self._record_boom_angles(_POUR, at_s=self.time_s)
-        self._note_manoeuvre(times, loaded)
+        self._record_manoeuvre(times, loaded)
         poured_kg = self._load_kg * self.shift.pour_share
         self._load_kg -= poured_kg
-        self._note_spill("pour", poured_kg, self.time_s, self.position_m)
+        self._record_spill("pour", poured_kg, self.time_s, self.position_m)
         left = self._body_with_load()
-        self._note_manoeuvre(self.stand_still(half_s, left.mass_kg), left)
+        self._record_manoeuvre(self.stand_still(half_s, left.mass_kg), left)
         self._record_boom_angles(_CARRY, at_s=self.time_s)
 
     def _dig_into_pile(self, operator: np.random.Generator) -> None:
@@ -260,13 +262,13 @@ class ShiftDriver(MachineDriver):
         )
         times, filled_kg, _ = self.drive_start(order, body)
         begin_kg, self._load_kg = self._load_kg, self._load_kg + filled_kg
-        self._note_manoeuvre(times, body, 1.0, 1.0, begin_kg)
+        self._record_manoeuvre(times, body, 1.0, 1.0, begin_kg)
         self._record_boom_angles(_CARRY, at_s=self.time_s + _LIFT_S)
         self._rest_between_cycles(operator)
 
     def _turn_machine(self, operator: np.random.Generator) -> None:
         body, side = self._body_with_load(), 1.0 if operator.random() < 0.5 else -1.0
-        self._note_manoeuvre(self.turn_around(side * self.shift.turn_rad_s, body.mass_kg), body)
+        self._record_manoeuvre(self.turn_around(side * self.shift.turn_rad_s, body.mass_kg), body)
         self._rest_between_cycles(operator)
 
     def _dump_load(self) -> float:
@@ -278,18 +280,18 @@ class ShiftDriver(MachineDriver):
         times = self.stand_still(shift.dump_s / 2.0, loaded.mass_kg)
         self._record_boom_angles(_CARRY, at_s=times.start_s)
         self._record_boom_angles(_DUMP, at_s=self.time_s)
-        self._note_manoeuvre(times, loaded)
+        self._record_manoeuvre(times, loaded)
         dumped_s, load_kg = self.time_s, self._load_kg
         self._load_kg = self._carried_kg = float(min(drawn, shift.carry_back_most_kg, load_kg))
-        self._note_spill("dump", load_kg - self._load_kg, dumped_s, self.position_m)
+        self._record_spill("dump", load_kg - self._load_kg, dumped_s, self.position_m)
         empty = self._body_with_load()
-        self._note_manoeuvre(self.stand_still(shift.dump_s / 2.0, empty.mass_kg), empty)
+        self._record_manoeuvre(self.stand_still(shift.dump_s / 2.0, empty.mass_kg), empty)
         self._record_boom_angles(_DRIVE, at_s=self.time_s)
         return dumped_s
 
     def _rest_between_cycles(self, operator: np.random.Generator) -> None:
         body = self._body_with_load()
-        self._note_manoeuvre(
+        self._record_manoeuvre(
             self.stand_still(float(self.shift.pause_s * operator.uniform(0.5, 1.5)), body.mass_kg),
             body,
         )
@@ -302,12 +304,14 @@ class ShiftDriver(MachineDriver):
         )
         self._burn_fuel()
         if idles.random() < shift.idle_share:
-            self._note_stand("idle", max(float(idles.exponential(shift.idle_s)), _SHORTEST_IDLE_S))
+            self._stand_and_record(
+                "idle", max(float(idles.exponential(shift.idle_s)), _SHORTEST_IDLE_S)
+            )
         if not self._had_break and self.time_s >= shift.break_after_h * 3600.0:
             self._had_break = True
-            self._note_stand("break", shift.break_s)
+            self._stand_and_record("break", shift.break_s)
         if shift.fuel_tank_kg - self._burnt_kg < shift.refuel_share * shift.fuel_tank_kg:
-            self._note_stand("refuelling", shift.refuel_s)
+            self._stand_and_record("refuelling", shift.refuel_s)
             self._burnt_kg = 0.0
 
     def _burn_fuel(self) -> None:
@@ -316,10 +320,10 @@ class ShiftDriver(MachineDriver):
         self._burnt_until_s = self.time_s
         self._burnt_kg = min(self._burnt_kg + hours * self.shift.fuel_kg_h, self.shift.fuel_tank_kg)
 
-    def _note_stand(self, kind: str, duration_s: float) -> None:
+    def _stand_and_record(self, kind: str, duration_s: float) -> None:
         """Stand for a while, and record it; only idling burns fuel."""
         body, begin_s = self._body_with_load(), self.time_s
-        self._note_manoeuvre(self.stand_still(duration_s, body.mass_kg), body)
+        self._record_manoeuvre(self.stand_still(duration_s, body.mass_kg), body)
         self.stands.append(Stand(kind, begin_s, self.time_s))
         if kind != "idle":
             self._burnt_until_s = self.time_s
@@ -329,7 +333,7 @@ class ShiftDriver(MachineDriver):
         after_s = self.angles[-1].time_s if self.angles else 0.0
         self.angles.append(BoomAngle(max(at_s, after_s), *angles))
 
-    def _note_manoeuvre(
+    def _record_manoeuvre(
         self,
         times: ManoeuvreTimes,
         body: RigidBody,

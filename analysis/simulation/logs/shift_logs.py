@@ -20,7 +20,7 @@ from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.sensors.random_streams import make_generator
 from analysis.simulation.sensors.recorder import phase_s, recorded_topics
 from analysis.simulation.sensors.sensors import measure_topics
-from analysis.simulation.trials.trial_limits import check_shift_limits
+from analysis.simulation.trials.trial_limits import check_shift_can_be_driven
 from estimators.arrays import Floats
 
 #: Sensors look back so far at most.
@@ -70,7 +70,7 @@ class ShiftSimulation:
     shift: SimulatedShift
 
     def __post_init__(self) -> None:
-        check_shift_limits(self.scenario, self.shift)
+        check_shift_can_be_driven(self.scenario, self.shift)
         self._driver = ShiftDriver(self.scenario, self.shift)
         self._spans: list[LogSpan] = []
 
@@ -115,10 +115,10 @@ class ShiftSimulation:
         )
         spans = pl.DataFrame([each._asdict() for each in self._spans])
         return ShiftTruth(
-            add_start_to_times(cycles, start_ns).hstack(logs),
-            add_start_to_times(stands, start_ns),
-            add_start_to_times(spans, start_ns),
-            add_start_to_times(dumps, start_ns),
+            convert_to_unix_times(cycles, start_ns).hstack(logs),
+            convert_to_unix_times(stands, start_ns),
+            convert_to_unix_times(spans, start_ns),
+            convert_to_unix_times(dumps, start_ns),
         )
 
     def _simulate_log(
@@ -132,13 +132,13 @@ class ShiftSimulation:
             if each.times.end_s > span.start_s and each.times.start_s < span.end_s
         )
         motion = IntegratedLog(
-            scenario, begins, mine, driver.kept.rows, driver.kept.stages, heading_rad
+            scenario, begins, mine, driver.kept.rows, driver.kept.kind_of_each_row, heading_rad
         )
         timeline = Timeline(
             start_ns + to_whole_ns(span.start_s),
             start_ns + to_whole_ns(span.end_s),
             start_ns + np.rint(begins * 1e9).astype(np.int64),
-            restart_times_at_cycles(mine, begins),
+            subtract_cycle_begins(mine, begins),
             _ShiftTimeline(motion, start_ns).sample,
             _PositionAndBoom(motion, tuple(driver.angles), start_ns).sample_hints,
         )
@@ -180,7 +180,7 @@ class _PositionAndBoom(NamedTuple):
         return Hints(position, np.interp(time_s, known, boom), np.interp(time_s, known, bucket))
 
 
-def restart_times_at_cycles(
+def subtract_cycle_begins(
     driven: tuple[DrivenManoeuvre, ...], begins: Floats
 ) -> tuple[DrivenManoeuvre, ...]:
     """Manoeuvres with their times relative to the begin of their cycle."""
@@ -206,7 +206,7 @@ def _plan_log_spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
     return spans
 
 
-def add_start_to_times(frame: pl.DataFrame, start_ns: int) -> pl.DataFrame:
+def convert_to_unix_times(frame: pl.DataFrame, start_ns: int) -> pl.DataFrame:
     """Convert columns of seconds since the shift began to Unix ns."""
     seconds = [name for name in frame.columns if name.endswith("_s")]
     return frame.with_columns(

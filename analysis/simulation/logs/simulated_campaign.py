@@ -12,8 +12,8 @@ import polars as pl
 from analysis.model.schema import PHASE
 from analysis.simulation.motion.timeline import (
     Timeline,
-    continuous_timeline,
-    repeat_trial,
+    make_continuous_timeline,
+    make_timeline_of_repeated_trial,
     to_whole_ns,
 )
 from analysis.simulation.scenario.scenario import Scenario
@@ -21,7 +21,7 @@ from analysis.simulation.sensors.recorder import TOPICS, phase_s, sample_times_n
 from analysis.simulation.sensors.sensors import measure_topics
 from analysis.simulation.trials.solve_trial import solve_motion
 from analysis.simulation.trials.switches import key_that_needs_integration
-from analysis.simulation.trials.trial_limits import check_limits
+from analysis.simulation.trials.trial_limits import check_scenario_can_be_driven
 from estimators.errors import ScenarioError
 
 
@@ -86,7 +86,7 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
     """
     if scenario.shift is not None:
         raise ScenarioError("shift: is not a campaign; use ShiftSimulation")
-    check_limits(scenario, scenario.campaign.loads_kg)
+    check_scenario_can_be_driven(scenario, scenario.campaign.loads_kg)
     return _simulate_logs(scenario)
 
 
@@ -109,10 +109,12 @@ def _simulate_logs(scenario: Scenario) -> Iterator[SimulatedLog]:
 def _make_timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> Timeline:
     """Time line of a load's log: one exact trial repeated if possible, else integrated."""
     if key_that_needs_integration(scenario) is None:
-        return repeat_trial(scenario, load_kg, solve_motion(scenario, load_kg), start_ns)
-    from analysis.simulation.drive.log_drive import integrate_log
+        return make_timeline_of_repeated_trial(
+            scenario, load_kg, solve_motion(scenario, load_kg), start_ns
+        )
+    from analysis.simulation.drive.log_drive import integrate_trials_of_log
 
-    whole = integrate_log(scenario, load_kg, index)
-    return continuous_timeline(
+    whole = integrate_trials_of_log(scenario, load_kg, index)
+    return make_continuous_timeline(
         scenario, whole.trial_s, whole.driven, whole.sample_channels, start_ns
     )

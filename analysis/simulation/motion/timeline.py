@@ -64,7 +64,7 @@ class Timeline:
     hints: Callable[[NDArray[np.int64]], Hints] | None = None
 
     def number_trials(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Trial number at each time; the rest after the last trial has the next number."""
+        """Trial number at each time, (n,); the rest after the last trial has the next number."""
         found = np.searchsorted(self.trial_ns, time_ns, side="right") - 1
         return np.clip(found, 0, self.trial_ns.size - 1)
 
@@ -135,7 +135,7 @@ class Timeline:
         return pl.DataFrame(rows, infer_schema_length=None).cast(kinds)  # pyright: ignore
 
 
-def repeat_trial(
+def make_timeline_of_repeated_trial(
     scenario: Scenario, load_kg: float, motion: SolvedMotion, start_ns: int
 ) -> Timeline:
     """Time line of a repeated solved trial and a final rest."""
@@ -160,7 +160,7 @@ def repeat_trial(
     return Timeline(start_ns, end_ns, trial_ns, driven, sample_repeated_trial)
 
 
-def continuous_timeline(
+def make_continuous_timeline(
     scenario: Scenario,
     trial_s: Floats,
     driven: tuple[DrivenManoeuvre, ...],

@@ -13,7 +13,7 @@ from analysis.simulation.motion.timeline import DrivenManoeuvre
 from analysis.simulation.plant import plant
 from analysis.simulation.scenario.scenario import Scenario
 from estimators.arrays import Floats
-from estimators.compiled import inlined, uncounted
+from estimators.compiled import compiled_without_refcounts, inlined
 
 #: What changes how fast: the force on the ground, the yaw rate, the acceleration, the mass.
 FORCE_RATE, TURN, JERK, FILLING = range(4)
@@ -50,7 +50,7 @@ class IntegratedLog:
         machine, terrain = self.scenario.machine, self.scenario.terrain
         now, rate = np.empty((plant.COLUMNS, time_s.size)), np.empty((SLOPES, time_s.size))
         last = np.empty(time_s.size, np.int64)
-        interpolate_rows(self.rows, np.ascontiguousarray(time_s, np.float64), now, rate, last)
+        interpolate_rows_into(self.rows, np.ascontiguousarray(time_s, np.float64), now, rate, last)
         wheel, body, acc = now[1 + plant.WHEEL], now[1 + plant.BODY], now[plant.ACCELERATION]
         position = now[1 + plant.POSITION]
         slope = terrain.slope_at_rad(position)
@@ -58,7 +58,7 @@ class IntegratedLog:
         force = now[plant.GROUND] - now[plant.BRAKED]
         squat, squat_rate = now[1 + plant.PITCH], now[1 + plant.PITCH_RATE]
         if not self.scenario.chassis.squat_hz:
-            squat, squat_rate = self._squat_of_fast_springs(now[plant.MASS], acc, rate)
+            squat, squat_rate = self._pitch_and_rate_of_fast_springs(now[plant.MASS], acc, rate)
         torque = self._inertia_z(now[plant.MASS]) * turn + machine.friction_z_N_m_s * omega
         torque = torque + machine.coulomb_z_N_m * np.sign(omega)
         seen = self.scenario.campaign.brake_measured_share
@@ -85,10 +85,10 @@ class IntegratedLog:
             mass_kg=now[plant.MASS],
         )
 
-    def _squat_of_fast_springs(
+    def _pitch_and_rate_of_fast_springs(
         self, mass_kg: Floats, acc: Floats, rate: Floats
     ) -> tuple[Floats, Floats]:
-        """Pitch of springs that follow at once, and its rate."""
+        """Pitch of springs that follow at once in rad, and its rate in rad/s, (n,) each."""
         chassis = self.scenario.chassis
         by_load = math.radians(chassis.squat_deg_s2_m_kg)
         standing = math.radians(chassis.pitch_deg_kg)
@@ -173,8 +173,8 @@ def _rate_at_row(rows: Floats, at: int, which: int) -> float:
     return total / max(known, 1.0)
 
 
-@uncounted
-def interpolate_rows(
+@compiled_without_refcounts
+def interpolate_rows_into(
     rows: Floats, time_s: Floats, now: Floats, slopes: Floats, last: NDArray[np.int64]
 ) -> None:
     """Interpolate rows at times; constant before the first and after the last row.

@@ -45,7 +45,7 @@ _HALVINGS: Final = 60
 
 
 @inlined
-def _motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> float:
+def _limited_motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> float:
     """Force of the motor: the commanded one, within its limits while it drives."""
     force_N = asked_N
     if force_N * speed_m_s > 0.0:
@@ -61,7 +61,7 @@ def _motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> float:
 def commanded_force_or_speed(
     t: float, stage: DriveStage, wave: Floats, wave_step_s: float
 ) -> float:
-    """Commanded drive force or, for a pedal, the target speed."""
+    """Commanded drive force in N or, for a pedal, the target speed in m/s."""
     since_s = t - stage.begin_s
     if wave.size:
         place = since_s / wave_step_s
@@ -131,7 +131,7 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     )
     gravity = stage.facing * plant.gravity_m_s2 * math.sin(slope)
     boom = plant.boom_N * math.sin(plant.boom_rad_s * t)
-    force = _motor_force(y[DRIVE], wheel, plant)
+    force = _limited_motor_force(y[DRIVE], wheel, plant)
     ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
     capacity = friction_capacity(t, turn, plant, stage)

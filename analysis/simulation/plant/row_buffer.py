@@ -22,11 +22,11 @@ class RowBuffer:
         return self._rows[: self._size]
 
     @property
-    def stages(self) -> NDArray[np.int8]:
+    def kind_of_each_row(self) -> NDArray[np.int8]:
         """(n,) the kind of stage of each row."""
         return np.repeat(np.array(self._kinds, np.int8), self._counts)
 
-    def free_rows(self, count: int) -> Floats:
+    def provide_free_rows(self, count: int) -> Floats:
         """(at least count, 16) free memory after the rows, to be filled and committed."""
         if self._size + count > len(self._rows):
             self.reserve_rows(self._size + 2 * count)

@@ -345,12 +345,14 @@ class Scenario(BaseModel):
         return self.model_copy(update={"sensors": sensors})
 
     @property
-    def full_drive(self) -> tuple[float, float]:
+    def full_force_and_torque(self) -> tuple[float, float]:
         """Full throttle: the force of both sides in N, their torque when they oppose in N·m."""
         full_N = self.campaign.throttle_force_N
         return full_N, full_N * self.machine.track_width_m / 2.0
 
-    def drive_through_valves(self, force_N: float, torque_N_m: float) -> tuple[float, float]:
+    def force_and_torque_through_valves(
+        self, force_N: float, torque_N_m: float
+    ) -> tuple[float, float]:
         """Force and torque that both valves give for those asked, but for their lag."""
         width_m, full_N = self.machine.track_width_m, self.campaign.throttle_force_N / 2.0
         valve, turning_N = self.campaign.drive_fraction_at_throttle, torque_N_m / width_m

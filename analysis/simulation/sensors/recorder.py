@@ -45,7 +45,7 @@ def sample_times_ns(timeline: Timeline, rate_hz: float, phase_s: float) -> NDArr
     return first_ns + np.rint(np.arange(samples) * period_ns).astype(np.int64)
 
 
-def record_topics(
+def record_topic(
     scenario: Scenario,
     topic: TopicName,
     at_ns: NDArray[np.int64],
@@ -91,7 +91,7 @@ def _stamp_samples_ns(
     streams: Streams,
     start_ns: int,
 ) -> NDArray[np.int64]:
-    """Stamp of each measurement by the topic's clock, in Unix ns."""
+    """Stamp of each measurement by the topic's clock, (n,) in Unix ns."""
     sampling = scenario.sampling
     ahead_ns = (at_ns - start_ns) * (sampling.clock_ppm(topic) * 1e-6)
     if sampling.stamp_jitter_s:

@@ -20,7 +20,7 @@ from analysis.simulation.sensors.random_streams import Streams
 from analysis.simulation.sensors.recorder import (
     phase_s,
     rate_hz,
-    record_topics,
+    record_topic,
     recorded_topics,
     sample_times_ns,
 )
@@ -56,9 +56,9 @@ def measure_topics(
         streams = Streams(scenario.sensors.seed, load_index, timeline.number_trials(at_ns))
         readings = _READERS[topic](scenario, timeline, at_ns, streams)
         if scenario.defects.frozen_topic == topic:
-            held = frozen_sample_indices(scenario, at_ns - timeline.start_ns)
+            held = repeated_sample_indices(scenario, at_ns - timeline.start_ns)
             readings = {name: values[held] for name, values in readings.items()}
-        frames[topic] = record_topics(scenario, topic, at_ns, streams, timeline, readings)
+        frames[topic] = record_topic(scenario, topic, at_ns, streams, timeline, readings)
     return frames
 
 
@@ -90,7 +90,7 @@ def _delay_and_filter_signals(
     def true_signals_at(time_ns: NDArray[np.int64]) -> Mapping[str, Floats]:
         return motion_signals(timeline.sample(time_ns), (time_ns - timeline.start_ns) / length_ns)
 
-    return low_pass(true_signals_at, at_ns - round(delay_s * 1e9), lag_s)
+    return low_pass_signals(true_signals_at, at_ns - round(delay_s * 1e9), lag_s)
 
 
 def _measure_imu(
@@ -262,7 +262,7 @@ def _swap_sides_if_defective(
     return readings
 
 
-def frozen_sample_indices(scenario: Scenario, since_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+def repeated_sample_indices(scenario: Scenario, since_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     """Index (n,) of the sample that each message repeats: its own, unless frozen."""
     defects = scenario.defects
     every_ns = round(defects.frozen_every_s * 1e9)
@@ -273,7 +273,7 @@ def frozen_sample_indices(scenario: Scenario, since_ns: NDArray[np.int64]) -> ND
     return np.where(stuck, before, np.arange(since_ns.size))
 
 
-def low_pass(
+def low_pass_signals(
     signals: Callable[[NDArray[np.int64]], Mapping[str, Floats]],
     at_ns: NDArray[np.int64],
     lag_s: float,

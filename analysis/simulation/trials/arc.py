@@ -13,7 +13,7 @@ from analysis.simulation.scenario.manoeuvres import Arc
 from estimators.arrays import Floats
 
 
-def arc_phases(
+def arc_phases_and_times(
     body: RigidBody, manoeuvre: Arc, begin_s: float, heading_rad: float
 ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
     """Phases of an arc: ramp up, constant, ramp down."""

@@ -26,10 +26,10 @@ from analysis.simulation.scenario.manoeuvres import (
 )
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
-from analysis.simulation.trials.arc import arc_phases
+from analysis.simulation.trials.arc import arc_phases_and_times
 from analysis.simulation.trials.stiction import LEAST_GRIP, RATES, Commands, Stiction
 from analysis.simulation.trials.switches import key_that_needs_integration
-from analysis.simulation.trials.trial_limits import check_limits
+from analysis.simulation.trials.trial_limits import check_scenario_can_be_driven
 from estimators.arrays import Floats
 from estimators.errors import DataError, ScenarioError
 
@@ -55,7 +55,7 @@ def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
     Raises:
         ScenarioError: the machine cannot be driven as requested.
     """
-    check_limits(scenario, [load_kg])
+    check_scenario_can_be_driven(scenario, [load_kg])
     asked = key_that_needs_integration(scenario)
     if asked is not None:
         raise ScenarioError(f"{asked}: needs a whole log; use simulate_campaign")
@@ -96,9 +96,9 @@ class _Trial:
                 sign = 1.0 if manoeuvre.direction == "left" else -1.0
                 return self._solve_straight_or_spin(manoeuvre, 1, sign, begin_s, heading_rad)
             case Arc():
-                return arc_phases(self.body, manoeuvre, begin_s, heading_rad)
+                return arc_phases_and_times(self.body, manoeuvre, begin_s, heading_rad)
             case Excite():
-                return self._solve_excited_trial(manoeuvre, begin_s, heading_rad)
+                return self._solve_excitation(manoeuvre, begin_s, heading_rad)
             case Travel():
                 raise AssertionError("needs a whole log, which `key_that_needs_integration` says")
 
@@ -119,7 +119,7 @@ class _Trial:
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Open the throttle until `steady_s`, keep the speed or yaw rate, brake."""
         campaign = self.scenario.campaign
-        full = self.scenario.full_drive[axis] * campaign.drive_fraction_at_throttle(
+        full = self.scenario.full_force_and_torque[axis] * campaign.drive_fraction_at_throttle(
             manoeuvre.throttle
         )
         lag_s = campaign.valve_lag_s
@@ -128,7 +128,7 @@ class _Trial:
         names = ("accelerating", "cruising", "braking") if axis == 0 else ("spinning",) * 3
         machine = DrivenMotion(self.body, lag_s, (axis == 0, axis == 1))
 
-        stalled, state = self._solve_stalled_trial(axis, sign, full, begin_s, heading_rad)
+        stalled, state = self._solve_stall_until_breakaway(axis, sign, full, begin_s, heading_rad)
         asked = Commands(_make_constant_drive(axis, sign * full))
         opened, state = machine.follow_until(names[0], stalled.end_s, steady_s, state, asked)
         signs = AxisPair(sign, 0.0) if axis == 0 else AxisPair(0.0, sign)
@@ -141,7 +141,7 @@ class _Trial:
         kind = manoeuvre.kind
         return phases, ManoeuvreTimes(kind, begin_s, begin_s, steady_s, braking_s, phases[-1].end_s)
 
-    def _solve_stalled_trial(
+    def _solve_stall_until_breakaway(
         self, axis: int, sign: float, full: float, begin_s: float, heading_rad: float
     ) -> tuple[MotionPhase, Floats]:
         """Phase in which the throttle opens until the drive overcomes slope and friction.
@@ -171,7 +171,7 @@ class _Trial:
         start[6] = heading_rad
         return MotionPhase("standstill", begin_s, breakaway_s, stalled_state), start
 
-    def _solve_excited_trial(
+    def _solve_excitation(
         self, manoeuvre: Excite, begin_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Follow the waveforms through both sides' valves, then brake."""
@@ -181,7 +181,7 @@ class _Trial:
 
         def waveform_drive(time_s: float) -> tuple[float, float]:
             since = float(time_s - begin_s)
-            return self.scenario.drive_through_valves(
+            return self.scenario.force_and_torque_through_valves(
                 force(since) if force else 0.0, torque(since) if torque else 0.0
             )
 

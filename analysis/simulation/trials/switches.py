@@ -45,7 +45,7 @@ def key_that_needs_integration(scenario: Scenario) -> str | None:
     return None
 
 
-def check_switches(scenario: Scenario) -> None:
+def check_plant_supports_settings(scenario: Scenario) -> None:
     """Raise an error for settings that the integrated plant does not support.
 
     Raises:

@@ -13,8 +13,8 @@ from analysis.simulation.scenario.manoeuvres import Arc, Excite, Manoeuvre, Spin
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.sensors.recorder import rate_hz, recorded_topics
-from analysis.simulation.trials.arc import arc_phases
-from analysis.simulation.trials.switches import check_switches
+from analysis.simulation.trials.arc import arc_phases_and_times
+from analysis.simulation.trials.switches import check_plant_supports_settings
 from estimators.errors import ScenarioError
 
 #: No loader is faster: beyond it a scenario is a slip of the pen, and a stop takes forever.
@@ -25,7 +25,7 @@ _LEAST_BRAKING_M_S2: Final = 0.1
 _HABITS: Final = {"throttle_least", "throttle_most", "coulomb_std_N", "stick_share", "stick_hz"}
 
 
-def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
+def check_scenario_can_be_driven(scenario: Scenario, loads_kg: Sequence[float]) -> None:
     """Raise an error if the scenario cannot be driven with one of the loads.
 
     Args:
@@ -36,7 +36,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
         ScenarioError: the key and the fault.
     """
     machine, full_N = scenario.machine, scenario.campaign.throttle_force_N
-    check_switches(scenario)
+    check_plant_supports_settings(scenario)
     if (
         scenario.log.latency_jitter_s
         * max(rate_hz(scenario, topic) for topic in recorded_topics(scenario))
@@ -166,7 +166,9 @@ class _TrialLimits:
 
     def _check_spin(self, spin: Spin, key: str) -> None:
         campaign = self.scenario.campaign
-        full_N_m = self.scenario.full_drive[1] * campaign.drive_fraction_at_throttle(spin.throttle)
+        full_N_m = self.scenario.full_force_and_torque[1] * campaign.drive_fraction_at_throttle(
+            spin.throttle
+        )
         reached_N_m = full_N_m * -math.expm1(-spin.start_s / campaign.valve_lag_s)
         resistance_N_m = self.heaviest.coulomb_z_N_m + self._largest_slope_torque()
         if reached_N_m <= resistance_N_m:
@@ -208,7 +210,7 @@ class _TrialLimits:
     def _check_arc(self, arc: Arc, key: str) -> None:
         time_s = np.linspace(0.0, arc.ramp_s * 2.0 + arc.duration_s, 200)
         for body in (self.lightest, self.heaviest):
-            state = arc_phases(body, arc, 0.0, 0.0)[0][0].state(time_s)
+            state = arc_phases_and_times(body, arc, 0.0, 0.0)[0][0].state(time_s)
             sides = np.maximum(abs(state.drive_x) / 2, abs(state.brake_x) / 2)
             torque = np.maximum(abs(state.drive_z), abs(state.brake_z))
             worst = int(np.argmax(sides + torque / self.scenario.machine.track_width_m))
@@ -248,7 +250,7 @@ class _TrialLimits:
         return moment * abs(self.heaviest.uphill_m_s2)
 
 
-def check_shift_limits(scenario: Scenario, shift: SimulatedShift) -> None:
+def check_shift_can_be_driven(scenario: Scenario, shift: SimulatedShift) -> None:
     """Raise an error if a shift cannot be driven.
 
     Raises:
@@ -271,10 +273,10 @@ def check_shift_limits(scenario: Scenario, shift: SimulatedShift) -> None:
         + machine.coulomb_z_N_m
         + machine.inertia_z_kg_m2 * rate**2 / 2.0
     )
-    if needed_N_m > scenario.full_drive[1]:
+    if needed_N_m > scenario.full_force_and_torque[1]:
         raise ScenarioError(
             f"shift.turn_rad_s: takes up to {needed_N_m:.0f} N·m, more than full throttle gives, "
-            f"{scenario.full_drive[1]:.0f} N·m; turn slower"
+            f"{scenario.full_force_and_torque[1]:.0f} N·m; turn slower"
         )
     both = tuple(
         Start(direction=direction, throttle=scenario.starts.throttle_least)
@@ -284,7 +286,7 @@ def check_shift_limits(scenario: Scenario, shift: SimulatedShift) -> None:
         update={"campaign": campaign.model_copy(update={"manoeuvres": both}), "shift": None}
     )
     try:
-        check_limits(driven, [0.0, shift.load_most_kg])
+        check_scenario_can_be_driven(driven, [0.0, shift.load_most_kg])
     except ScenarioError as fault:
         named = re.sub(
             r"campaign\.manoeuvres\.\d+(\.start_s)?", "starts.throttle_least", str(fault)

@@ -16,7 +16,7 @@ def has_enough_samples(A: Floats, moving: Bools) -> bool:
     return bool(moving.sum() >= ENOUGH * A.shape[1])
 
 
-def ungated_fit(A: Floats, f: Floats, moving: Bools) -> tuple[float, float, float]:
+def fit_ungated(A: Floats, f: Floats, moving: Bools) -> tuple[float, float, float]:
     """First parameter, its standard deviation and R² of a fit over every moving sample."""
     if not has_enough_samples(A, moving):
         return float("nan"), float("nan"), float("nan")
@@ -61,7 +61,7 @@ def regression_slope(x: Floats, y: Floats, used: Bools, x_noise: float = 0.0) ->
     return float(x @ y) / told if told else float("nan")
 
 
-def centre_offset(
+def spin_centre_offset_m(
     force_x: Floats, force_y: Floats, yaw_rate: Floats, yaw_acceleration: Floats, used: Bools
 ) -> float:
     """Distance from the origin to the centre of rotation in spins, in m; NaN if unknown.

@@ -11,9 +11,9 @@ from analysis.model.axes import (
     X,
     Z,
     available_axes,
-    estimated_parameters,
-    regressor,
-    rows_of_axis,
+    read_parameters_and_stds,
+    regressor_and_force,
+    select_rows_of_axis,
     theta_columns,
 )
 from analysis.model.machine import Machine
@@ -22,9 +22,9 @@ from analysis.model.schema import build_frame, column_values
 from analysis.model.settings import Settings
 from analysis.model.verdict import Verdict
 from analysis.model.windows import runs_of_flagged_samples
-from analysis.stages.gating.gate import accepted_samples
+from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.motion.phases import TURNS
-from analysis.stages.noise.column_noise import axis_noise, systematic_errors
+from analysis.stages.noise.column_noise import attenuation_errors, collect_axis_noise
 from estimators.arrays import Floats
 from estimators.methods.window_mean import mean_estimate
 
@@ -51,10 +51,12 @@ def summarise_masses(
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
     for axis in available_axes(excitation):
         rows: dict[str, pl.DataFrame] = {
-            method: rows_of_axis(axis, frame) for method, frame in estimates.items()
+            method: select_rows_of_axis(axis, frame) for method, frame in estimates.items()
         }
-        known = axis_noise(axis, machine.settings, noise)
-        totals = total_estimates(axis, excitation, gated, rows, machine.settings, known)
+        known = collect_axis_noise(axis, machine.settings, noise)
+        totals = estimate_whole_log_by_method(
+            axis, excitation, gated, rows, machine.settings, known
+        )
         columns |= theta_columns(axis, *totals)
         suffix = "" if axis is X else "_z"
         columns[f"rows{suffix}"] = pl.Series([frame.height for frame in rows.values()])
@@ -100,8 +102,8 @@ def fit_pooled_over_log(
     method: Method = METHODS["pooled"],
 ) -> tuple[Floats, Floats]:
     """Fit every accepted sample of an axis; parameters and standard deviations, (p,) each."""
-    A, f = regressor(axis, excitation, settings)
-    used = accepted_samples(excitation, gated, settings, axis)
+    A, f = regressor_and_force(axis, excitation, settings)
+    used = mark_samples_to_pool(excitation, gated, settings, axis)
     if not used.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
     options = method.options(settings.trace, noise)
@@ -109,7 +111,7 @@ def fit_pooled_over_log(
     return whole.theta[0], whole.std[0]
 
 
-def total_estimates(
+def estimate_whole_log_by_method(
     axis: Axis,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
@@ -118,7 +120,7 @@ def total_estimates(
     noise: AxisNoise,
 ) -> tuple[Floats, Floats]:
     """Parameters and standard deviations, (methods, p) each; NaN without an estimate."""
-    A, f = regressor(axis, excitation, settings)
+    A, f = regressor_and_force(axis, excitation, settings)
     t_ns = excitation["t_ns"].to_numpy()
     theta = np.full((len(estimates), A.shape[1]), np.nan)
     std = theta.copy()
@@ -132,12 +134,12 @@ def total_estimates(
                     axis, excitation, gated, settings, noise, method
                 )
             case LogSummary.LAST:
-                traced, traced_std = estimated_parameters(axis, frame)
+                traced, traced_std = read_parameters_and_stds(axis, frame)
                 theta[row], std[row] = traced[-1], traced_std[-1]
             case LogSummary.MEAN:
                 index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
-                windows = estimated_parameters(axis, frame)
-                unseen = systematic_errors(method, A, f, index, windows[0], settings, noise)
+                windows = read_parameters_and_stds(axis, frame)
+                unseen = attenuation_errors(method, A, f, index, windows[0], settings, noise)
                 theta[row], std[row] = mean_estimate(
                     A, f, settings.gate.window_samples, index, *windows, unseen
                 )
@@ -198,22 +200,22 @@ def why_nothing_was_accepted(
         if longest_s < window_s:
             return (
                 f"the longest stretch without {what} is {longest_s:.2f} s, "
-                f"the window {window_s:.2f} s{_braking_remedy(what)}"
+                f"the window {window_s:.2f} s{_braking_remedy_text(what)}"
             )
     reasons = gated["reason_x"].cast(pl.String)
     counts = reasons.filter(reasons != "warming_up").value_counts(sort=True)
     often = counts["reason_x"][0]
-    return f"no window was accepted, most often for: {often}{_braking_remedy(often)}"
+    return f"no window was accepted, most often for: {often}{_braking_remedy_text(often)}"
 
 
-def _braking_remedy(what: str) -> str:
-    if what != "braking":
+def _braking_remedy_text(reason: str) -> str:
+    if reason != "braking":
         return ""
     return "; if the force sensor measures the brakes, set settings.gate.exclude_braking = false"
 
 
-def _count_longest_run(good: pl.Series) -> int:
+def _count_longest_run(flags: pl.Series) -> int:
     """Longest run of true values, in rows."""
-    first, last = runs_of_flagged_samples(good.to_numpy())
+    first, last = runs_of_flagged_samples(flags.to_numpy())
     lengths = last + 1 - first
     return int(lengths.max()) if lengths.size else 0

@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, available_axes, regressor, trace_columns
+from analysis.model.axes import Axis, available_axes, regressor_and_force, trace_columns
 from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import settled_windows
-from analysis.stages.gating.segments import pooled_samples
-from analysis.stages.noise.column_noise import axis_noise, least_std, systematic_errors
+from analysis.stages.gating.gate import mark_settled_windows
+from analysis.stages.gating.segments import pooled_manoeuvre_of_samples
+from analysis.stages.noise.column_noise import (
+    attenuation_errors,
+    collect_axis_noise,
+    stds_by_column_noise_alone,
+)
 from estimators.arrays import Floats, Ints
 from estimators.estimate import Trace
 
@@ -25,7 +29,7 @@ def trace_estimates(
     gated: pl.DataFrame,
     settings: Settings,
     noise: pl.DataFrame | None = None,
-    begins: Sequence[int] = (),
+    load_begin_rows: Sequence[int] = (),
 ) -> dict[str, pl.DataFrame]:
     """Estimate from every accepted window with every method of the settings.
 
@@ -34,14 +38,19 @@ def trace_estimates(
         gated: frame with the accepted windows.
         settings: settings with window, methods and their options.
         noise: noise of the columns, if known.
-        begins: rows at which the load changes, where recursions restart.
+        load_begin_rows: rows at which the load changes, where recursions restart.
 
     Returns:
         Frames `estimates` by method, accepted rows only; `pooled` has a row per manoeuvre.
     """
     axes_traced = {
         axis: _trace_methods(
-            axis, excitation, gated, settings, axis_noise(axis, settings, noise), begins
+            axis,
+            excitation,
+            gated,
+            settings,
+            collect_axis_noise(axis, settings, noise),
+            load_begin_rows,
         )
         for axis in available_axes(excitation)
     }
@@ -60,10 +69,10 @@ def _trace_methods(
     gated: pl.DataFrame,
     settings: Settings,
     noise: AxisNoise,
-    begins: Sequence[int],
+    load_begin_rows: Sequence[int],
 ) -> dict[str, Trace]:
     """Traces of every method over one axis."""
-    A, f = regressor(axis, excitation, settings)
+    A, f = regressor_and_force(axis, excitation, settings)
     window = settings.gate.window_samples
 
     @cache
@@ -72,24 +81,26 @@ def _trace_methods(
             case FeedKind.WINDOWS:
                 return window, gated[f"accepted_{axis.letter}"].to_numpy()
             case FeedKind.SETTLED:
-                return window, settled_windows(excitation, gated, settings, axis)
+                return window, mark_settled_windows(excitation, gated, settings, axis)
             case FeedKind.SEGMENTS:
-                return (pooled_samples(excitation, gated, settings, axis),)
+                return (pooled_manoeuvre_of_samples(excitation, gated, settings, axis),)
 
     traces: dict[str, Trace] = {}
     for name in settings.trace.methods:
         method = METHODS[name]
         options = method.options(settings.trace, noise)
-        if method.feed is FeedKind.SETTLED and begins:
+        if method.feed is FeedKind.SETTLED and load_begin_rows:
             fed_by = (*inputs_for_feed(method.feed), options)
-            traced = trace_by_load(method, A, f, fed_by, begins)
+            traced = trace_by_load(method, A, f, fed_by, load_begin_rows)
         else:
             traced = method.estimator.trace(A, f, *inputs_for_feed(method.feed), options)
         if method.feed is not FeedKind.SEGMENTS:
-            unseen = systematic_errors(method, A, f, traced.index, traced.theta, settings, noise)
+            unseen = attenuation_errors(method, A, f, traced.index, traced.theta, settings, noise)
             std = traced.std
             if method.feed is FeedKind.WINDOWS:
-                std = np.maximum(std, least_std(A, f, window, traced.index, traced.theta, noise))
+                std = np.maximum(
+                    std, stds_by_column_noise_alone(A, f, window, traced.index, traced.theta, noise)
+                )
             traced = replace(traced, std=np.hypot(std, unseen))
         traces[name] = traced
     return traces
@@ -100,11 +111,11 @@ def trace_by_load(
     A: Floats,
     f: Floats,
     fed: tuple[Any, ...],
-    begins: Sequence[int],
+    load_begin_rows: Sequence[int],
 ) -> Trace:
     """Run a recursion over each load separately; no window reaches across a change."""
     window, accepted, options = fed
-    bounds = [0, *begins, f.size]
+    bounds = [0, *load_begin_rows, f.size]
     parts: list[Trace] = []
     for begin, end in pairwise(bounds):
         inside = accepted[begin:end].copy()

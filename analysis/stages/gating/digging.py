@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import X, regressor
+from analysis.model.axes import X, regressor_and_force
 from analysis.model.machine import Machine
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
@@ -106,7 +106,7 @@ class _PileContact:
 
 def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list[_PileContact]:
     """Starts whose resistance significantly changes by the size of a pile's, in order of time."""
-    A, force = regressor(X, excitation, machine.settings)
+    A, force = regressor_and_force(X, excitation, machine.settings)
     acceleration, speed = A[:, 0], A[:, 1]
     driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
     slowing = (excitation["phase"] == "braking").fill_null(False).to_numpy()
@@ -136,7 +136,7 @@ def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list
         goes_on = np.flatnonzero(drives)
         for rows in split_drive_stretches(drives, speed, machine.settings):
             way = int(np.sign(np.mean(speed[rows])))
-            grown_N, std_N = resistance_growth(
+            grown_N, std_N = resistance_growth_and_std(
                 np.column_stack([way * acceleration[rows], way * speed[rows]]),
                 way * force[rows],
                 (t_ns[rows] - t_ns[rows[0]]) / max(t_ns[rows[-1]] - t_ns[rows[0]], 1),
@@ -215,7 +215,7 @@ def robust_largest(values: Floats) -> float:
 
 
 def split_drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
-    """Rows of each stretch of driving one way, across short holes, if it is short enough."""
+    """Row numbers of each short enough stretch of driving one way, across short holes."""
     rows = np.flatnonzero(driving)
     hole = max(1, round(_MOMENT_S * settings.align.rate_hz))
     turns = np.diff(np.sign(speed[rows])) != 0
@@ -225,7 +225,7 @@ def split_drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> 
     return [part for part in parts if fewest <= part.size <= longest]
 
 
-def resistance_growth(
+def resistance_growth_and_std(
     motion: Floats, force: Floats, progress: Floats, mean_kg: float, widths: Floats, noise_N: float
 ) -> tuple[float, float]:
     """Growth of the resistance over a start, and its standard deviation, in N.

@@ -3,17 +3,23 @@
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, X, available_axes, regressor
+from analysis.model.axes import Axis, X, available_axes, regressor_and_force
 from analysis.model.schema import PHASE, REASON, build_frame, column_values
 from analysis.model.settings import Settings
-from analysis.model.windows import flagged_windows, samples_in_windows
-from analysis.stages.gating.gate_rules import UNKNOWN, Codes, decide_windows, flag_rows, is_braking
+from analysis.model.windows import flag_windows, mark_samples_in_windows
+from analysis.stages.gating.gate_rules import (
+    UNKNOWN,
+    Codes,
+    decide_windows,
+    flag_rows_by_reason,
+    is_braking,
+)
 from analysis.stages.motion.phases import (
     average_like_speed_rate,
     speed_rate_span_rows,
     yaw_speeding_sign,
 )
-from analysis.stages.noise.column_noise import axis_noise
+from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods import ls
 from estimators.numerics import nearest_neighbours
@@ -51,16 +57,16 @@ def _make_gate_columns(
 ) -> dict[str, Floats | pl.Series]:
     """Columns of `gate` for one axis."""
     window, letter = settings.gate.window_samples, axis.letter
-    A, f = regressor(axis, excitation, settings)
+    A, f = regressor_and_force(axis, excitation, settings)
     n = f.size
     phase = phase_codes(excitation)
     # a row of unknown phase might be braking, and is in no manoeuvre
     missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f)) | (phase == UNKNOWN)
-    complete = ~flagged_windows(missing, window)
+    complete = ~flag_windows(missing, window)
     complete[: window - 1] = False
     rows = np.flatnonzero(complete).astype(np.int64)
     seen = ls.WindowStatistics(*(np.full(n, np.nan) for _ in ls.WindowStatistics._fields))
-    known = axis_noise(axis, settings, noise).mean
+    known = collect_axis_noise(axis, settings, noise).mean
     for whole, part in zip(seen, ls.window_statistics(A, f, window, rows, known), strict=True):
         whole[rows] = part
 
@@ -69,7 +75,7 @@ def _make_gate_columns(
         column_values(excitation, "speed_rate_x_m_s2"), _forward_acceleration(excitation), settings
     )
     brakes = _decelerates_on_axis(axis, excitation, settings)
-    flags = {"gap": missing, **flag_rows(axis, phase, f, brakes, slips, settings.gate)}
+    flags = {"gap": missing, **flag_rows_by_reason(axis, phase, f, brakes, slips, settings.gate)}
 
     def window_information(left: Ints) -> Floats:
         return nearest_neighbours.window_mutual_information(
@@ -80,7 +86,7 @@ def _make_gate_columns(
         axis,
         seen,
         np.arange(n) < first + window - 1,
-        {why: flagged_windows(flag, window) for why, flag in flags.items()},
+        {why: flag_windows(flag, window) for why, flag in flags.items()},
         window_information,
         settings.gate,
     )
@@ -106,7 +112,7 @@ def phase_codes(excitation: pl.DataFrame) -> Codes:
     return (codes.fill_null(UNKNOWN) if codes.null_count() else codes).to_numpy()
 
 
-def accepted_samples(
+def mark_samples_to_pool(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Bools:
     """Samples to pool, (rows,): inside an accepted window, not standing, not about to brake.
@@ -115,31 +121,37 @@ def accepted_samples(
     standstill alone would cost 150 kg of 3614. The phase detects braking late by up to its span and
     the moving mean; windows must accept that on board, pooling need not.
     """
-    used = samples_in_windows(
+    used = mark_samples_in_windows(
         gated[f"accepted_{axis.letter}"].to_numpy(), settings.gate.window_samples
     )
     used &= (excitation["phase"] != "standstill").fill_null(True).to_numpy()
-    return used & ~possibly_braking_samples(excluded_braking(axis, excitation, settings), settings)
+    return used & ~mark_possible_braking(
+        mark_excluded_braking(axis, excitation, settings), settings
+    )
 
 
-def refuse_windows(gated: pl.DataFrame, rows: Bools, why: str, settings: Settings) -> pl.DataFrame:
+def refuse_windows(
+    gated: pl.DataFrame, excluded_rows: Bools, rejection_reason: str, settings: Settings
+) -> pl.DataFrame:
     """The gate, with accepted straight windows that contain one of these rows rejected.
 
     Args:
         gated: frame with the accepted windows.
-        rows: (rows,) flags of the rows.
-        why: the reason.
+        excluded_rows: (rows,) flags of the rows.
+        rejection_reason: the reason.
         settings: settings with the window.
     """
-    held = pl.Series(flagged_windows(rows, settings.gate.window_samples))
+    held = pl.Series(flag_windows(excluded_rows, settings.gate.window_samples))
     accepted = pl.col("accepted_x")
     reason = (
-        pl.when(held & accepted).then(pl.lit(why)).otherwise(pl.col("reason_x").cast(pl.String))
+        pl.when(held & accepted)
+        .then(pl.lit(rejection_reason))
+        .otherwise(pl.col("reason_x").cast(pl.String))
     )
     return gated.with_columns(accepted_x=accepted & ~held, reason_x=reason.cast(REASON))
 
 
-def settled_windows(
+def mark_settled_windows(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Bools:
     """Accepted windows without braking soon after, (rows,), which recursions are fed.
@@ -148,19 +160,19 @@ def settled_windows(
     it 17 kg of 3614. On board its estimate is delayed by that much.
     """
     accepted = gated[f"accepted_{axis.letter}"].to_numpy()
-    return accepted & ~possibly_braking_samples(
-        excluded_braking(axis, excitation, settings), settings
+    return accepted & ~mark_possible_braking(
+        mark_excluded_braking(axis, excitation, settings), settings
     )
 
 
-def possibly_braking_samples(braking: Bools, settings: Settings) -> Bools:
+def mark_possible_braking(braking: Bools, settings: Settings) -> Bools:
     """Braking samples, and those before them that may brake undetected, (rows,)."""
-    return flagged_windows(braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples)[
+    return flag_windows(braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples)[
         ::-1
     ]
 
 
-def excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
+def mark_excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
     """Braking samples if braking is excluded, (rows,)."""
     if not settings.gate.exclude_braking:
         return np.zeros(excitation.height, np.bool_)
@@ -168,7 +180,7 @@ def excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -
 
 
 def _decelerates_on_axis(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
-    """Whether speed, or yaw rate, decreases at each sample; no brake need be applied."""
+    """Whether speed, or yaw rate, decreases at each sample, (rows,), with or without brakes."""
     if axis is X:
         return is_braking(phase_codes(excitation))
     return yaw_speeding_sign(column_values(excitation, "yaw_rate_rad_s"), settings) < 0

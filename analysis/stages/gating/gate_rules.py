@@ -58,7 +58,7 @@ class Decision(NamedTuple):
     chosen: Codes
 
 
-def flag_rows(
+def flag_rows_by_reason(
     axis: Axis, phase: Codes, force: Floats, brakes: Bools, slips: Bools, settings: GateSettings
 ) -> dict[str, Bools]:
     """Flags of rows that exclude a window, by reason in order of precedence.
@@ -98,7 +98,7 @@ def flag_rows(
 
 
 def is_braking(phase: Codes) -> Bools:
-    """Whether each row brakes, by its phase."""
+    """Whether each row brakes, by its phase, (rows,)."""
     return phase == _BRAKING
 
 

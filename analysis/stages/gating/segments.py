@@ -3,13 +3,13 @@
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, X, Z, available_axes, regressor, trace_columns
+from analysis.model.axes import Axis, X, Z, available_axes, regressor_and_force, trace_columns
 from analysis.model.methods import METHODS
 from analysis.model.schema import PHASE, REASON, build_frame
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import accepted_samples
+from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.motion.phases import TURNS
-from analysis.stages.noise.column_noise import axis_noise
+from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.arrays import Ints
 
 #: A straight manoeuvre is named after the first of these that it contains.
@@ -33,11 +33,11 @@ def number_manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     return np.where(known, np.cumsum(begins) - 1, -1).astype(np.int64)
 
 
-def pooled_samples(
+def pooled_manoeuvre_of_samples(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Ints:
     """The manoeuvre that each sample is pooled into, (rows,), -1 for those that are not."""
-    used = accepted_samples(excitation, gated, settings, axis)
+    used = mark_samples_to_pool(excitation, gated, settings, axis)
     return np.where(used, number_manoeuvres(excitation, settings), -1)
 
 
@@ -63,11 +63,11 @@ def pool_by_manoeuvre(
     used = np.zeros(segment_id.size, np.bool_)
     parts: list[pl.DataFrame] = []
     for axis in available_axes(excitation):
-        pooled_ids = pooled_samples(excitation, gated, settings, axis)
+        pooled_ids = pooled_manoeuvre_of_samples(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
-        A, f = regressor(axis, excitation, settings)
+        A, f = regressor_and_force(axis, excitation, settings)
         method = METHODS["pooled"]
-        options = method.options(settings.trace, axis_noise(axis, settings, noise))
+        options = method.options(settings.trace, collect_axis_noise(axis, settings, noise))
         traced = method.estimator.trace(A, f, pooled_ids, options)
         parts.append(
             pl.DataFrame(

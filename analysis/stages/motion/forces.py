@@ -8,7 +8,7 @@ from analysis.model.axes import YAW_COLUMNS
 from analysis.model.machine import Machine
 from analysis.model.machine_body import Body
 from analysis.model.schema import FRAMES, build_frame, column_values
-from analysis.stages.motion.phases import classify_motion_phases, speed_rate
+from analysis.stages.motion.phases import classify_motion_phases, trailing_speed_rate
 from estimators.arrays import Floats
 
 
@@ -24,7 +24,7 @@ def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame
     """
     settings = machine.settings
     speed = column_values(smoothed, "speed_x_m_s")
-    rate = speed_rate(speed, settings)
+    rate = trailing_speed_rate(speed, settings)
     declared = {column.name for column in FRAMES["excitation"].columns}
     columns: dict[str, NDArray[np.float64] | pl.Series] = {
         # arrays: of series, `build` would look for NaN by a query

@@ -22,7 +22,7 @@ _STOP_SPAN_S: Final = 1.0
 TURNS: Final = ("spinning", "arc", "turning")
 
 
-def speed_rate(speed: Floats, settings: Settings) -> Floats:
+def trailing_speed_rate(speed: Floats, settings: Settings) -> Floats:
     """The change of speed over the last `speed_rate_span_s`, (rows,) in m/s²; looks back only.
 
     NaN where a sample of that span is missing: rows beside a hole may be hours apart.
@@ -35,7 +35,7 @@ def speed_rate(speed: Floats, settings: Settings) -> Floats:
 
 
 def average_like_speed_rate(acceleration: Floats, settings: Settings) -> Floats:
-    """An acceleration averaged over the span of the speed rate, so that both have one delay."""
+    """Acceleration (rows,) averaged over the span of the speed rate, to have its delay."""
     return trailing_mean(acceleration, speed_rate_span_rows(settings))
 
 
@@ -56,11 +56,13 @@ def speeding_sign(speed: Floats, rate: Floats, steady: float, settings: Settings
 
 def yaw_speeding_sign(yaw_rate: Floats, settings: Settings) -> Floats:
     """Whether the turn speeds up (1), slows down (-1) or is steady (0), (rows,)."""
-    rate = speed_rate(yaw_rate, settings)
+    rate = trailing_speed_rate(yaw_rate, settings)
     return speeding_sign(yaw_rate, rate, settings.phases.steady_yaw_acc_rad_s2, settings)
 
 
-def stopping_samples(speed: Floats, stands: Bools, noise_m_s: float, settings: Settings) -> Bools:
+def mark_stopping_samples(
+    speed: Floats, stands: Bools, noise_m_s: float, settings: Settings
+) -> Bools:
     """Samples from which the speed only falls until the machine stands, (n,).
 
     Unmeasured brakes may stop a machine so gently that it counts as cruising.
@@ -112,7 +114,7 @@ def classify_motion_phases(
     # a derivative of the gyroscope is too noisy by itself to tell a steady arc
     yaw_acc = average_like_speed_rate(column_values(smoothed, "yaw_acc_rad_s2"), settings)
     if "yaw_acc_rad_s2" not in smoothed.columns:
-        yaw_acc = speed_rate(yaw_rate, settings)
+        yaw_acc = trailing_speed_rate(yaw_rate, settings)
     mean_speed = _mean_speed_over_span(speed, rate, settings)
     turning = np.abs(yaw_rate) > settings.phases.turning_rate_rad_s
     slow = np.abs(speed) < settings.phases.standstill_speed_m_s

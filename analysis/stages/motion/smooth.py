@@ -33,7 +33,7 @@ def smooth(aligned: pl.DataFrame, settings: SmoothSettings) -> pl.DataFrame:
 
 
 def trailing_mean(x: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-    """Mean of each sample and the `samples` - 1 before it; NaN if any of them is NaN."""
+    """Mean (rows,) of each sample and the `samples` - 1 before it; NaN if any of them is."""
     # each output is its own sum: a running sum would carry a NaN, and rounding, to the end
     total = np.convolve(x, np.ones(samples))[: x.size] if x.size else x
     mean = total / samples

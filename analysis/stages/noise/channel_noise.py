@@ -21,7 +21,7 @@ from analysis.model.settings import NoiseSettings
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
 from analysis.stages.noise.grid_noise import (
     ColumnResponse,
-    is_hidden_by_grid,
+    is_each_column_hidden_by_grid,
     response_of_each_column,
     simulate_grid_noise_covariances,
 )
@@ -103,7 +103,7 @@ class NoiseSamples:
         return fast_band(self.rate_hz)[1]
 
 
-def channel_noise(
+def estimate_channel_noise(
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
     machine: Machine,
@@ -137,20 +137,20 @@ def channel_noise(
             x, stands & known, moves & known, known, rate_hz
         )
         made = response_of_each_column(tuple(axis), machine)
-        found, sources = estimate_covariances(samples, made)
+        found, sources = covariances_and_noise_sources(samples, made)
         if read is not None:
-            add_noise_of_samples(found, sources, tuple(axis), machine, read)
+            replace_noise_hidden_by_grid(found, sources, tuple(axis), machine, read)
         clip_to_limits(found, sources, x, samples.moving, [each.derivative_of for each in made])
-        override_by_settings(found, sources, axis, machine.settings.noise)
+        override_noise_by_settings(found, sources, axis, machine.settings.noise)
         tables.append(_make_noise_frame(tuple(axis), found, sources))
     return build_frame("noise", pl.concat(tables).to_dict())
 
 
-def note_noise_sources(noise: pl.DataFrame) -> list[str]:
+def noise_source_notes(noise: pl.DataFrame) -> list[str]:
     """Notes on columns whose noise the grid hides, with the source used instead.
 
     Args:
-        noise: frame from `channel_noise`.
+        noise: frame from `estimate_channel_noise`.
     """
     own = noise.filter((pl.col("first") == pl.col("second")) & (pl.col("lag") == 0))
     said: list[str] = []
@@ -161,7 +161,7 @@ def note_noise_sources(noise: pl.DataFrame) -> list[str]:
     return said
 
 
-def add_noise_of_samples(
+def replace_noise_hidden_by_grid(
     found: Floats,
     sources: list[str],
     names: tuple[str, ...],
@@ -172,7 +172,9 @@ def add_noise_of_samples(
     beyond = [source == "differences" for source in sources]
     unseen = (
         np.array(
-            is_hidden_by_grid([columns_to_channels(name, machine) for name in names], machine, read)
+            is_each_column_hidden_by_grid(
+                [channels_of_column(name, machine) for name in names], machine, read
+            )
         )
         & beyond
     )
@@ -193,7 +195,7 @@ def add_noise_of_samples(
         sources[column] = "samples"
 
 
-def columns_to_channels(name: str, machine: Machine) -> tuple[str, ...]:
+def channels_of_column(name: str, machine: Machine) -> tuple[str, ...]:
     """Channels that a column of the equations is computed from."""
     if name == "regressor_acc_x_m_s2":
         kinematic = machine.settings.forces.acceleration == "kinematic"
@@ -242,7 +244,7 @@ def _select_standing_and_moving_samples(
     )
 
 
-def estimate_covariances(
+def covariances_and_noise_sources(
     samples: NoiseSamples, column_responses: list[ColumnResponse]
 ) -> tuple[Floats, list[str]]:
     """Covariances (columns, columns, LAGS), and the source of each column's noise."""
@@ -290,7 +292,9 @@ def estimate_covariances(
             spectra[column, column] = cross_spectra(own)[0, 0]
             live[column] = False
     grown = [
-        noise_growth(samples, column, powers[column]) if live[column] else np.ones(at.size)
+        noise_growth_in_motion(samples, column, powers[column])
+        if live[column]
+        else np.ones(at.size)
         for column in range(p)
     ]
     for i in range(p):
@@ -326,15 +330,17 @@ def spectrum_of_fast_changes(
     The frequencies are `spectrum_frequencies`.
     """
     at, wanted = block_frequencies(), spectrum_frequencies()
-    response = column_response.response(at)
+    response = column_response.power_response(at)
     fast = samples.lowest_noise_frequency
     band = (at >= fast) & (at <= samples.noise_band_top) & (response > 0.0)
     level = float(np.mean(power[band] / response[band]))
     seen = np.interp(wanted, at[1:], average_over_neighbours(power, 1)[1:])
-    return np.where(wanted < fast, level * column_response.response(wanted), seen)
+    return np.where(wanted < fast, level * column_response.power_response(wanted), seen)
 
 
-def noise_growth(samples: NoiseSamples, column: int, moving: tuple[Floats, int] | None) -> Floats:
+def noise_growth_in_motion(
+    samples: NoiseSamples, column: int, moving: tuple[Floats, int] | None
+) -> Floats:
     """Power in motion over that at standstill, at least 1, at `spectrum_frequencies`."""
     at, wanted = block_frequencies(), spectrum_frequencies()
     resting = block_power(
@@ -355,7 +361,7 @@ def noise_growth(samples: NoiseSamples, column: int, moving: tuple[Floats, int] 
     return np.where(wanted < samples.lowest_noise_frequency, below, np.interp(wanted, at, near))
 
 
-def override_by_settings(
+def override_noise_by_settings(
     found: Floats, sources: list[str], axis: Mapping[str, str], settings: NoiseSettings
 ) -> None:
     """Replace the noise by white noise where the settings give one."""

@@ -65,12 +65,12 @@ class ColumnNoise:
         """(p, p) covariance of trailing means of `samples`."""
         lag = np.arange(self.covariances.shape[2])
         pairs = np.maximum(samples - lag, 0) / samples**2
-        return nearest_covariance(self._sum_lags(pairs))
+        return nearest_semidefinite(self._sum_lags(pairs))
 
     def power_at_zero(self) -> Floats:
         """(p, p) power at 0 Hz: variance per sample of long sums."""
         lags = self.covariances.shape[2]
-        return nearest_covariance(self._sum_lags(1.0 - np.arange(lags) / lags))
+        return nearest_semidefinite(self._sum_lags(1.0 - np.arange(lags) / lags))
 
     def _sum_lags(self, weights: Floats) -> Floats:
         """Sum of the covariances at positive and negative lags, weighted by `weights` (lags,)."""
@@ -79,7 +79,7 @@ class ColumnNoise:
         return self.covariances[:, :, 0] * weights[0] + later + later.T
 
 
-def nearest_covariance(covariance: Floats) -> Floats:
+def nearest_semidefinite(covariance: Floats) -> Floats:
     """Nearest positive semidefinite matrix, since sums of estimated lags may be negative."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -89,7 +89,9 @@ def nearest_covariance(covariance: Floats) -> Floats:
     return (vectors * np.maximum(of_unit, 0.0)) @ vectors.T * np.outer(scale, scale)
 
 
-def axis_noise(axis: Axis, settings: Settings, noise: pl.DataFrame | None = None) -> AxisNoise:
+def collect_axis_noise(
+    axis: Axis, settings: Settings, noise: pl.DataFrame | None = None
+) -> AxisNoise:
     """Collect the noise of an axis from the log and the settings.
 
     Args:
@@ -124,7 +126,9 @@ def _noise_ratios_with_settings(axis: Axis, settings: NoiseSettings) -> TlsOptio
     return TlsOptions((*of_A, *usual.noise_A[2:]), of_f)
 
 
-def mean_stds(settings: Settings, noise: pl.DataFrame | None = None) -> dict[str, float]:
+def stds_after_moving_mean(
+    settings: Settings, noise: pl.DataFrame | None = None
+) -> dict[str, float]:
     """Noise of each column after the moving mean, by name; the default if unknown."""
     stds: dict[str, float] = {}
     for axis in (X, Z):
@@ -140,7 +144,7 @@ def mean_stds(settings: Settings, noise: pl.DataFrame | None = None) -> dict[str
     return stds
 
 
-def systematic_errors(
+def attenuation_errors(
     method: Method,
     A: Floats,
     f: Floats,
@@ -169,7 +173,7 @@ def systematic_errors(
     return DOUBT * drawn if method.takes_noise_off else drawn
 
 
-def least_std(
+def stds_by_column_noise_alone(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise: AxisNoise
 ) -> Floats:
     """Standard deviations of windows by column noise alone, (rows, p); 0 if unknown.

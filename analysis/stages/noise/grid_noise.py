@@ -67,7 +67,7 @@ class ColumnResponse:
     causal: bool
     rate_hz: float
 
-    def response(self, at: Floats) -> Floats:
+    def power_response(self, at: Floats) -> Floats:
         """Power of unit white noise after processing, at frequencies over the rate."""
         slope = 2.0 * np.sin(np.pi * at) if self.causal else np.sin(2.0 * np.pi * at)
         power = (slope * self.rate_hz) ** (2 * self.derivatives)
@@ -82,7 +82,7 @@ class ColumnResponse:
         return self.rate_hz * 1j * np.sin(2.0 * np.pi * at)
 
 
-def is_hidden_by_grid(
+def is_each_column_hidden_by_grid(
     columns: list[tuple[str, ...]], machine: Machine, read: Mapping[str, mounting.Series]
 ) -> list[bool]:
     """Whether the grid hides the noise of each column.
@@ -95,7 +95,7 @@ def is_hidden_by_grid(
     rate_hz, cutoff_hz = machine.settings.align.rate_hz, machine.settings.filter.cutoff_hz
     causal = machine.settings.filter.causal
     own_hz = {name: 1e9 / rates.mean_period_ns(t, 1e9 / PAPER_HZ) for name, (t, _) in read.items()}
-    derived = any(channel.differentiates for channel in machine.channels.values())
+    derived = any(channel.is_derivative for channel in machine.channels.values())
 
     def source_rates_hz(names: Iterable[str]) -> list[float]:
         made_of = frozenset[str]().union(*(rates.source_channels(name, machine) for name in names))
@@ -147,7 +147,9 @@ def simulate_grid_noise_covariances(
         if name not in UNFILTERED
     }
     longest_ns = max(filters.longest_step_ns(t, settings) for t, _ in read.values())
-    part = _repeat_stamps(common_row_stamps(read, settings.rate_hz), settings.rate_hz, longest_ns)
+    part = _repeat_stamps(
+        row_stamps_to_analyse(read, settings.rate_hz), settings.rate_hz, longest_ns
+    )
     rng = np.random.default_rng(_SEED)
     noise = {
         name: (t, std.get(name, 0.0) * rng.standard_normal(t.size)) for name, t in part.items()
@@ -156,11 +158,11 @@ def simulate_grid_noise_covariances(
         x = columns(align(derive(noise, machine)[0], machine)[0])
     except DataError:
         return None
-    sums, pairs = sum_trailing_rows(x)
+    sums, pairs = sum_lagged_products(x)
     return np.where(pairs > 0, sums / np.maximum(pairs, 1.0), 0.0)
 
 
-def common_row_stamps(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
+def row_stamps_to_analyse(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
     """Stamps of the rows to analyse, from where all channels have begun, by channel."""
     begin = max(int(t[0]) for t, _ in read.values())
     end = begin + math.ceil(_ROWS / rate_hz * 1e9)
@@ -180,7 +182,7 @@ def _repeat_stamps(
     return {name: (later_ns[:, None] + t).ravel() for name, t in stamps.items()}
 
 
-def sum_trailing_rows(x: Floats) -> tuple[Floats, Floats]:
+def sum_lagged_products(x: Floats) -> tuple[Floats, Floats]:
     """Sums of products by lag (columns, columns, LAGS), and their numbers of pairs (LAGS,)."""
     known = np.asarray(np.isfinite(x).all(axis=1), np.bool_)
     x = np.where(known[:, None], x, 0.0)
@@ -231,7 +233,7 @@ def response_of_each_column(axis: tuple[str, ...], machine: Machine) -> list[Col
         else name
         for name in axis
     ]
-    filtered = any(channel.differentiates for channel in channels.values())
+    filtered = any(channel.is_derivative for channel in channels.values())
     cutoff = machine.settings.filter.cutoff_hz / machine.settings.align.rate_hz
     found: list[ColumnResponse] = []
     for name in names:

@@ -112,7 +112,7 @@ def cut_pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
 
 
 def _subtract_piece_line(part: Floats) -> Floats:
-    """Subtract mean and trend of each column."""
+    """The piece (n, columns) without mean and linear trend of each column."""
     ramp = np.linspace(-1.0, 1.0, len(part))[:, None]
     level = part - part.mean(axis=0)
     return level - ramp * ((ramp * level).sum(axis=0) / (ramp**2).sum())
@@ -153,7 +153,7 @@ def _spectral_density_at_zero(found: Floats) -> Floats:
 
 
 def block_ends(flags: Bools) -> Ints:
-    """Last rows of half-overlapping blocks inside runs of True; many are sampled."""
+    """Last rows (blocks,) of half-overlapping blocks inside runs of True; many are sampled."""
     rows = np.arange(flags.size)
     # the last row before the run
     begun = np.maximum.accumulate(np.where(flags, -1, rows))
@@ -201,7 +201,7 @@ def block_frequencies() -> Floats:
 
 
 def average_over_neighbours(power: Floats, reach: int) -> Floats:
-    """Mean of each frequency and up to `reach` neighbours on either side."""
+    """Mean (frequencies,) of each one and up to `reach` neighbours on either side."""
     kernel = np.ones(2 * reach + 1)
     known = np.isfinite(power)
     total = np.convolve(np.where(known, power, 0.0), kernel, "same")

@@ -48,11 +48,13 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
     """
     raw, series = _make_channel_and_regressor_series(channels, machine)
     start, end = common_span_ns(required_series(series))
-    origin = Origin(start, latency_ns(series, machine) if machine.settings.filter.causal else 0)
+    origin = Origin(
+        start, grid_latency_ns(series, machine) if machine.settings.filter.causal else 0
+    )
     grid = _make_grid_without_holes(
         required_series(series), start, end, 1e9 / machine.settings.align.rate_hz
     )
-    return aligned_rows(raw, series, grid, origin, machine), start + origin.late_ns
+    return align_at_instants(raw, series, grid, origin, machine), start + origin.late_ns
 
 
 class Origin(NamedTuple):
@@ -67,14 +69,14 @@ class Origin(NamedTuple):
     late_ns: int
 
 
-def find_origin(channels: Mapping[str, pl.DataFrame], machine: Machine) -> Origin:
+def find_grid_origin(channels: Mapping[str, pl.DataFrame], machine: Machine) -> Origin:
     """Origin of a grid, from the first seconds of the channels in a causal replay.
 
     Raises:
         DataError: the channels do not overlap in time yet.
     """
     _, series = _make_channel_and_regressor_series(channels, machine)
-    return Origin(common_span_ns(required_series(series))[0], latency_ns(series, machine))
+    return Origin(common_span_ns(required_series(series))[0], grid_latency_ns(series, machine))
 
 
 def align_on_grid(
@@ -110,7 +112,7 @@ def align_on_grid(
         grid = np.empty(0, np.int64)
     else:
         grid = _make_grid_without_holes(needed, origin.start_ns, end, step_ns, first)
-    return aligned_rows(raw, series, grid, origin, machine)
+    return align_at_instants(raw, series, grid, origin, machine)
 
 
 def _make_channel_and_regressor_series(
@@ -127,7 +129,7 @@ def required_series(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSer
     return {name: each for name, each in series.items() if name not in HINTS}
 
 
-def aligned_rows(
+def align_at_instants(
     raw: Mapping[str, ChannelSeries],
     series: Mapping[str, ChannelSeries],
     grid: Ints,
@@ -145,7 +147,7 @@ def aligned_rows(
         if each is not raw[name]:
             # between two stamps of the slowest channel, a faster one may have a gap
             stale = stale | np.isnan(raw[name].values_at(instants))
-        columns[name] = np.where(stale, np.nan, rates.wrap_angle(name, x))
+        columns[name] = np.where(stale, np.nan, rates.rewrap_angle(name, x))
         if name not in HINTS:
             gap |= np.isnan(columns[name])
     columns = mounting.move_to_origin(columns, machine.machine.imu)
@@ -160,7 +162,7 @@ def alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> l
     }
     said = [str(each) for each in rates.find_rate_limited_regressors(raw, machine)]
     if machine.settings.filter.causal:
-        late_s = latency_ns(_reduce_channels(raw, machine), machine) / 1e9
+        late_s = grid_latency_ns(_reduce_channels(raw, machine), machine) / 1e9
         said.append(f"causal: a row holds the motion {late_s:.4g} s before it (align.latency_s)")
     return said
 
@@ -188,7 +190,7 @@ def common_span_ns(needed: Mapping[str, ChannelSeries]) -> tuple[int, int]:
     return start, end
 
 
-def latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
+def grid_latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
     """Latency of the settings, or the period of the regressor's slowest channel."""
     given = machine.settings.align.latency_s
     if given is not None:
@@ -228,7 +230,7 @@ class KnownInstants:
 def _make_grid_without_holes(
     needed: Mapping[str, ChannelSeries], start: int, end: int, step_ns: float, first: int = 0
 ) -> Ints:
-    """Grid points from start to end, without the inside of long holes.
+    """Grid points (rows,) in ns from start to end, without the inside of long holes.
 
     `first` is the number of the first point.
     """

@@ -41,7 +41,7 @@ class RelativeDrift(NamedTuple):
     drift_std_ppm: float
 
 
-def clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
+def measure_clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
     """Measure the drift of each topic's header stamps against log time.
 
     The log is cut into 24 parts; the slope of the line through the parts' low latencies is the
@@ -71,11 +71,11 @@ def clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
     return pl.DataFrame(rows, schema=_SCHEMA, orient="row")
 
 
-def relative_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
+def find_largest_relative_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
     """The two topics whose clocks differ most, in standard deviations.
 
     Args:
-        drifts: frame from `clock_drifts`.
+        drifts: frame from `measure_clock_drifts`.
 
     Returns:
         None if fewer than two topics have a drift.
@@ -104,9 +104,9 @@ def _fit_line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | 
     members = [each for each in members if each.size >= _FEWEST_IN_PART]
     if len(members) < _FEWEST_PARTS:
         return None
-    slope = median_slope(*quantile_of_each_part(time_s, latency_s, members, 0.5, 0.0))
+    slope = median_slope(*middles_and_quantiles_of_parts(time_s, latency_s, members, 0.5, 0.0))
     # anew without the slope: within a part it would choose the early or the late ones
-    t, y = quantile_of_each_part(time_s, latency_s, members, _QUANTILE, slope)
+    t, y = middles_and_quantiles_of_parts(time_s, latency_s, members, _QUANTILE, slope)
     slope = median_slope(t, y)
     residual = y - slope * t
     residual -= np.median(residual)
@@ -117,10 +117,10 @@ def _fit_line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | 
     return slope, max(float(std), _RESOLUTION_S / span_s)
 
 
-def quantile_of_each_part(
+def middles_and_quantiles_of_parts(
     time_s: Floats, latency_s: Floats, members: list[NDArray[np.int64]], q: float, slope: float
 ) -> tuple[Floats, Floats]:
-    """Middle of each part, and quantile of its distances from a line through 0."""
+    """Middle of each part in s, and quantile of its distances from a line through 0, (parts,)."""
     t = np.array([(time_s[each].min() + time_s[each].max()) / 2 for each in members])
     off = latency_s - slope * time_s
     return t, np.array([np.quantile(off[each], q) for each in members]) + slope * t

@@ -14,7 +14,7 @@ from analysis.expressions.parse import (
     iter_channel_names,
     iter_differentiated_channels,
 )
-from analysis.expressions.values import NEAR_ZERO, evaluate
+from analysis.expressions.values import NEAR_ZERO, evaluate_and_count_near_zero
 from analysis.model.loss import Loss
 from analysis.model.machine import Channel, Machine
 from analysis.model.machine_body import BODY_NUMBERS
@@ -58,7 +58,7 @@ def derive(
     """
     settings = machine.settings
     notes: list[str] = []
-    filtering = any(channel.differentiates for channel in machine.channels.values())
+    filtering = any(channel.is_derivative for channel in machine.channels.values())
     picked = _low_pass_channel(read, settings, notes) if filtering else dict(read)
 
     series = mounting.rotate_to_machine_axes(picked, machine.machine.imu, settings.align)
@@ -86,7 +86,7 @@ def derive(
         name: [pl.Series("unix_ns", t), pl.Series(name, x)] for name, (t, x) in series.items()
     }
     if settings.filter.causal:
-        for name, known_ns in sample_known_times(read, picked, series, machine).items():
+        for name, known_ns in known_times_of_samples(read, picked, series, machine).items():
             columns[name].append(pl.Series("known_ns", known_ns))
     return {name: pl.DataFrame(each) for name, each in columns.items()}, notes
 
@@ -155,7 +155,7 @@ def _evaluate_arithmetic(
     for each in BODY_NUMBERS:
         number = getattr(machine.machine, each)
         values[each] = np.full(at.size, np.nan if number is None else number)
-    x, near_zero = evaluate(tree, values, at.size)
+    x, near_zero = evaluate_and_count_near_zero(tree, values, at.size)
     if near_zero:
         notes.append(
             f"{name}: {near_zero:,} of {at.size:,} samples divide by nearly zero (below "
@@ -222,7 +222,7 @@ def _angle_from_orientation(
     machine: Machine,
     losses: list[Loss],
 ) -> tuple[filters.Ints, filters.Floats]:
-    """Angle of the machine from the orientation of its IMU."""
+    """Stamps and angle of the machine in rad, (n,) each, from its IMU's orientation."""
     assert channel.angle_of is not None
     angle, quaternion = channel.angle_of
     parts = np.stack([_numbers_of_field(name, channel, field, frame) for field in channel.fields])
@@ -233,7 +233,7 @@ def _angle_from_orientation(
 def pick_field_of_channel(
     name: str, channel: Channel, frame: pl.DataFrame, losses: list[Loss]
 ) -> tuple[filters.Ints, filters.Floats]:
-    """Stamps and values of a channel's field in SI units."""
+    """Stamps and values of a channel's field in SI units, (n,) each."""
     field = str(channel.field)
     gain, offset = (
         gain_and_offset_to_si(channel.unit, unit_of_name(name)) if channel.unit else (1.0, 0.0)
@@ -262,13 +262,13 @@ def usable_readings(
     x: filters.Floats,
     losses: list[Loss],
 ) -> tuple[filters.Ints, filters.Floats]:
-    """Valid readings at their times of measurement, the last of each stamp."""
+    """Times of measurement and valid readings, (n,) each; the last one of each stamp."""
     where = f"{field} of {channel.topic or 'the table'}"
     t = frame["unix_ns"].to_numpy()
     delay_ns = round(channel.delay_s * 1e9)
     if t.size > 1 and (np.abs(x) <= _LARGEST_SI).all() and (np.diff(t) > 0).all():
         # nothing to leave out: what a follower has at nearly every look
-        return t - delay_ns, flush_unresolved(x)
+        return t - delay_ns, zero_unresolved(x)
     finite = np.isfinite(x)
     if not finite.any():
         raise DataError(f"{name}: {where} holds no number in {x.size} samples")
@@ -299,7 +299,7 @@ def usable_readings(
     t, x = t[told][last], x[told][last]
     if t.size < 2:
         raise DataError(f"{name}: {where} holds a single sample")
-    return t - delay_ns, flush_unresolved(x)
+    return t - delay_ns, zero_unresolved(x)
 
 
 def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
@@ -308,11 +308,11 @@ def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series
         raise DataError(
             f"{name}: no stretch of the log without gaps is long enough to derive this channel"
         )
-    return t, flush_unresolved(x)
+    return t, zero_unresolved(x)
 
 
-def flush_unresolved(x: filters.Floats) -> filters.Floats:
-    """Set values below any sensor's resolution to 0; filters ring down to the smallest number."""
+def zero_unresolved(x: filters.Floats) -> filters.Floats:
+    """Values (n,) with those below any sensor's resolution set to 0: filters ring down long."""
     return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
 
 
@@ -325,11 +325,11 @@ def mean_of_channels(
     """
     if filters.period_ns(b[0]) > filters.OTHER_RATE * filters.period_ns(a[0]):
         a, b = b, a
-    t, other = filters.interpolate_line(*b, a[0], filters.longest_step_ns(b[0], settings))
+    t, other = filters.interpolate_linearly(*b, a[0], filters.longest_step_ns(b[0], settings))
     return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0
 
 
-def sample_known_times(
+def known_times_of_samples(
     read: Mapping[str, mounting.Series],
     picked: Mapping[str, mounting.Series],
     series: Mapping[str, mounting.Series],

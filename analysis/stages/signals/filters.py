@@ -124,7 +124,9 @@ def _three_sample_slope(t_ns: Ints, x: Floats) -> Floats:
     return (before * rise + after * fall) / (before + after)
 
 
-def interpolate_line(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> tuple[Ints, Floats]:
+def interpolate_linearly(
+    t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float
+) -> tuple[Ints, Floats]:
     """Interpolate linearly at ascending instants, except across steps longer than `longest_ns`.
 
     Returns:

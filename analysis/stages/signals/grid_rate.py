@@ -36,7 +36,7 @@ def machine_at_rate_of_log(
         The completed machine, and notes on values other than the paper's.
     """
     settings = machine.settings
-    slowest, own_hz = slowest_channel(read, machine)
+    slowest, own_hz = slowest_channel_and_rate_hz(read, machine)
     rate_hz = settings.align.rate_hz
     chosen: dict[str, float] = {}
     if "rate_hz" not in settings.align.model_fields_set:
@@ -61,12 +61,14 @@ def machine_at_rate_of_log(
     return machine.model_copy(update={"settings": settings}), [said] if differs else []
 
 
-def rows_in_duration(seconds: float, rate_hz: float, least: int = 1) -> int:
-    """Number of grid rows in a duration, at least `least`."""
-    return max(round(seconds * rate_hz), least)
+def rows_in_duration(seconds: float, rate_hz: float, min_rows: int = 1) -> int:
+    """Number of grid rows in a duration, at least `min_rows`."""
+    return max(round(seconds * rate_hz), min_rows)
 
 
-def slowest_channel(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[str, float]:
+def slowest_channel_and_rate_hz(
+    read: Mapping[str, mounting.Series], machine: Machine
+) -> tuple[str, float]:
     """Name and rate in Hz of the slowest channel of the regressor."""
     names = {
         source

@@ -87,7 +87,7 @@ def axes_turned_with(name: str, given: Iterable[str], imu: ImuMounting) -> tuple
 
 
 def _interpolate_at(series: Series, t: Ints, settings: AlignSettings) -> Series:
-    return filters.interpolate_line(*series, t, filters.longest_step_ns(series[0], settings))
+    return filters.interpolate_linearly(*series, t, filters.longest_step_ns(series[0], settings))
 
 
 def move_to_origin(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:

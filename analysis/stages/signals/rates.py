@@ -93,7 +93,7 @@ def mean_step_ns(t_ns: Ints, longest_ns: float, step_ns: float) -> float:
     return float(steps.mean()) if steps.size else step_ns
 
 
-def wrap_angle(name: str, x: Floats) -> Floats:
+def rewrap_angle(name: str, x: Floats) -> Floats:
     """Wrap an angle again that `make_channel_series` has unwrapped."""
     if name not in _WHOLE_TURN:
         return x
@@ -190,19 +190,19 @@ def find_rate_limited_regressors(
 
 
 def reduce_to_slowest_channel(
-    series: Mapping[str, ChannelSeries], each: ReducedRegressor
+    series: Mapping[str, ChannelSeries], regressor: ReducedRegressor
 ) -> dict[str, ChannelSeries]:
     """Take all channels of a regressor at the stamps of its slowest channel.
 
     All are means over the same span, since single samples of a fast channel would contain its
     vibration. A difference over two steps is such a mean already.
     """
-    slowest = series[each.slowest]
+    slowest = series[regressor.slowest]
     at_ns = slowest.t_ns
     values: dict[str, Floats] = {}
     known: list[Ints] = []
-    for name in each.names:
-        wait_ns = 0 if name in each.derived else each.span_ns // 2
+    for name in regressor.names:
+        wait_ns = 0 if name in regressor.derived else regressor.span_ns // 2
         values[name] = (
             _average_curved_signal(series[name], at_ns, 2 * wait_ns)
             if wait_ns

@@ -55,5 +55,8 @@ class Decoder(Protocol):
 def frame_schema_of_fields(fields: Sequence[Field]) -> pl.Schema:
     """Schema of the frame with these fields."""
     return pl.Schema(
-        {**dict.fromkeys(OWN_COLUMNS, pl.Int64()), **{field.name: field.dtype for field in fields}}
+        {
+            **dict.fromkeys(OWN_COLUMNS, pl.Int64()),
+            **{field.name: field.column_dtype for field in fields},
+        }
     )

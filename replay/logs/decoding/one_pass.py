@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Bytes, Ints
-from estimators.interpreted import uncounted
+from estimators.interpreted import compiled_without_refcounts
 from replay.logs.decoding.direct_fields import GatherPlan
 from replay.logs.decoding.gather_values import copy_equal, load_column_values, make_string_view
 from replay.logs.decoding.walk_program import (
@@ -56,7 +56,7 @@ def reserve_rows(gather_plan: GatherPlan, rows: int) -> GatheredRows:
     )
 
 
-@uncounted
+@compiled_without_refcounts
 def walk_and_gather(
     messages: EncodedMessages,
     encoding: Encoding,
@@ -90,7 +90,7 @@ def walk_and_gather(
         )
 
 
-@uncounted
+@compiled_without_refcounts
 def _gather_columns(
     data: Bytes,
     walk_notes: WalkNotes,

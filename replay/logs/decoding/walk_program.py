@@ -10,7 +10,7 @@ joints, so that they are compared as well, and what is the same is UTF-8 again. 
 repeats all of these has the marks of the one before, moved.
 
 An array that one compiled function hands to another costs as much as a step where references to it
-are counted; here none are (`estimators.compiled.uncounted`).
+are counted; here none are (`estimators.compiled.compiled_without_refcounts`).
 """
 
 from typing import Final, NamedTuple
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Bytes, Ints
-from estimators.interpreted import compiled, inlined, uncounted
+from estimators.interpreted import compiled, compiled_without_refcounts, inlined
 from replay.logs.decoding.bytes_at import fetch, load32, load64
 from replay.logs.decoding.decode_program import Op, Operand
 
@@ -124,7 +124,7 @@ def make_empty_template(nodes: int) -> LayoutTemplate:
     return LayoutTemplate(checks, notes, np.zeros(nodes, np.int64), state)
 
 
-@uncounted
+@compiled_without_refcounts
 def walk_messages(
     messages: EncodedMessages,
     first: int,
@@ -425,7 +425,7 @@ def _name_encodings(data: NDArray[np.uint8], offsets: Ints, lengths: Ints, kinds
         kinds[k] = np.int64(data[at]) << 8 | data[at + 1] if lengths[k] >= 4 else TOO_SHORT
 
 
-@uncounted
+@compiled_without_refcounts
 def _is_utf8(data: NDArray[np.uint8], start: int, end: int) -> bool:
     """Whether bytes are valid UTF-8 (Unicode table 3-7), as Python decodes it."""
     at = start

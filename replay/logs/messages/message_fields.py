@@ -48,7 +48,7 @@ class Field:
     steps: tuple[PathStep, ...]
 
     @property
-    def dtype(self) -> pl.DataType:
+    def column_dtype(self) -> pl.DataType:
         """Type of its column, with a list for each `[]` in the path."""
         spreads = sum(step.element == ALL for step in self.steps)
         dtype = (ELEMENT_DTYPES if spreads else COLUMN_DTYPES)[self.kind]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from replay.logs.tables.csv_columns import CsvColumns
     from replay.logs.tables.dialect import Dialect, sniff_dialect
     from replay.logs.tables.only_time import describe_disagreement
-    from replay.logs.tables.text import Utf8Text, convert_to_utf8, read_head_lines
+    from replay.logs.tables.text import Utf8Text, convert_file_to_utf8, read_head_lines
     from replay.logs.tables.times import NS_PER_UNIT, TimeError
 
 __all__ = [
@@ -30,7 +30,7 @@ __all__ = [
     "TimeAxis",
     "TimeError",
     "Utf8Text",
-    "convert_to_utf8",
+    "convert_file_to_utf8",
     "describe_disagreement",
     "find_times",
     "read_head_lines",
@@ -47,7 +47,7 @@ __getattr__ = resolve_late(
         "TableTimes": "replay.logs.tables.axis",
         "TimeError": "replay.logs.tables.times",
         "Utf8Text": "replay.logs.tables.text",
-        "convert_to_utf8": "replay.logs.tables.text",
+        "convert_file_to_utf8": "replay.logs.tables.text",
         "describe_disagreement": "replay.logs.tables.only_time",
         "find_times": "replay.logs.tables.axis",
         "read_head_lines": "replay.logs.tables.text",

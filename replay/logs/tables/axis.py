@@ -25,7 +25,7 @@ from replay.logs.tables.time_parts import (
     calendar_times,
     fraction_column,
     fractions_ns,
-    keep_letters,
+    lower_case_letters,
 )
 from replay.logs.tables.times import (
     NS_PER_UNIT,
@@ -269,9 +269,9 @@ def _rank_time_columns(
     ranked: list[tuple[bool, int, int, int]] = []
     for place, column in enumerate(columns):
         # what stands behind a number is an axis or a state: time1, t_2
-        bare = keep_letters(column.bare)
-        if keep_letters(column.name) in ("mstoday", "timeus", "timems"):
-            bare = keep_letters(column.name)
+        bare = lower_case_letters(column.bare)
+        if lower_case_letters(column.name) in ("mstoday", "timeus", "timems"):
+            bare = lower_case_letters(column.name)
         if re.search(r"\d", re.sub(r" \(\d+\)$", "", column.bare)):
             continue
         if bare in _NAMES and (column.unit is None or column.unit in _NS):
@@ -300,7 +300,7 @@ def unit_of_name(column: ColumnName) -> str | None:
         )
     if column.unit in _NS:
         return column.unit
-    return _UNITS.get(keep_letters(column.name)) or (
+    return _UNITS.get(lower_case_letters(column.name)) or (
         unit if (unit := split_unit(column.name)[1]) in _NS else None
     )
 
@@ -312,12 +312,12 @@ def _find_date_column(
     own = cells(place)[:5]
     if not own or not all(is_clock(cell) for cell in own) or any(is_date(c[:10]) for c in own):
         return None
-    dated = keep_letters(columns[place].bare).replace("time", "date")
+    dated = lower_case_letters(columns[place].bare).replace("time", "date")
     dates = [
         column.name
         for k, column in enumerate(columns)
         if k != place
-        and keep_letters(column.bare) in (*_DATES, dated)
+        and lower_case_letters(column.bare) in (*_DATES, dated)
         and all(map(is_date, cells(k)[:5] or ""))
     ]
     return dates[0] if dates else None

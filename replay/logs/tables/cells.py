@@ -7,7 +7,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.model.physical_units import spelt_unit
+from analysis.model.physical_units import pint_name_of_unit
 
 _EXPONENT: Final = r"(?:[eEdD][+-]?\d+)?"
 #: What may stand between thousands, by the decimal sign; no-break and narrow blanks too.
@@ -99,7 +99,7 @@ def unit_in_cell(cell: str, decimal: str) -> str | None:
     match = _MEASURE.fullmatch(cell)
     if match is None or not _NUMBERS[decimal].fullmatch(match["number"]):
         return None
-    return match["unit"] if spelt_unit(match["unit"]) else None
+    return match["unit"] if pint_name_of_unit(match["unit"]) else None
 
 
 def common_unit(cells: Sequence[str], decimal: str) -> str | None:

@@ -16,7 +16,7 @@ from replay.logs.tables.dialect import BLANKS, first_cells_of_column, sniff_dial
 from replay.logs.tables.hints import TableHints
 from replay.logs.tables.text import (
     Utf8Text,
-    convert_to_utf8,
+    convert_file_to_utf8,
     copy_with_ascii_digits,
     copy_with_tabs,
     copy_without_torn_quote,
@@ -53,7 +53,7 @@ class CsvColumns:
             BrokenBytesError: it is not a table.
             DialectError: its dialect is ambiguous.
         """
-        self._text = convert_to_utf8(path, hints.encoding)
+        self._text = convert_file_to_utf8(path, hints.encoding)
         try:
             self._replace_text_file(copy_with_ascii_digits(self._text))
             self._dialect = sniff_dialect(read_head_lines(self._text.path), hints)

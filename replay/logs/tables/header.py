@@ -6,7 +6,11 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final
 
-from analysis.model.physical_units import gain_and_offset_to_si, spelt_unit, split_unit_from_name
+from analysis.model.physical_units import (
+    gain_and_offset_to_si,
+    pint_name_of_unit,
+    split_unit_from_name,
+)
 from estimators.errors import MachineError
 from replay.logs.tables.hints import DialectError
 
@@ -54,7 +58,7 @@ def column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[Column
         units: cells of the row of units; () without one.
     """
     over = [_OVER.fullmatch(cell.strip()) for cell in cells]
-    is_over = len(cells) > 1 and all(match and spelt_unit(match["unit"]) for match in over)
+    is_over = len(cells) > 1 and all(match and pint_name_of_unit(match["unit"]) for match in over)
     found: list[ColumnName] = []
     taken: dict[str, int] = {}
     for number, cell in enumerate(cells, start=1):
@@ -66,9 +70,9 @@ def column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[Column
         taken[stated], taken[name] = again, taken.get(name, 0)
         bare, unit = split_unit(stated)
         if is_over and (match := over[number - 1]):
-            bare, unit = match["name"], spelt_unit(match["unit"])
+            bare, unit = match["name"], pint_name_of_unit(match["unit"])
         row_unit = units[number - 1] if number <= len(units) else ""
-        found.append(ColumnName(name, bare, spelt_unit(row_unit) or unit))
+        found.append(ColumnName(name, bare, pint_name_of_unit(row_unit) or unit))
     return found
 
 
@@ -81,7 +85,7 @@ def refuse_two_units(cells: Sequence[str], units: Sequence[str], line: int) -> N
         DialectError: a column has two units.
     """
     for cell, stated in zip(cells, units, strict=False):
-        name, row = split_unit(" ".join(cell.split()))[1], spelt_unit(stated)
+        name, row = split_unit(" ".join(cell.split()))[1], pint_name_of_unit(stated)
         if name is None or row is None or name == row:
             continue
         with suppress(MachineError):
@@ -104,12 +108,12 @@ def split_unit(name: str) -> tuple[str, str | None]:
         return name, None
     for form in (_BRACKETS, _BEHIND, _MIDDLE):
         match = form.fullmatch(name)
-        unit = spelt_unit(match["unit"]) if match and match["name"] else None
+        unit = pint_name_of_unit(match["unit"]) if match and match["name"] else None
         if match and unit:
             rest = match["rest"] if form is _MIDDLE else ""
             return f"{match['name'].strip()} {rest}".strip(), unit
     if (match := _REMARK.fullmatch(name)) and (remarked := _BEHIND.fullmatch(match["name"])):
-        unit = spelt_unit(remarked["unit"])
+        unit = pint_name_of_unit(remarked["unit"])
         if unit:
             return remarked["name"].strip(), unit
     return split_unit_from_name(name)
@@ -129,7 +133,7 @@ def name_before_dash(column: ColumnName) -> ColumnName:
 def states_multiple(name: str) -> bool:
     """Whether a name states a multiple of a unit: `Time [0.1 ms]`."""
     match = _MULTIPLE.fullmatch(name)
-    return match is not None and spelt_unit(match["unit"]) is not None
+    return match is not None and pint_name_of_unit(match["unit"]) is not None
 
 
 def zone_offset_s(name: str) -> int | None:
@@ -144,7 +148,7 @@ def zone_offset_s(name: str) -> int | None:
 def is_units(cells: Sequence[str], *, half: bool = False) -> bool:
     """Whether a row contains only units, most of them known (half with `half`)."""
     said = [cell.strip() for cell in cells if cell.strip()]
-    known = sum(spelt_unit(cell) is not None for cell in said)
+    known = sum(pint_name_of_unit(cell) is not None for cell in said)
     blank = sum(cell.strip("[]() ") in ("", "-", "–", "1", "bool", "none") for cell in said)
     # a unit that is not known is still short, or in brackets
     short = sum(len(cell) <= _LONGEST_UNIT or cell[0] in "[(" for cell in said)

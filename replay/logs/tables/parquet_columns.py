@@ -10,7 +10,7 @@ import polars as pl
 import pyarrow as pa
 from pyarrow.parquet import ParquetFile
 
-from analysis.model.physical_units import spelt_unit
+from analysis.model.physical_units import pint_name_of_unit
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
 from replay.logs.tables.header import ColumnName, split_unit
 
@@ -138,7 +138,7 @@ def _name_column(name: str, metadata: dict[bytes, bytes], of_schema: str | None)
     """Column with the unit from its metadata, the schema's metadata, or its name."""
     stated = next((metadata[key] for key in _UNIT_KEYS if key in metadata), b"")
     bare, unit = split_unit(name)
-    own = spelt_unit(stated.decode("utf-8", "replace"))
+    own = pint_name_of_unit(stated.decode("utf-8", "replace"))
     return ColumnName(name, bare, own or of_schema or unit)
 
 
@@ -151,7 +151,7 @@ def units_of_schema(metadata: Mapping[str, str], names: Sequence[str]) -> dict[s
     """
     found: dict[str, str] = {}
     for name, text in _iter_stated_units(metadata, names):
-        unit = spelt_unit(text)
+        unit = pint_name_of_unit(text)
         if unit is not None:
             found.setdefault(name, unit)
     return found

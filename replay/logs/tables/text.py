@@ -51,7 +51,7 @@ class Utf8Text:
     notes: tuple[str, ...] = ()
 
 
-def convert_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
+def convert_file_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
     """The table in UTF-8, by a copy if it has another encoding.
 
     Args:
@@ -95,7 +95,7 @@ def _unpack_gzip(path: Path, encoding: str | None) -> Utf8Text:
                 if left < 0:
                     raise BrokenBytesError(f"it unpacks to more than {_LARGEST_UNPACKED >> 30} GiB")
                 file.write(piece)
-        text = convert_to_utf8(place, encoding) if place.stat().st_size else None
+        text = convert_file_to_utf8(place, encoding) if place.stat().st_size else None
     except (OSError, EOFError, zlib.error) as error:
         folder.cleanup()
         raise BrokenBytesError(f"it cannot be unpacked: {error}") from error

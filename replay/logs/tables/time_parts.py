@@ -31,7 +31,7 @@ _FRACTIONS: Final = {
 _BEGINNINGS: Final = {"milli": "ms", "micro": "us", "nano": "ns"}
 
 
-def keep_letters(text: str) -> str:
+def lower_case_letters(text: str) -> str:
     """Name in lower case, letters only."""
     return "".join(each for each in text.lower() if each.isalpha())
 
@@ -41,7 +41,7 @@ def calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
 
     Empty if one of them is missing.
     """
-    by_word = {keep_letters(column.name): column.name for column in reversed(columns)}
+    by_word = {lower_case_letters(column.name): column.name for column in reversed(columns)}
     found = [next((by_word[w] for w in words if w in by_word), None) for words in _CALENDAR]
     clock = found[_DAY_PARTS:]
     if None in clock:
@@ -72,7 +72,7 @@ def fraction_column(
     if not own or any(re.search(r"[.,]\d|:\d+:\d+:", cell) for cell in own):
         return None
     is_clock = any(":" in cell for cell in own)
-    names = [keep_letters(columns[place].name)]
+    names = [lower_case_letters(columns[place].name)]
     if not is_clock and not any(
         name in ("sec", "secs", "second", "seconds", "s", "ss") for name in names
     ):
@@ -91,7 +91,7 @@ def fraction_column(
 
 def fraction_unit(name: str) -> str | None:
     """Unit of fractions of a second in a name: `nanosec`, `Millitm`."""
-    word = keep_letters(name)
+    word = lower_case_letters(name)
     by_beginning = (unit for start, unit in _BEGINNINGS.items() if word.startswith(start))
     return _FRACTIONS.get(word) or next(by_beginning, None)
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from analysis.cycles.cycles import weigh_cycles
 from analysis.cycles.cycles_without_mass import estimate_cycles_in_gaps, find_channel_gaps_ns
-from analysis.cycles.payload_target import check_target
+from analysis.cycles.payload_target import judge_payload_target
 from analysis.cycles.shift_totals import recount_shift, sum_shift
 from analysis.model.schema import FRAMES
 from analysis.model.verdict import Verdict
@@ -168,6 +168,6 @@ def test_a_tenth_may_be_above_110_percent_none_above_120_and_the_mean_at_the_tar
     payloads: list[float], keeps: bool
 ) -> None:
     table = pl.DataFrame({"payload_kg": payloads, "payload_u_kg": [0.1] * len(payloads)})
-    judged = check_target(table, 100.0)
+    judged = judge_payload_target(table, 100.0)
     assert judged is not None
     assert judged.keeps is keeps

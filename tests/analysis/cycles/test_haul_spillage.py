@@ -10,7 +10,7 @@ from polars.testing import assert_frame_equal
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.haul_spillage import estimate_arriving_share, subtract_spillage
+from analysis.cycles.haul_spillage import arriving_share_and_u, subtract_spillage
 from analysis.cycles.load_passes import Passes
 from analysis.cycles.shift_totals import sum_shift
 from analysis.model.machine import Machine
@@ -35,7 +35,7 @@ def spilling(share: float | None, u: float | None = None) -> Machine:
 def test_a_load_weighed_under_way_arrives_with_what_has_not_poured_yet(
     share: float, progress: float, u: float
 ) -> None:
-    arriving, _ = estimate_arriving_share(np.array([0.0, progress, 1.0]), body(share, u))
+    arriving, _ = arriving_share_and_u(np.array([0.0, progress, 1.0]), body(share, u))
     assert arriving[0] == pytest.approx(1.0 - share)
     assert arriving[2] == pytest.approx(1.0)
     load_kg = 1000.0
@@ -48,11 +48,10 @@ def test_its_uncertainty_is_the_slope_by_the_stated_share(share: float, progress
     at = np.array([progress])
     step, u = 1e-6, 0.03
     slope = (
-        estimate_arriving_share(at, body(share + step))[0]
-        - estimate_arriving_share(at, body(share))[0]
+        arriving_share_and_u(at, body(share + step))[0] - arriving_share_and_u(at, body(share))[0]
     ) / step
-    by_place = estimate_arriving_share(at, body(share, 0.0))[1]
-    whole = estimate_arriving_share(at, body(share, u))[1]
+    by_place = arriving_share_and_u(at, body(share, 0.0))[1]
+    whole = arriving_share_and_u(at, body(share, u))[1]
     assert whole == pytest.approx(np.hypot(slope * u, by_place), rel=1e-4, abs=1e-9)
 
 

@@ -42,7 +42,7 @@ class TestWheelsAgainstTheAccelerometer:
         deaf = np.where(np.sin(2.0 * np.pi * car.t / 13.0) > 0.0, 1.0, 0.3)
         found = car.but(acc=car.acc * deaf).replayed(tmp_path)
         # minutes that disagree make the answer poor, beside which the wheels may be near
-        assert {check.check for check in found.verdict.failed("mass")} & {
+        assert {check.check for check in found.verdict.withholding_checks("mass")} & {
             "wheel_imu_residual",
             "relative_u",
         }
@@ -104,7 +104,7 @@ class TestFrozen:
 
     def test_over_the_only_starts_it_withholds(self, tmp_path: Path) -> None:
         found = driven().frozen(*starts(driven())).replayed(tmp_path)
-        assert "frozen_s" in {check.check for check in found.verdict.failed("mass")}
+        assert "frozen_s" in {check.check for check in found.verdict.withholding_checks("mass")}
         findings = found.run.frames["findings"]
         assert findings.filter(findings["cause"] == "frozen")["severity"].to_list() == ["withhold"]
 
@@ -134,7 +134,9 @@ class TestLimits:
     def test_a_sensor_that_clips_there_does_not(self, tmp_path: Path) -> None:
         car = driven()
         found = car.but(force=np.minimum(car.force, 2500.0)).replayed(tmp_path)
-        assert "clipped_share" in {check.check for check in found.verdict.failed("mass")}
+        assert "clipped_share" in {
+            check.check for check in found.verdict.withholding_checks("mass")
+        }
 
 
 class TestWhatIsNamed:
@@ -162,7 +164,7 @@ class TestWhatIsNamed:
         force[850] = 170.0
         found = self.signals(force)
         assert found.frozen_s == 0.0
-        assert found.clipping["force_x_N"] == (pytest.approx(0.299), 150.0)
+        assert found.clipped_share_and_limit["force_x_N"] == (pytest.approx(0.299), 150.0)
         begins_s = [begin / 1e9 for begin, _ in found.clipped_spans["force_x_N"]]
         assert begins_s == pytest.approx([1.0, 4.0, 8.0], abs=0.3)
 

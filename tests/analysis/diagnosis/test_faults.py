@@ -192,7 +192,9 @@ class TestConsequences:
     def test_withhold_takes_the_answer_and_every_method(self):
         log = situation("force late 150 ms")
         assert not log.verdict.can_weigh
-        assert [check.check for check in log.verdict.failed("mass")] == ["force_delay_s"]
+        assert [check.check for check in log.verdict.withholding_checks("mass")] == [
+            "force_delay_s"
+        ]
         assert log.load["mass_kg"] is None
         assert log.load["withheld_for"] == "force_delay_s"
         assert log.replayed.frames["masses"]["mass_kg"].null_count() == 2

@@ -8,16 +8,16 @@ import pytest
 from analysis.excitation.error_prediction import (
     Filters,
     MeasuredSignals,
+    make_window_system,
     sensor_noise_of_scenario,
     true_parameters,
-    window_system,
 )
 from analysis.excitation.excitation_design import (
     _score_shape,
-    best_score,
     design_excitation,
     determined_parameter_count,
     driveline_response_time_s,
+    find_best_score,
     scenario_with_manoeuvres,
 )
 from analysis.simulation import Scenario, solve_motion
@@ -65,7 +65,7 @@ def errors(made, drive, score, window_s, force_noise_N=None):
                 for each, std in zip(truth, noise, strict=True)
             )
         )
-        A, y = window_system(drive, filters, raw, noise)
+        A, y = make_window_system(drive, filters, raw, noise)
         found.append(np.linalg.lstsq(A, y)[0])
     return np.array(found), motion.body
 
@@ -177,7 +177,7 @@ def test_a_yard_rules_out_what_drives_beyond_it():
     reach = sorted(score.reach_m for score in long.scores)
     made = design_excitation(PLAIN, yard_m=reach[0] + 0.1)
     assert made.best.reach_m == pytest.approx(reach[0])
-    assert best_score(long.scores, 0.5) is None
+    assert find_best_score(long.scores, 0.5) is None
 
 
 def test_coulomb_friction_that_the_model_leaves_out_is_part_of_the_predicted_error():

@@ -6,7 +6,7 @@ import pytest
 
 from analysis import Settings
 from analysis.explain.determined_parameters import DeterminedParameters, find_determined_parameters
-from analysis.explain.worst_manoeuvres import gate_stretches, worst_manoeuvres
+from analysis.explain.worst_manoeuvres import list_gate_stretches, report_worst_manoeuvres
 from analysis.model.schema import REASON
 
 SETTINGS = Settings(noise={"force_N": 1.0, "acc_m_s2": 0.01, "speed_m_s": 0.01})
@@ -73,7 +73,7 @@ def test_the_gate_is_told_in_order_with_the_median_of_what_decided() -> None:
             "reason_x": pl.Series(reasons, dtype=REASON),
         }
     )
-    told = gate_stretches(gate, SETTINGS, 0, 6 * S)
+    told = list_gate_stretches(gate, SETTINGS, 0, 6 * S)
     assert [(e.reason, e.value, e.limit) for e in told] == [
         ("low_information", 0.2, "≥ 0.7"),
         ("accepted", 1.5, "≥ 0.7"),
@@ -93,5 +93,5 @@ def test_the_manoeuvre_furthest_from_its_load_stands_out_first() -> None:
             "mass_std_kg": [1.0, 2.0, 1.0],
         }
     )
-    first, *_ = worst_manoeuvres({"loads": loads, "manoeuvres": manoeuvres})
+    first, *_ = report_worst_manoeuvres({"loads": loads, "manoeuvres": manoeuvres})
     assert (first.start_s, first.deviations) == (10.0, pytest.approx(5.0))

@@ -15,7 +15,7 @@ from analysis.expressions.parse import (
     Number,
     parse_expression,
 )
-from analysis.expressions.values import evaluate
+from analysis.expressions.values import evaluate_and_count_near_zero
 from analysis.model.physical_units import unit_registry
 
 UNITS = {
@@ -89,7 +89,7 @@ def test_what_is_written_is_parsed_to_the_same_tree(tree: Expression) -> None:
 
 @given(trees)
 def test_values_are_those_of_polars(tree: Expression) -> None:
-    found, _ = evaluate(tree, X, 5)
+    found, _ = evaluate_and_count_near_zero(tree, X, 5)
     expected = FRAME.select(by_polars(tree).cast(pl.Float64).alias("x"))["x"].to_numpy()
     expected = np.broadcast_to(expected, 5)
     np.testing.assert_allclose(found, np.where(np.isfinite(expected), expected, np.nan), rtol=1e-12)
@@ -141,6 +141,8 @@ def test_what_is_no_arithmetic_is_refused_in_a_line(text: str) -> None:
 
 def test_division_near_zero_is_missing_and_counted() -> None:
     v = np.array([0.0, 0.001, 1.0, 2.0, -2.0])
-    found, near = evaluate(parse_expression("p / v"), {"p": np.full(5, 6.0), "v": v}, 5)
+    found, near = evaluate_and_count_near_zero(
+        parse_expression("p / v"), {"p": np.full(5, 6.0), "v": v}, 5
+    )
     np.testing.assert_allclose(found, [np.nan, np.nan, 6.0, 3.0, -3.0])
     assert near == 2

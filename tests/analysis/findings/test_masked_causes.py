@@ -3,7 +3,7 @@
 import polars as pl
 import pytest
 
-from analysis.findings import add_masked_findings, findings_of_first_hour
+from analysis.findings import add_masked_findings, cut_to_first_hour
 from analysis.model.machine import Machine
 from analysis.model.schema import frame_schema
 from benchmarks.weighed import machine
@@ -71,7 +71,7 @@ def _never(_: Machine) -> pl.DataFrame:
     ids=["nothing", "another", "behind another", "no proposal", "no scale"],
 )
 def test_what_hides_nothing_or_is_no_scale_is_left_as_it_is(found: pl.DataFrame) -> None:
-    assert add_masked_findings(found, machine(()), _never, whole=True) is found
+    assert add_masked_findings(found, machine(()), _never, is_whole_log=True) is found
 
 
 @pytest.mark.parametrize("again", [_found("sign_flipped", "delay", setting=LEFT), None])
@@ -83,7 +83,7 @@ def test_a_proposal_that_does_not_mend_is_not_believed(again: pl.DataFrame | Non
         return again
 
     found = _found("sign_flipped", setting=LEFT)
-    assert add_masked_findings(found, machine(()), look, whole=True) is found
+    assert add_masked_findings(found, machine(()), look, is_whole_log=True) is found
     assert [each.channels["torque_left_N_m"].scale for each in looks] == [-1.0]
 
 
@@ -94,7 +94,7 @@ def test_a_proposal_that_does_not_mend_is_not_believed(again: pl.DataFrame | Non
 def test_what_only_the_whole_log_shows_is_kept(whole: bool, kept: list[str]) -> None:
     found = _found("sign_flipped", "too_little_excitation", "gaps", setting=LEFT)
     both = add_masked_findings(
-        found, machine(()), lambda _: _found("offset", setting=None), whole=whole
+        found, machine(()), lambda _: _found("offset", setting=None), is_whole_log=whole
     )
     assert both["cause"].to_list() == kept
     assert both["rank"].to_list() == list(range(1, len(kept) + 1))
@@ -102,7 +102,7 @@ def test_what_only_the_whole_log_shows_is_kept(whole: bool, kept: list[str]) -> 
 
 def test_of_a_long_log_the_first_hour_of_all_topics_is_looked_at_once_more() -> None:
     hours = pl.DataFrame({"log_time_ns": [n * 1_800_000_000_000 for n in range(9)]})
-    assert findings_of_first_hour({"a": hours})["a"].height == 2
+    assert cut_to_first_hour({"a": hours})["a"].height == 2
     late = hours.select(pl.col("log_time_ns") + 7_200_000_000_000)
-    part = findings_of_first_hour({"a": hours, "b": late})
+    part = cut_to_first_hour({"a": hours, "b": late})
     assert (part["a"].height, part["b"].height) == (6, 2)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from analysis.fleet.machine_drifts import (
     ALLOWANCE,
     average_run_length,
-    chart_limit,
+    cusum_limit,
     make_control_chart,
     standardise_innovations,
     whiten_series,
@@ -35,7 +35,7 @@ def test_the_run_length_is_that_of_the_literature(limit: float, run_length: floa
 
 def test_the_limit_has_the_run_length_that_was_asked_for() -> None:
     for run_length in (100.0, 1000.0, 3000.0):
-        assert average_run_length(chart_limit(run_length)) == pytest.approx(
+        assert average_run_length(cusum_limit(run_length)) == pytest.approx(
             2.0 * run_length, rel=0.01
         )
 
@@ -90,7 +90,7 @@ def test_a_jump_is_flagged_where_it_begins_with_its_size() -> None:
     draw = np.random.default_rng(4)
     x = draw.normal(3600.0, 5.0, 200)
     x[120:] += 15.0
-    chart = make_control_chart(x, chart_limit(2190.0))
+    chart = make_control_chart(x, cusum_limit(2190.0))
     assert chart.flagged is not None
     assert chart.since is not None
     assert 120 <= chart.flagged < 132
@@ -102,7 +102,7 @@ def test_a_jump_is_flagged_where_it_begins_with_its_size() -> None:
 def test_one_day_with_a_broken_log_is_no_drift() -> None:
     x = np.random.default_rng(5).normal(3600.0, 5.0, 200)
     x[100] += 2000.0
-    assert make_control_chart(x, chart_limit(2190.0)).flagged is None
+    assert make_control_chart(x, cusum_limit(2190.0)).flagged is None
 
 
 def test_days_that_are_alike_in_a_row_are_told_from_a_drift() -> None:

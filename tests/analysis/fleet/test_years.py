@@ -5,7 +5,7 @@
 
 import pytest
 
-from analysis.fleet.machine_drifts import machine_charts
+from analysis.fleet.machine_drifts import make_machine_charts
 from benchmarks.fleet_years import alarms, flagged, year
 
 
@@ -13,7 +13,7 @@ from benchmarks.fleet_years import alarms, flagged, year
     ("signal", "drift"), [("zero", {"zero_a_month": 1.0}), ("friction", {"friction": 2.0})]
 )
 def test_a_drift_is_flagged_within_three_months(signal: str, drift: dict[str, float]) -> None:
-    after = [flagged(machine_charts(year(1000 + n, **drift)), signal) for n in range(20)]
+    after = [flagged(make_machine_charts(year(1000 + n, **drift)), signal) for n in range(20)]
     assert sum(each is not None and each <= 91 for each in after) >= 19
 
 
@@ -27,7 +27,7 @@ def test_after_a_calibration_the_baseline_is_found_anew() -> None:
     days = year(3000, zero_a_month=1.0)
     half = days.height // 2
     ids = pl.Series("calibration", ["a"] * half + ["b"] * (days.height - half))
-    charts = [c for c in machine_charts(days.with_columns(ids)) if c.signal.name == "zero"]
+    charts = [c for c in make_machine_charts(days.with_columns(ids)) if c.signal.name == "zero"]
     assert [chart.calibration for chart in charts] == ["a", "b"]
     assert [len(chart.days) for chart in charts] == [half, days.height - half]
     assert charts[1].chart.up[0] == 0.0

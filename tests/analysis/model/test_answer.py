@@ -14,7 +14,7 @@ from analysis.stages.estimation.masses import (
     withhold_masses,
 )
 from analysis.stages.estimation.trace import trace_estimates
-from analysis.stages.gating.gate import gate_windows, samples_in_windows
+from analysis.stages.gating.gate import gate_windows, mark_samples_in_windows
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 
 TRIP = ("standstill", "start", "brake", "standstill")
@@ -62,7 +62,7 @@ def test_the_answer_is_plain_json_by_method(replayed):
 
 def test_the_accepted_share_counts_samples_not_windows(replayed):
     run = replayed(WEIGHS)
-    inside = samples_in_windows(run.frames["gate"]["accepted_x"].to_numpy(), 320)
+    inside = mark_samples_in_windows(run.frames["gate"]["accepted_x"].to_numpy(), 320)
     assert answer(run).accepted_share == pytest.approx(inside.mean())
     assert answer(run).accepted_share > run.frames["gate"]["accepted_x"].mean()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.model.machine_body import Body
-from analysis.online.answer_progress import AnswerProgress, missing_text, target_u_kg
+from analysis.online.answer_progress import AnswerProgress, missing_manoeuvres_text, target_u_kg
 
 
 def after(masses: list[float], *, u_kg: float = 6.0, aim_kg: float | None = 3.0) -> AnswerProgress:
@@ -21,7 +21,7 @@ def test_before_the_first_start_nobody_knows_how_many_are_missing() -> None:
     assert nothing.u_kg is None
     assert nothing.starts_missing is None
     assert nothing.percent == 0.0
-    assert missing_text(None, None) == "a start that the gate accepts"
+    assert missing_manoeuvres_text(None, None) == "a start that the gate accepts"
 
 
 def test_a_start_of_twice_the_aim_needs_three_more() -> None:
@@ -57,8 +57,8 @@ def test_what_is_missing_is_shared_out_so_that_both_directions_have_as_many() ->
     ahead = after([3600.0, 3603.0])
     assert ahead.starts_missing is not None
     assert ahead.reverse_missing is not None
-    assert missing_text(2, 2) == "2 more starts in reverse"
-    assert missing_text(3, 1) == "2 more starts forward and 1 more start in reverse"
+    assert missing_manoeuvres_text(2, 2) == "2 more starts in reverse"
+    assert missing_manoeuvres_text(3, 1) == "2 more starts forward and 1 more start in reverse"
     assert ahead.forward + ahead.starts_missing - ahead.reverse_missing == pytest.approx(
         ahead.reverse + ahead.reverse_missing, abs=1
     )

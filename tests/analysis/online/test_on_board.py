@@ -9,14 +9,14 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from analysis.model.axes import X, Z, estimated_parameters, rows_of_axis
+from analysis.model.axes import X, Z, read_parameters_and_stds, select_rows_of_axis
 from analysis.model.methods import METHODS
 from analysis.model.settings import Settings
 from analysis.online import on_board as online
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import pooled_samples
-from analysis.stages.noise.channel_noise import channel_noise
+from analysis.stages.gating.segments import pooled_manoeuvre_of_samples
+from analysis.stages.noise.channel_noise import estimate_channel_noise
 from tests.analysis import plane_drives as plane
 from tests.analysis.noisy_logs import noisy_log
 from tests.analysis.settings_by_name import settings_of
@@ -54,9 +54,9 @@ def assert_as_in_replay(excitation, settings, noise=None, axis=X):
             np.testing.assert_array_equal(mine, expected)
     times = excitation["t_ns"].to_numpy()
     for method, rows in found.items():
-        frame = rows_of_axis(axis, frames[method])
+        frame = select_rows_of_axis(axis, frames[method])
         assert [times[at] for at, _ in rows] == frame["t_ns"].to_list(), method
-        expected, _ = estimated_parameters(axis, frame)
+        expected, _ = read_parameters_and_stds(axis, frame)
         theta = np.array([e.theta for _, e in rows]).reshape(expected.shape)
         np.testing.assert_array_equal(theta, expected, err_msg=method)
     return gated, found
@@ -123,7 +123,7 @@ def examples(number):
 def noise():
     """The noise of a log with a derived acceleration: it refuses some windows."""
     log = noisy_log("derived acceleration", 8)
-    return channel_noise(log.aligned, log.excitation, log.machine)
+    return estimate_channel_noise(log.aligned, log.excitation, log.machine)
 
 
 @given(log=logs(), settings=choices(), known=st.booleans())
@@ -206,7 +206,7 @@ def test_a_log_without_an_accelerometer_or_any_row(two_starts):
 def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_starts):
     """Braking is seen at once, so the manoeuvre that it ends is over then."""
     settings = Settings(trace={"methods": ("pooled",)})
-    numbers = pooled_samples(two_starts, gate_windows(two_starts, settings), settings)
+    numbers = pooled_manoeuvre_of_samples(two_starts, gate_windows(two_starts, settings), settings)
     state, came = online.start(settings), {}
     for k, row in enumerate(two_starts.iter_rows(named=True)):
         step = online.step(state, row)

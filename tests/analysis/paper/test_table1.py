@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.paper import printed_numbers
-from analysis.paper.paper_excitation import SteadyDrive, steady_drive
+from analysis.paper.paper_excitation import SteadyDrive, integrate_steady_drive
 from analysis.paper.table1 import errors_by_window_length, errors_in_raw_units
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.scenario import SimulatedSensors
@@ -12,7 +12,7 @@ from analysis.simulation.scenario.scenario import SimulatedSensors
 
 @pytest.fixture(scope="module")
 def drive() -> SteadyDrive:
-    return steady_drive(Scenario())
+    return integrate_steady_drive(Scenario())
 
 
 def test_the_steady_oscillation_obeys_the_equation_of_motion_and_repeats(

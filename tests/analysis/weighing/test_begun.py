@@ -28,7 +28,7 @@ def noise(log):
 
 def test_samples_around_the_fitted_ones_make_the_same_columns(log, noise):
     fit = log.weighing.fit
-    near = fit.motion.near_fitted(REACH_S)
+    near = fit.motion.keep_near_fitted(REACH_S)
     assert near.force.size < fit.motion.force.size
     for found in (PreviousEstimates(), FOUND):
         whole, part = (
@@ -62,7 +62,7 @@ def test_wheels_that_begin_from_their_own_words_say_them_again(log, noise):
 def test_wheels_of_a_speed_that_is_moved_are_found_from_where_they_were(log, noise):
     motion, priors = log.weighing.fit.motion, log.machine.settings.priors
     first = compare_wheels(motion, noise, priors)
-    moved = motion.shift_speed(-0.02)
+    moved = motion.advance_speed(-0.02)
     begun, anew = compare_wheels(moved, noise, priors, first), compare_wheels(moved, noise, priors)
     assert begun is not None
     assert anew is not None

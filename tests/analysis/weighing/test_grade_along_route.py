@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.model.settings import Settings
-from analysis.weighing.body_squat import LoadSquat, find_squat
+from analysis.weighing.body_squat import LoadSquat, estimate_load_squat
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.haul_route import Route
 from analysis.weighing.motion_samples import Floats, MotionSamples
@@ -68,7 +68,7 @@ def squat_of(motion: MotionSamples, route: Route | None) -> LoadSquat:
     assert loads is not None
     assert wheels is not None
     relative = np.array([-0.05, 0.05])
-    squat = find_squat(motion, wheels, loads, relative, PRIORS.gain_by_load, route)
+    squat = estimate_load_squat(motion, wheels, loads, relative, PRIORS.gain_by_load, route)
     assert squat is not None
     return squat
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.model.settings import Settings
-from analysis.weighing.body_squat import LoadSquat, find_squat
+from analysis.weighing.body_squat import LoadSquat, estimate_load_squat
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.wheel_comparison import compare_wheels
 from tests.analysis.weighing.test_noisy_speed import WhiteNoise
@@ -26,7 +26,7 @@ def squat_of(hills_m_s2: float, heavy_place: int, seed: int) -> LoadSquat:
     wheels = compare_wheels(blind, WhiteNoise(0.004), PRIORS)
     assert loads is not None
     assert wheels is not None
-    squat = find_squat(blind, wheels, loads, np.array([-0.05, 0.05]), PRIORS.gain_by_load)
+    squat = estimate_load_squat(blind, wheels, loads, np.array([-0.05, 0.05]), PRIORS.gain_by_load)
     assert squat is not None
     return squat
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.weighing.haul_patterns import hauling_patterns
+from analysis.weighing.haul_patterns import propose_hauling_partitions
 from analysis.weighing.load_states import unit_of_each_stretch
 from analysis.weighing.motion_samples import MotionSamples
 
@@ -40,7 +40,7 @@ def loads_of(loaded: list[bool]) -> list[int]:
 
 
 def suggested(motion: MotionSamples) -> list[list[int]]:
-    return [each.tolist() for each in hauling_patterns(motion)]
+    return [each.tolist() for each in propose_hauling_partitions(motion)]
 
 
 def test_loads_change_at_two_places_of_a_haul():

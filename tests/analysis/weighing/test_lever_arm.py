@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from analysis.weighing.lever_arm import (
     BodySwing,
     estimate_swing,
-    search_springs,
+    fit_springs,
     subtract_swing,
 )
 from analysis.weighing.motion_samples import Floats, MotionSamples
@@ -69,7 +69,7 @@ def starts(
 
 def swing_of(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     """The swing with the springs that the same motion tells."""
-    springs = search_springs(measured, motion)
+    springs = fit_springs(measured, motion)
     return None if springs is None else estimate_swing(measured, motion, springs)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.model.uncertainty_sources import combined_u, unknown_scale
+from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
 from analysis.model.verdict import Verdict
 from analysis.weighing.load_frames import make_load_frame, make_manoeuvre_frame
 from analysis.weighing.mass_budget import budget_of_mass
@@ -76,12 +76,14 @@ class TestScale:
         told["wheel_radius_u_m"] = 0.001
         assert the_load(log, **told)["scale_unknown"] == ""
         some = budget_of_mass(log.weighing, with_body(log, force_gain_u=0.0), ONE)
-        assert "force_gain" not in unknown_scale(some)
+        assert "force_gain" not in names_of_unknown_scale_sources(some)
 
     def test_a_whole_force_has_no_share_and_no_wheels_that_must_be_known(self, log):
         channels = {"force_x_N": log.machine.channels["torque_left_N_m"], **log.machine.channels}
         machine = with_body(log, force_share=1.0).model_copy(update={"channels": channels})
-        assert unknown_scale(budget_of_mass(log.weighing, machine, ONE)) == ["force_gain"]
+        assert names_of_unknown_scale_sources(budget_of_mass(log.weighing, machine, ONE)) == [
+            "force_gain"
+        ]
 
 
 class TestBody:

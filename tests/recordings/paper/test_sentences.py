@@ -5,7 +5,7 @@ from functools import cache
 import polars as pl
 import pytest
 
-from analysis.paper.paper_excitation import steady_drive
+from analysis.paper.paper_excitation import integrate_steady_drive
 from analysis.paper.simulated_sources import Extract, Extracts, SteadyStudy
 from analysis.paper.table1 import AT_LENGTH, RAW_UNITS, Table1, make_table_1
 from analysis.simulation import Scenario
@@ -15,7 +15,7 @@ from recordings.paper import item_sentences
 
 @cache
 def simulated(windows: int) -> dict[Extract[SteadyStudy, pl.DataFrame], pl.DataFrame]:
-    study = SteadyStudy(steady_drive(Scenario()), SimulatedSensors(), windows)
+    study = SteadyStudy(integrate_steady_drive(Scenario()), SimulatedSensors(), windows)
     return {extract: extract.make(study) for extract in (*AT_LENGTH.values(), RAW_UNITS)}
 
 

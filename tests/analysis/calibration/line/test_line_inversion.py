@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2, norm
 from scipy.stats import t as student_t
 
-from analysis.calibration.line.line_inversion import Inversion, student_factor
+from analysis.calibration.line.line_inversion import Inversion, two_sided_student_factor
 from analysis.calibration.line.line_model import Points, fit_line
 from analysis.calibration.line.variance_components import WithinRunVariance
 
@@ -73,7 +73,7 @@ def test_tails_are_those_of_the_distribution_behind_the_interval():
 
 
 def test_student_s_factor_is_the_normal_one_where_all_is_known():
-    assert student_factor(0.95, np.array([np.inf, 4.0])) == pytest.approx(
+    assert two_sided_student_factor(0.95, np.array([np.inf, 4.0])) == pytest.approx(
         [norm.ppf(0.975), student_t.ppf(0.975, 4)]
     )
 

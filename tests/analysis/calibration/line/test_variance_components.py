@@ -11,7 +11,10 @@ from analysis.calibration.line.line_model import (
     fit_line,
     mean_squares_to_variances,
 )
-from analysis.calibration.line.variance_components import WithinRunVariance, restricted_likelihood
+from analysis.calibration.line.variance_components import (
+    WithinRunVariance,
+    estimate_variances_by_reml,
+)
 
 
 def balanced(dice, days=4, runs=6, readings=5, deviations=(20.0, 8.0, 12.0)):
@@ -45,7 +48,7 @@ def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
     points, names = points_of(y), (REPEATABILITY, RUN, DAY)
     effects = np.array([points.effect_covariance(name) for name in names])
     squares = mean_squares_to_variances(points, names)
-    found = restricted_likelihood(
+    found = estimate_variances_by_reml(
         points.y_kg,
         np.ones((24, 1)),
         np.tensordot(squares.T, effects, 1),
@@ -62,7 +65,9 @@ def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
     run_variance = 2 * of_runs**2 / 20 + 2 * within**2 / 96 / 25
     assert found.covariance[1, 1] == pytest.approx(run_variance, rel=1e-4)
     # a mean square of 20 degrees of freedom has these, made of the two that it is the sum of
-    assert found.dof(np.array([0.2, 1.0, 0.0]), of_runs) == pytest.approx(20.0, rel=1e-4)
+    assert found.degrees_of_freedom(np.array([0.2, 1.0, 0.0]), of_runs) == pytest.approx(
+        20.0, rel=1e-4
+    )
 
 
 def test_variances_are_those_that_were_drawn_on_the_average():

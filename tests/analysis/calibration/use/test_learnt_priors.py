@@ -7,10 +7,10 @@ import pytest
 from analysis.calibration.line.procedure import PROCEDURES, Procedure
 from analysis.calibration.use.learnt_priors import (
     TermOfLog,
-    contradicted_priors,
+    describe_contradicted_priors,
     machine_with_learnt_priors,
-    machine_without_prior,
     pool_terms_of_logs,
+    remove_prior,
 )
 from replay.machines.machine_file import load_machine
 
@@ -35,9 +35,9 @@ def said(values, own_std, term="load_transfer", prior=PRIOR, mean=0.0):
 
 def test_a_prior_is_taken_off_what_a_log_says():
     (one,) = said([0.01], 0.02, mean=0.004)
-    value, std = machine_without_prior((one.posterior, one.posterior_std), (0.004, PRIOR))
+    value, std = remove_prior((one.posterior, one.posterior_std), (0.004, PRIOR))
     assert (value, std) == pytest.approx((0.01, 0.02))
-    assert machine_without_prior((0.0, PRIOR), (0.0, PRIOR)) is None
+    assert remove_prior((0.0, PRIOR), (0.0, PRIOR)) is None
 
 
 def test_the_prior_counts_once_and_not_once_a_log():
@@ -122,8 +122,8 @@ def test_a_later_log_contradicts_from_four_deviations_on():
         )
 
     limit = 4.0 * np.sqrt(40.0**2 + 5.0**2 + 16.0**2)
-    assert contradicted_priors(nuisances(limit - 1.0)) == ""
-    assert "const is 200 N in this log and 0 in its calibration" in contradicted_priors(
+    assert describe_contradicted_priors(nuisances(limit - 1.0)) == ""
+    assert "const is 200 N in this log and 0 in its calibration" in describe_contradicted_priors(
         nuisances(200.0)
     )
-    assert contradicted_priors(nuisances(200.0).select("term", "unit")) == ""
+    assert describe_contradicted_priors(nuisances(200.0).select("term", "unit")) == ""

@@ -10,8 +10,8 @@ from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.motion.phases import (
     classify_motion_phases,
-    speed_rate,
-    stopping_samples,
+    mark_stopping_samples,
+    trailing_speed_rate,
     yaw_speeding_sign,
 )
 
@@ -28,9 +28,9 @@ def classify(speed, settings=None, **columns):
             "gap": np.zeros(speed.size, bool),
         },
     )
-    return classify_motion_phases(frame, speed, speed_rate(speed, settings), settings).cast(
-        pl.String
-    )
+    return classify_motion_phases(
+        frame, speed, trailing_speed_rate(speed, settings), settings
+    ).cast(pl.String)
 
 
 def runs(found):
@@ -119,7 +119,7 @@ def test_the_rate_of_speed_never_reaches_over_a_missing_sample(span_s, at, lost)
     span = max(1, round(span_s * 20))
     speed = np.where(np.arange(120) < at, 0.0, 1000.0)
     speed[at : at + lost] = np.nan
-    rate = speed_rate(speed, settings)
+    rate = trailing_speed_rate(speed, settings)
     assert np.isnan(rate[:span]).all()
     assert np.isnan(rate[at : at + lost + span]).all()
     known = np.isfinite(rate)
@@ -130,11 +130,11 @@ def test_the_rate_of_speed_never_reaches_over_a_missing_sample(span_s, at, lost)
 def test_the_rate_of_a_steady_change_is_that_change_and_looks_back_only(start, slope):
     speed = start + slope * np.arange(100) / 100.0
     settings = Settings()
-    rate = speed_rate(speed, settings)
+    rate = trailing_speed_rate(speed, settings)
     np.testing.assert_allclose(rate[10:], slope, atol=1e-9)
     later = speed.copy()
     later[60:] = 1e6
-    np.testing.assert_array_equal(speed_rate(later, settings)[:60], rate[:60])
+    np.testing.assert_array_equal(trailing_speed_rate(later, settings)[:60], rate[:60])
 
 
 def test_a_log_of_no_rows_has_no_phases():
@@ -151,7 +151,7 @@ class TestStopping:
 
     def found(self, *parts, noise_m_s=0.01):
         speed = np.concatenate(parts)
-        return stopping_samples(speed, np.abs(speed) < 0.02, noise_m_s, Settings())
+        return mark_stopping_samples(speed, np.abs(speed) < 0.02, noise_m_s, Settings())
 
     @pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forward", "reverse"])
     def test_a_gentle_stop_is_found_from_its_beginning(self, direction):

@@ -7,7 +7,7 @@ import pytest
 from analysis.model.axes import X, Z
 from analysis.model.schema import NOISE_COLUMNS
 from analysis.model.settings import NoiseSettings
-from analysis.stages.noise.channel_noise import channel_noise
+from analysis.stages.noise.channel_noise import estimate_channel_noise
 from analysis.stages.noise.column_noise import ColumnNoise
 from tests.analysis.noisy_logs import STD, noisy_log
 
@@ -25,7 +25,7 @@ MEAN = 10
 
 
 def estimated(log):
-    frame = channel_noise(log.aligned, log.excitation, log.machine)
+    frame = estimate_channel_noise(log.aligned, log.excitation, log.machine)
     known = ColumnNoise.of_axis(X, frame, NoiseSettings())
     assert known is not None
     return frame, known
@@ -63,7 +63,7 @@ def test_a_setting_overrides_the_log_with_white_noise():
     log = noisy_log("white", 1)
     settings = log.machine.settings.with_changes({"noise.force_N": 7.0})
     machine = log.machine.model_copy(update={"settings": settings})
-    frame = channel_noise(log.aligned, log.excitation, machine)
+    frame = estimate_channel_noise(log.aligned, log.excitation, machine)
     assert sources(frame)["force_x_N"] == "setting"
     known = ColumnNoise.of_axis(X, frame, settings.noise)
     assert known is not None
@@ -105,9 +105,9 @@ def test_the_covariance_of_a_mean_is_that_of_all_pairs():
 
 def test_a_log_too_short_to_tell_has_no_noise_rather_than_a_fault():
     log = noisy_log("white", 1)
-    short = channel_noise(log.aligned[:20], log.excitation[:20], log.machine)
+    short = estimate_channel_noise(log.aligned[:20], log.excitation[:20], log.machine)
     assert short["covariance"].to_list() == [0.0] * short.height
-    empty = channel_noise(log.aligned[:0], log.excitation[:0], log.machine)
+    empty = estimate_channel_noise(log.aligned[:0], log.excitation[:0], log.machine)
     assert empty.height == short.height
 
 

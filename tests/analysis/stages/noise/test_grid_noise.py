@@ -7,7 +7,7 @@ from scipy.signal import butter, sosfreqz
 
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.noise.channel_noise import channel_noise, note_noise_sources
+from analysis.stages.noise.channel_noise import estimate_channel_noise, noise_source_notes
 from analysis.stages.noise.grid_noise import white_noise_std
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive
@@ -38,7 +38,7 @@ def noise_of(read, **settings):
     machine = machine.model_copy(update={"settings": machine.settings.with_changes(given)})
     aligned, _ = align(derive(read, machine)[0], machine)
     excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
-    return channel_noise(aligned, excitation, machine, read), aligned
+    return estimate_channel_noise(aligned, excitation, machine, read), aligned
 
 
 def stds(noise):
@@ -138,12 +138,12 @@ def test_noise_is_never_more_than_the_channel_varies():
 
 def test_a_note_says_what_tells_the_noise():
     noise, _ = noise_of(readings(100.0), filter__cutoff_hz=2.0)
-    assert note_noise_sources(noise) == [
+    assert noise_source_notes(noise) == [
         "noise of regressor_acc_x_m_s2, speed_x_m_s, force_x_N: estimated from the raw "
         "samples and propagated through filter and derivative, because the grid is too coarse to "
         "show it"
     ]
-    assert note_noise_sources(noise_of(readings(100.0))[0]) == []
+    assert noise_source_notes(noise_of(readings(100.0))[0]) == []
 
 
 @pytest.mark.parametrize("rate_hz", [10_000.0, 1_000.0, 100.0, 50.0, 10.0])

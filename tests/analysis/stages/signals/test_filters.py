@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from analysis.stages.signals.filters import (
     differentiate,
-    interpolate_line,
+    interpolate_linearly,
     interpolation_ready_ns,
     low_pass,
     period_ns,
@@ -115,7 +115,7 @@ def test_a_value_between_samples_is_known_with_the_later_one():
 def test_interpolation_leaves_out_what_has_no_near_neighbours():
     t, x = np.array([0, 10, 20, 60]), np.array([0.0, 1.0, 3.0, 4.0])
     at = np.array([-1, 0, 5, 15, 20, 40, 60, 61])
-    times, y = interpolate_line(t, x, at, 30.0)
+    times, y = interpolate_linearly(t, x, at, 30.0)
     np.testing.assert_array_equal(times, [0, 5, 15, 20, 60])
     np.testing.assert_array_equal(y, [0.0, 0.5, 2.0, 3.0, 4.0])
 

@@ -61,7 +61,7 @@ def test_any_mounting_is_found_from_nine_starts(roll, pitch, yaw):
     tilt = np.degrees(np.arccos(np.clip(rotation_to_machine_axes(imu)[2, 2], -1, 1)))
     assert guess.tilt_deg == pytest.approx(tilt, abs=0.5)
     if abs(tilt - 10.0) > 1.0:
-        assert guess.tilt_is_sure == (tilt > 10.0)
+        assert guess.is_tilt_sure == (tilt > 10.0)
 
 
 @pytest.mark.parametrize("slope_deg", [-2.0, 2.0])
@@ -76,7 +76,7 @@ def test_a_level_imu_is_level():
     guess = guess_mounting(*said(ImuMounting()))
     assert guess is not None
     assert guess.is_level
-    assert not guess.tilt_is_sure
+    assert not guess.is_tilt_sure
 
 
 def test_without_a_standstill_the_mean_of_the_drive_tells_roll_and_pitch():
