@@ -57,7 +57,7 @@ def report_paragraphs(
             *(f"{_capitalise_first_letter(said)}." for said in fitted.says),
             *_describe_learnt_priors(document),
             *(limits_of_one_day_evidence(document) if document.kind == "calibration" else ()),
-            *(_describe_unlike_driving(fitted) if document.kind == "calibration" else ()),
+            *(_describe_driving_unlike_campaign(fitted) if document.kind == "calibration" else ()),
             *(_advise_next_load(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
@@ -190,7 +190,7 @@ def limits_of_one_day_evidence(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def _describe_unlike_driving(fitted: Calibration) -> list[str]:
+def _describe_driving_unlike_campaign(fitted: Calibration) -> list[str]:
     """Sentences on the uncertainty of logs driven unlike these runs, and how to reduce it."""
     if not fitted.responses:
         return []

@@ -42,7 +42,9 @@ def estimator_with_digest(
         form: format of the evidence; earlier ones digest more.
     """
     own = (
-        _restore_defaults(machine) if form in _WHOLE_FORMATS else settings_that_define_mass(machine)
+        _mass_definition_up_to_format_3(machine)
+        if form in _WHOLE_FORMATS
+        else settings_that_define_mass(machine)
     )
     if absent:
         own = remove_dotted_names(own, absent, "machine.")
@@ -63,7 +65,7 @@ def settings_that_define_mass(machine: Machine) -> dict[str, Any]:
     return values
 
 
-def _restore_defaults(machine: Machine) -> dict[str, Any]:
+def _mass_definition_up_to_format_3(machine: Machine) -> dict[str, Any]:
     """Mass definition of formats up to 3, which includes time zone and place."""
     values = machine.model_dump(mode="json")
     values["machine"].pop("id", None)
@@ -84,7 +86,7 @@ def remove_dotted_names(
     }
 
 
-def reference_loads(
+def reference_loads_and_covariance(
     campaign: CalibrationCampaign, machine: Machine
 ) -> tuple[tuple[ReferenceLoad, ...], tuple[tuple[float, ...], ...]]:
     """Reference loads of the evidence, and their covariance in kg²."""
@@ -96,27 +98,27 @@ def reference_loads(
     return loads, tuple(tuple(map(float, row)) for row in covariance_kg2)
 
 
-def check_earlier_line(
-    before: EvidenceDocument | None,
-    of_before: Estimator | None,
+def evaluate_previous_line(
+    previous: EvidenceDocument | None,
+    previous_estimator: Estimator | None,
     estimator: Estimator,
     points: pl.DataFrame,
 ) -> AsFound | None:
     """The previous line with its errors on these points; None without one.
 
     Args:
-        before: previous evidence.
-        of_before: its estimator; earlier formats digest it differently.
+        previous: previous evidence.
+        previous_estimator: its estimator; earlier formats digest it differently.
         estimator: estimator of this campaign; a line of another one does not apply.
         points: points of this campaign, a row per run.
     """
-    if before is None or before.calibration is None:
+    if previous is None or previous.calibration is None:
         return None
-    line = before.calibration
+    line = previous.calibration
     found = AsFound(
-        evidence_id=before.id, alpha_1=line.alpha_1, beta_kg=line.beta_kg, rms_error_kg=None
+        evidence_id=previous.id, alpha_1=line.alpha_1, beta_kg=line.beta_kg, rms_error_kg=None
     )
-    if of_before != estimator:
+    if previous_estimator != estimator:
         return found
     return found.model_copy(update={"rms_error_kg": rms_error_kg(found, points)})
 

@@ -24,8 +24,8 @@ from analysis.model.machine import Machine
 from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
 from recordings.calibration.released_defaults import (
-    changed_defaults,
     find_absent_settings,
+    first_defaults_of_absent_settings,
     insert_dotted_values,
     released_defaults,
     remove_dotted_values,
@@ -240,7 +240,7 @@ class EvidenceDocument(BaseModel):
         Args:
             values: `evidence.json`, that it was read from.
         """
-        changed = changed_defaults(self.settings_at_default, released_defaults())
+        changed = first_defaults_of_absent_settings(self.settings_at_default, released_defaults())
         if not changed:
             return self
         document = EvidenceDocument.model_validate_json(
@@ -255,7 +255,7 @@ class EvidenceDocument(BaseModel):
         return EvidenceDocument.model_validate_json(canonical_bytes(self.model_dump(mode="json")))
 
     @property
-    def other_version(self) -> str:
+    def other_version_text(self) -> str:
         """Version that made it; "" for this one. Other versions word the page differently."""
         made = self.software.payscope
         if made == version("payscope") and self.format == FORMAT:
@@ -263,12 +263,12 @@ class EvidenceDocument(BaseModel):
         return f"payscope {made} (format {self.format.rpartition('/')[2]})"
 
     @property
-    def rules(self) -> Procedure:
+    def procedure_rules(self) -> Procedure:
         """Rules of its procedure."""
         return PROCEDURES[self.procedure]
 
     @property
-    def weighing(self) -> Machine:
+    def weighing_machine(self) -> Machine:
         """The machine as its mass is found: with the priors that were learnt."""
         return (
             self.machine
@@ -281,7 +281,7 @@ class EvidenceDocument(BaseModel):
         return next((each for each in self.logs if each.log == name), None)
 
 
-def parse_document(data: bytes, what: str) -> EvidenceDocument:
+def parse_evidence(data: bytes, what: str) -> EvidenceDocument:
     """Read `evidence.json` of a stranger.
 
     Raises:
@@ -322,7 +322,7 @@ def other_payscope_version(values: Any) -> str:
     return "" if own else f"payscope {made[:_LONGEST]} in {form[:_LONGEST]}"
 
 
-def schema_text() -> str:
+def evidence_schema_text() -> str:
     """Published schema as text: JSON Schema, draft 2020-12."""
     schema: dict[str, Any] = EvidenceDocument.model_json_schema(mode="serialization")
     schema = {
@@ -334,4 +334,4 @@ def schema_text() -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(schema_text())
+    sys.stdout.write(evidence_schema_text())

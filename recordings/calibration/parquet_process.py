@@ -19,7 +19,7 @@ _PLAIN: Final = {"PLAIN", "RLE", "BIT_PACKED"}
 def main() -> None:
     """Read the tables, one after the other."""
     data = sys.stdin.buffer.read()
-    _limit_memory_and_time()
+    _limit_process_memory_and_time()
     found: list[dict[str, Any]] = []
     for asked in json.loads(sys.argv[1]):
         part, data = data[: asked["bytes"]], data[asked["bytes"] :]
@@ -59,7 +59,7 @@ def _find_table_fault(file: Any, wanted: list[tuple[str, ...]]) -> str:
     return ""
 
 
-def _limit_memory_and_time() -> None:
+def _limit_process_memory_and_time() -> None:
     """Memory and time, where the system can bound them."""
     try:
         import resource

@@ -25,7 +25,7 @@ _ANY: Final = "*"
 PARTS: Final[Mapping[str, type[BaseModel]]] = {"machine": Machine, "campaign": CalibrationCampaign}
 
 
-def model_defaults(model: type[BaseModel], at: str) -> Iterator[tuple[str, Any]]:
+def iter_model_defaults(model: type[BaseModel], at: str) -> Iterator[tuple[str, Any]]:
     """Yield each setting of a model with its default, by dotted name.
 
     Args:
@@ -36,7 +36,7 @@ def model_defaults(model: type[BaseModel], at: str) -> Iterator[tuple[str, Any]]
         place = f"{at}.{name}"
         inner, several = model_of_field(field.annotation)
         if inner is not None:
-            yield from model_defaults(inner, f"{place}.{_ANY}" if several else place)
+            yield from iter_model_defaults(inner, f"{place}.{_ANY}" if several else place)
         if inner is None or several:
             default = field.get_default(call_default_factory=True, validated_data={})
             if default is not PydanticUndefined:
@@ -56,7 +56,9 @@ def model_of_field(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
 
 def defaults_of_this_version() -> dict[str, Any]:
     """Defaults of this version, by dotted name."""
-    return {name: value for at, part in PARTS.items() for name, value in model_defaults(part, at)}
+    return {
+        name: value for at, part in PARTS.items() for name, value in iter_model_defaults(part, at)
+    }
 
 
 @cache
@@ -66,17 +68,19 @@ def released_defaults() -> Mapping[str, Mapping[str, Any]]:
     return json.loads(text)
 
 
-def first_released_default(name: str, kept: Mapping[str, Mapping[str, Any]]) -> tuple[bool, Any]:
+def first_released_default(
+    name: str, released: Mapping[str, Mapping[str, Any]]
+) -> tuple[bool, Any]:
     """Default with which a setting was introduced, for evidence older than it.
 
     Args:
         name: dotted name, as in evidence: `machine.channels.speed_x_m_s.delay_s`.
-        kept: `released_defaults`.
+        released: `released_defaults`.
 
     Returns:
         Whether it is known, and the default.
     """
-    for defaults in kept.values():
+    for defaults in released.values():
         for each, value in defaults.items():
             if _matches_pattern(each, name):
                 return True, value
@@ -117,7 +121,7 @@ def _find_absent_values(whole: Any, there: Any, at: str) -> Iterator[tuple[str, 
             yield from _find_absent_values(value, there[name], f"{at}{name}.")
 
 
-def changed_defaults(
+def first_defaults_of_absent_settings(
     absent: Mapping[str, Any], kept: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Settings missing in evidence whose default has changed since their release.
@@ -131,20 +135,22 @@ def changed_defaults(
     """
     found: dict[str, Any] = {}
     for name, default in absent.items():
-        first = _first_released_default(name, default, kept)
+        first = _first_default_of_section(name, default, kept)
         if first != default:
             found[name] = first
     return found
 
 
-def _first_released_default(name: str, default: Any, kept: Mapping[str, Mapping[str, Any]]) -> Any:
+def _first_default_of_section(
+    name: str, default: Any, kept: Mapping[str, Mapping[str, Any]]
+) -> Any:
     """First default of a setting, or of a section of settings."""
     known, first = first_released_default(name, kept)
     if known:
         return first
     if isinstance(default, dict):
         return {
-            key: _first_released_default(f"{name}.{key}", value, kept)
+            key: _first_default_of_section(f"{name}.{key}", value, kept)
             for key, value in default.items()
         }
     return default

@@ -31,9 +31,9 @@ from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.derived_values import (
-    check_earlier_line,
     estimator_with_digest,
-    reference_loads,
+    evaluate_previous_line,
+    reference_loads_and_covariance,
 )
 from recordings.calibration.evidence_document import (
     FORMAT,
@@ -45,7 +45,10 @@ from recordings.calibration.evidence_document import (
     Link,
     Signer,
 )
-from recordings.calibration.timestamp import refuse_without_library, timestamp_request
+from recordings.calibration.timestamp import (
+    make_timestamp_request,
+    refuse_without_timestamp_library,
+)
 from recordings.calibration.write_bundle import encode_tables, write_bundle
 from recordings.report.atomic_output import (
     atomic_file,
@@ -237,13 +240,13 @@ def check_can_request_timestamp(file: Path, key: SigningKey | None, *, force: bo
     """
     if key is None:
         raise EvidenceError("--timestamp-request needs a signature; give --key")
-    refuse_without_library()
+    refuse_without_timestamp_library()
     require_writable_output(file, force=force)
 
 
 def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
     """Write the time-stamp query for the signature of a bundle."""
-    query = timestamp_request((folder / STATEMENT).read_bytes())
+    query = make_timestamp_request((folder / STATEMENT).read_bytes())
     with atomic_file(file, force=force) as partial:
         partial.write_bytes(query)
 
@@ -339,7 +342,7 @@ def _make_document(
     before: CheckedBundle | None,
 ) -> EvidenceDocument:
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
-    loads, covariance = reference_loads(campaign, machine)
+    loads, covariance = reference_loads_and_covariance(campaign, machine)
     learnt = evidence.learnt
     weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
     estimator = estimator_with_digest(campaign, weighing)
@@ -365,7 +368,9 @@ def _make_document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=check_earlier_line(last, estimator_of_this_version(last), estimator, fitted.frame),
+        as_found=evaluate_previous_line(
+            last, estimator_of_this_version(last), estimator, fitted.frame
+        ),
         replay_tolerance_kg=TOLERANCE_KG,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
         chain=_make_next_link(before),
@@ -377,7 +382,7 @@ def _make_document(
 
 def estimator_of_this_version(last: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
-    return None if last is None else estimator_with_digest(last.campaign, last.weighing)
+    return None if last is None else estimator_with_digest(last.campaign, last.weighing_machine)
 
 
 def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:

@@ -81,7 +81,9 @@ def check_mass(
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
-        replayed = replay_runs(campaign, last.weighing, lambda _: log, None, on_log, last.rules)
+        replayed = replay_runs(
+            campaign, last.weighing_machine, lambda _: log, None, on_log, last.procedure_rules
+        )
         refuse_machine(previous, campaign, replayed, last.machine)
         refuse_days(Path(f"--day {mass_on_board.day}"), campaign, replayed, last.machine)
         on_log("evidence")

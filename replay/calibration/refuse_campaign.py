@@ -6,8 +6,8 @@ from pathlib import Path
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError
-from recordings.calibration.campaign_faults import find_day_faults, machine_faults
-from recordings.calibration.notary_stretch import find_unaccounted_logs, stretch_bytes
+from recordings.calibration.campaign_faults import find_day_faults, find_machine_faults
+from recordings.calibration.notary_stretch import cut_notary_stretch, find_unaccounted_logs
 from recordings.notary.notary_check import check_list
 from replay.calibration.campaign_runs import CampaignReplay
 
@@ -40,7 +40,7 @@ def refuse_machine(
     Raises:
         CampaignError: another machine is named.
     """
-    fault = next(machine_faults(campaign.machine.id, machine, replayed.logs), None)
+    fault = next(find_machine_faults(campaign.machine.id, machine, replayed.logs), None)
     if fault is not None:
         raise CampaignError(f"{source}: {fault}; name logs and machine file of one machine")
 
@@ -91,7 +91,7 @@ def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
             f"{path}: is the notary list of machine '{kept.head.machine_id}', but the campaign is "
             f"for '{wanted}'; name the list of that machine's recorder"
         )
-    return stretch_bytes(data, stretch)
+    return cut_notary_stretch(data, stretch)
 
 
 def refuse_unaccounted_logs(

@@ -83,10 +83,10 @@ def _print_version(
     if version:
         from importlib.metadata import version as version_of
 
-        from recordings.calibration.page.verifier_page import verifier_sha256
+        from recordings.calibration.page.verifier_page import verifier_page_sha256
 
         typer.echo(f"payscope {version_of('payscope')}")
-        typer.echo(f"verifier page: SHA-256 {verifier_sha256()}")
+        typer.echo(f"verifier page: SHA-256 {verifier_page_sha256()}")
         raise typer.Exit
 
 

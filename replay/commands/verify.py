@@ -116,13 +116,17 @@ def _write_page(folders: list[Path], output: Path | None, *, force: bool) -> Non
         raise typer.BadParameter(
             "--page writes the same page for all evidence; leave out the folder"
         )
-    from recordings.calibration.page.verifier_page import NAME, verifier_page, verifier_sha256
+    from recordings.calibration.page.verifier_page import (
+        NAME,
+        build_verifier_page,
+        verifier_page_sha256,
+    )
     from recordings.report.atomic_output import atomic_file
 
     target = output or Path(NAME)
     with atomic_file(target, force=force) as written:
-        written.write_bytes(verifier_page())
-    typer.echo(f"{target}: SHA-256 {verifier_sha256()}")
+        written.write_bytes(build_verifier_page())
+    typer.echo(f"{target}: SHA-256 {verifier_page_sha256()}")
 
 
 def _verify_notary_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:

@@ -20,13 +20,13 @@ from recordings.calibration.bundle_folder import (
     REPORT,
     STATEMENT,
     SUMS,
-    list_bundle,
-    read_file,
-    sums_text,
+    list_bundle_entries,
+    read_bundle_file,
+    sha256sums_text,
 )
-from recordings.calibration.bundle_tables import write_table
+from recordings.calibration.bundle_tables import encode_table_as_parquet
 from recordings.calibration.calibration_report import report_html
-from recordings.calibration.evidence_document import EvidenceDocument, parse_document
+from recordings.calibration.evidence_document import EvidenceDocument, parse_evidence
 from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,
@@ -102,7 +102,7 @@ def tampered(genuine: Path, folder: Path, tamper: Tamper, *, signed: bool) -> Pa
 def _write(bundle: Bundle) -> None:
     folder = bundle.folder
     for name, frame in ((READINGS, bundle.readings), (POINTS, bundle.points)):
-        data = write_table(frame)
+        data = encode_table_as_parquet(frame)
         (folder / name).write_bytes(data)
         bundle.evidence["tables"][f"{name.partition('.')[0]}_sha256"] = hashlib.sha256(
             data
@@ -110,7 +110,7 @@ def _write(bundle: Bundle) -> None:
     data = canonical_bytes(bundle.evidence)
     (folder / EVIDENCE).write_bytes(data)
     try:
-        document: EvidenceDocument = parse_document(data, EVIDENCE)
+        document: EvidenceDocument = parse_evidence(data, EVIDENCE)
     except EvidenceError:
         return  # the schema will refuse it; the page stays as it was
     (folder / REPORT).write_bytes(report_html(document, bundle.readings, bundle.points).encode())
@@ -118,9 +118,9 @@ def _write(bundle: Bundle) -> None:
 
 def _digest_anew(bundle: Bundle) -> None:
     folder = bundle.folder
-    names, _ = list_bundle(folder)
-    digests = {n: read_file(folder, n).sha256 for n in names if n not in (SUMS, STATEMENT)}
-    sums = sums_text(digests).encode()
+    names, _ = list_bundle_entries(folder)
+    digests = {n: read_bundle_file(folder, n).sha256 for n in names if n not in (SUMS, STATEMENT)}
+    sums = sha256sums_text(digests).encode()
     (folder / SUMS).write_bytes(sums)
     if (folder / STATEMENT).exists():
         held = json.loads((folder / STATEMENT).read_bytes())

@@ -13,10 +13,10 @@ from recordings.calibration import evidence_document
 from recordings.calibration.bundle_folder import EVIDENCE, REPORT
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import estimator_with_digest
-from recordings.calibration.evidence_document import parse_document
+from recordings.calibration.evidence_document import parse_evidence
 from recordings.calibration.released_defaults import (
-    changed_defaults,
     defaults_of_this_version,
+    first_defaults_of_absent_settings,
     released_defaults,
 )
 from recordings.signatures.canonical_json import canonical_bytes
@@ -150,9 +150,9 @@ def lacking(*place: str) -> Callable[[Bundle], None]:
         for name in place[:-1]:
             inside = inside[name]
         del inside[place[-1]]
-        document = parse_document(canonical_bytes(bundle.evidence), EVIDENCE)
+        document = parse_evidence(canonical_bytes(bundle.evidence), EVIDENCE)
         estimator = estimator_with_digest(
-            document.campaign, document.weighing, document.settings_at_default
+            document.campaign, document.weighing_machine, document.settings_at_default
         )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
@@ -182,7 +182,9 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
 def test_a_whole_part_that_came_later_takes_the_defaults_that_it_came_with() -> None:
     kept = {"0.2.0": {"machine.settings.new.a": 1, "machine.settings.new.b": 2}}
     absent = {"machine.settings.new": {"a": 1, "b": 3}, "machine.settings.other": 4}
-    assert changed_defaults(absent, kept) == {"machine.settings.new": {"a": 1, "b": 2}}
+    assert first_defaults_of_absent_settings(absent, kept) == {
+        "machine.settings.new": {"a": 1, "b": 2}
+    }
 
 
 def test_defaults_of_this_version_are_kept_as_they_are() -> None:

@@ -13,7 +13,7 @@ from analysis.calibration.use.learnt_priors import machine_for_later_log
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
 from recordings.calibration.derived_values import estimator_with_digest
-from recordings.calibration.evidence_document import parse_document
+from recordings.calibration.evidence_document import parse_evidence
 from recordings.signatures.canonical_json import canonical_bytes
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
@@ -48,7 +48,7 @@ def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: CalibrationOu
     assert learnt is not None
     assert {each.log for each in learnt.logs} == {f"load-{number}.csv" for number in range(4)}
     assert "const" in learnt.terms
-    assert made.document.weighing.settings.priors.learnt == learnt.terms
+    assert made.document.weighing_machine.settings.priors.learnt == learnt.terms
     assert made.document.machine.settings.priors.learnt == {}
 
 
@@ -88,7 +88,7 @@ def test_a_campaign_may_leave_the_priors_as_they_are(folder: Path, tmp_path: Pat
     shutil.copy(folder / "sledge.toml", tmp_path)
     made = calibrate_from_campaign(tmp_path / "campaign.toml", tmp_path / "evidence")
     assert made.document.learnt is None
-    assert made.document.weighing == made.document.machine
+    assert made.document.weighing_machine == made.document.machine
 
 
 def test_the_calibrated_mass_stands_beside_the_raw_one_everywhere(
@@ -198,7 +198,7 @@ def test_the_machine_that_is_weighed_is_that_of_the_evidence(
     weighing = held.weighing_machine(load_machine(folder / "sledge.toml"))
     machine = held.require_machine(weighing, "sledge.toml")
     # but that a later log of several loads tells what the means have wrong
-    assert machine == machine_for_later_log(made.document.weighing)
+    assert machine == machine_for_later_log(made.document.weighing_machine)
     assert held.differences_of_machine(machine) == ""
 
 
@@ -210,7 +210,7 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
         for log in bundle.evidence["logs"]:
             del log["machine_id"]
         document = made.document
-        estimator = estimator_with_digest(document.campaign, document.weighing, (), form)
+        estimator = estimator_with_digest(document.campaign, document.weighing_machine, (), form)
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
         del bundle.evidence["learnt"]["responses"], bundle.evidence["calibration"]["responses"]
 
@@ -227,9 +227,9 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
 ) -> None:
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
-        document = parse_document(canonical_bytes(bundle.evidence), "evidence.json")
+        document = parse_evidence(canonical_bytes(bundle.evidence), "evidence.json")
         estimator = estimator_with_digest(
-            document.campaign, document.weighing, document.settings_at_default
+            document.campaign, document.weighing_machine, document.settings_at_default
         )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 

@@ -15,9 +15,9 @@ from lxml import etree
 
 from estimators.errors import CampaignError
 from recordings.calibration.certificate_text import (
-    list_missing_statements,
+    list_missing_certificate_statements,
     traceability_warnings,
-    weighings_by_load,
+    weighing_rows_by_load,
 )
 from recordings.calibration.evidence_document import Chain, Link
 from recordings.dcc.dcc_document import DCC, parse_dcc
@@ -225,7 +225,7 @@ def test_the_page_has_the_weighings_max_and_min_of_r_51(made: CalibrationOutcome
     page = (made.folder / "report.html").read_text()
     assert "Min of OIML R 51 Y(b), 10 e: 30.0 kg. Below it: 20.0005 kg." in page
     assert "the heaviest load that was judged: 40.0 kg" in page
-    rows = weighings_by_load(made.document, made.readings)
+    rows = weighing_rows_by_load(made.document, made.readings)
     fitted = made.document.calibration
     assert fitted is not None
     used = made.readings.filter(pl.col("used") & (pl.col("load_id") == "weight-1"))
@@ -333,6 +333,6 @@ def test_the_report_says_loudly_what_is_not_traceable(made: CalibrationOutcome) 
     assert traceability_warnings(changed) == [
         "NOT TRACEABLE: mass 'weight-1' has a standard uncertainty of 0."
     ]
-    assert list_missing_statements(changed) == [
+    assert list_missing_certificate_statements(changed) == [
         "Not stated, and ISO/IEC 17025, 7.8 asks for it: machine.make."
     ]
