@@ -10,8 +10,8 @@ from recordings.calibration.campaign_faults import CLOCK_S, creation_time, log_b
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
-from recordings.notary.notary_check import CheckedList, check_list, parse_stamp
-from recordings.notary.notary_list import NotaryEntry, split_lines
+from recordings.notary.notary_check import CheckedList, check_notary_list, parse_time_or_none
+from recordings.notary.notary_list import NotaryEntry, split_whole_lines
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
 
@@ -25,7 +25,7 @@ def cut_notary_stretch(data: bytes, stretch: NotaryStretch) -> bytes:
         data: the whole list, checked.
         stretch: counters of the part; missing lines are found by the check.
     """
-    whole, _ = split_lines(data)
+    whole, _ = split_whole_lines(data)
     return b"".join(line + b"\n" for line in (*whole[:1], *whole[stretch.first : stretch.last + 1]))
 
 
@@ -52,7 +52,7 @@ def check_notary_stretch(
             BundleOutcome.INCOMPLETE, NOTARY, "is missing, although the campaign names it"
         )
         return
-    kept = check_list(data, dt.datetime.now(dt.UTC), stretch.first)
+    kept = check_notary_list(data, dt.datetime.now(dt.UTC), stretch.first)
     bundle.findings += find_stretch_faults(document, stretch, kept)
     reasons = stretch.omission_reasons
     bundle.notes += [
@@ -122,7 +122,7 @@ def find_notary_contradictions(
     for entry in entries:
         number = entry.counter
         own = next((log for log in document.logs if _is_entry_of_log(log, entry)), None)
-        listed = parse_stamp(entry.listed)
+        listed = parse_time_or_none(entry.listed)
         assert listed is not None
         said = ""
         if listed > made + _CLOCK:
@@ -142,7 +142,11 @@ def find_notary_contradictions(
 
 def begins_within_entry(log: EvidenceLog, entry: NotaryEntry) -> bool:
     """Whether a log begins within the time of its line."""
-    begin, first, last = log_begin_or_none(log), parse_stamp(entry.begins), parse_stamp(entry.ends)
+    begin, first, last = (
+        log_begin_or_none(log),
+        parse_time_or_none(entry.begins),
+        parse_time_or_none(entry.ends),
+    )
     if begin is None or first is None or last is None:
         return begin is None or first is None
     return first - _CLOCK <= begin <= last + _CLOCK
@@ -169,7 +173,8 @@ def identify_notary(
         )
         return by
     last = max(
-        (parse_stamp(entry.listed) or creation_time(document)) for entry in checked_list.entries
+        (parse_time_or_none(entry.listed) or creation_time(document))
+        for entry in checked_list.entries
     )
     fault = known.distrust_reason(last.date(), bundle.proven_day) if checked_list.entries else ""
     if fault:

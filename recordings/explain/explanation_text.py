@@ -33,13 +33,15 @@ _PARAMETERS: Final = {
 _APART: Final = 3.0
 
 
-def verdict_sentence(explained: Explanation) -> str:
+def answer_and_cause_sentence(explanation: Explanation) -> str:
     """The answer and the likeliest cause of an error, in one sentence."""
-    said = answer_headline(explained.said).removesuffix(".")
+    said = answer_headline(explanation.said).removesuffix(".")
     here = (
-        "" if explained.at_s is None else f"; at {explained.at_s:g} s {_describe_moment(explained)}"
+        ""
+        if explanation.at_s is None
+        else f"; at {explanation.at_s:g} s {_describe_moment(explanation)}"
     )
-    found = explained.findings
+    found = explanation.findings
     if found is None:
         return f"{said}{here}; this recording has no findings: replay the log."
     if not found:
@@ -59,19 +61,19 @@ def verdict_sentence(explained: Explanation) -> str:
     )
 
 
-def _describe_moment(explained: Explanation) -> str:
+def _describe_moment(explanation: Explanation) -> str:
     stretch = next(
-        (e for e in explained.gate if e.start_s <= (explained.at_s or 0.0) <= e.end_s), None
+        (e for e in explanation.gate if e.start_s <= (explanation.at_s or 0.0) <= e.end_s), None
     )
     if stretch is None:
         return "there is no window"
-    decided = _describe_decision(stretch)
+    decided = _describe_gate_stretch(stretch)
     if stretch.reason == "accepted":
         return f"the window is accepted{decided}"
     return f"the gate refuses the window for '{stretch.reason.replace('_', ' ')}'{decided}"
 
 
-def _describe_decision(stretch: GateStretch) -> str:
+def _describe_gate_stretch(stretch: GateStretch) -> str:
     if stretch.column is None or stretch.value is None:
         return ""
     name, unit = _DECIDES[stretch.column]
@@ -79,9 +81,9 @@ def _describe_decision(stretch: GateStretch) -> str:
     return f" ({name} {value}, {stretch.limit}{f' {unit}' if unit else ''})"
 
 
-def describe_findings(explained: Explanation) -> Iterator[str]:
+def iter_finding_lines(explanation: Explanation) -> Iterator[str]:
     """Yield lines on every finding by rank, with its consequence."""
-    for each in explained.findings or ():
+    for each in explanation.findings or ():
         where = ", ".join(filter(None, (each.channel, finding_span_text(each))))
         yield f"{each.rank}. {cause_name(each.cause)}{f' ({where})' if where else ''}: {each.says}"
         for line in (
@@ -95,14 +97,15 @@ def describe_findings(explained: Explanation) -> Iterator[str]:
                 yield f"   {line}"
 
 
-def describe_gate(explained: Explanation) -> Iterator[str]:
+def iter_gate_lines(explanation: Explanation) -> Iterator[str]:
     """Yield lines on the gate's reasons: around the moment in order, otherwise by share."""
-    if explained.at_s is not None:
-        for each in explained.gate:
+    if explanation.at_s is not None:
+        for each in explanation.gate:
             reason = each.reason.replace("_", " ")
-            yield f"{each.start_s:,.2f} to {each.end_s:,.2f} s: {reason}{_describe_decision(each)}"
+            decision = _describe_gate_stretch(each)
+            yield f"{each.start_s:,.2f} to {each.end_s:,.2f} s: {reason}{decision}"
         return
-    shares = [(name, share) for name, share in explained.shares.items() if share >= 0.005]
+    shares = [(name, share) for name, share in explanation.shares.items() if share >= 0.005]
     if shares:
         yield ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in shares)
 

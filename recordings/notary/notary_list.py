@@ -118,7 +118,7 @@ def _bytes_to_sign(content: NotaryHead | NotaryEntry) -> bytes:
     return _DOMAIN + canonical_bytes(content.model_dump(mode="json"))
 
 
-def signed_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
+def sign_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
     """Line with its signature."""
     signature = key.sign(_bytes_to_sign(content))
     text = base64.b64encode(signature).decode()
@@ -134,7 +134,7 @@ def parse_line(data: bytes, what: str) -> NotaryLine:
         what: name of the line, for the error.
 
     Raises:
-        EvidenceError: it is not a line as written by `signed_line`.
+        EvidenceError: it is not a line as written by `sign_line`.
     """
     if len(data) > MOST_LINE_BYTES:
         raise EvidenceError(f"{what}: is longer than the {MOST_LINE_BYTES} bytes allowed")
@@ -162,12 +162,12 @@ def _format_validation_fault(fault: Exception) -> str:
     return "its signature is not base64"
 
 
-def split_lines(data: bytes) -> tuple[list[bytes], bytes]:
+def split_whole_lines(data: bytes) -> tuple[list[bytes], bytes]:
     """Whole lines of a list, and the torn tail after the last newline."""
     *whole, tail = data.split(b"\n")
     return whole, tail
 
 
-def list_bytes(lines: Iterable[NotaryLine]) -> bytes:
+def encode_lines(lines: Iterable[NotaryLine]) -> bytes:
     """Lines as the bytes of a file."""
     return b"".join(line.data + b"\n" for line in lines)

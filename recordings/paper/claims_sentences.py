@@ -31,7 +31,7 @@ _SHORT_STARTS: Final = {
 }
 
 
-def label_claims(found: Claims) -> pl.DataFrame:
+def add_claim_texts(found: Claims) -> pl.DataFrame:
     """Findings with claim, case and printed number as text."""
     rows = list(found.frame.iter_rows(named=True))
     words = pl.DataFrame(
@@ -96,16 +96,16 @@ def sentences_on_claims(found: Claims) -> ItemSentences:
             f"claim's constant speed is a cruise of {CRUISE_S:g} s after a start of 3 s.",
         ),
         (
-            _buffer_sentence(found),
-            _rms_sentence(found),
-            _simulation_sentence(found),
-            _experiment_sentence(found),
-            _reduction_sentence(found),
+            _memory_claim_sentence(found),
+            _rms_claim_sentence(found),
+            _simulation_claim_sentence(found),
+            _experiment_claim_sentence(found),
+            _error_reduction_claim_sentence(found),
         ),
     )
 
 
-def _buffer_sentence(found: Claims) -> str:
+def _memory_claim_sentence(found: Claims) -> str:
     buffer, of_ls, of_rls = found.buffer, found.buffer.ls_kg, found.buffer.rls_kg
     windows = len(buffer.windows)
     sentence = (
@@ -129,7 +129,7 @@ def _buffer_sentence(found: Claims) -> str:
     )
 
 
-def _rms_sentence(found: Claims) -> str:
+def _rms_claim_sentence(found: Claims) -> str:
     low, high = found.rms_kg
     holds = "holds in simulation for every method"
     return (
@@ -142,7 +142,7 @@ def _rms_sentence(found: Claims) -> str:
     )
 
 
-def _simulation_sentence(found: Claims) -> str:
+def _simulation_claim_sentence(found: Claims) -> str:
     mean, spread = printed_numbers.SIMULATION_ERROR
     return (
         f"{format_percent(mean, 4)} ± {format_percent(spread, 2)} in simulation: a single window "
@@ -161,7 +161,7 @@ def _simulation_sentence(found: Claims) -> str:
     )
 
 
-def _experiment_sentence(found: Claims) -> str:
+def _experiment_claim_sentence(found: Claims) -> str:
     mean, spread = printed_numbers.EXPERIMENT_ERROR
     of_mass, of_range = found.experiment_mass_percent, found.experiment_range_percent
     return (
@@ -174,7 +174,7 @@ def _experiment_sentence(found: Claims) -> str:
     )
 
 
-def _reduction_sentence(found: Claims) -> str:
+def _error_reduction_claim_sentence(found: Claims) -> str:
     rows = found.frame.filter(pl.col("claim") == "reduction").iter_rows(named=True)
     each = [
         f"{_describe_case(row)}, {row['found_kg']:,.1f} kg{_describe_gain(row['smaller_percent'])}"

@@ -50,16 +50,16 @@ def mass_error_table_sentences(found: Table1) -> ItemSentences:
     return ItemSentences(
         _TABLE_1_CHOICES,
         (
-            _one_trial_sentence(found),
+            _printed_single_trials_sentence(found),
             _best_length_sentence(found),
-            _bound_sentence(found),
-            _recursive_sentence(found),
+            _cramer_rao_bound_sentence(found),
+            _recursive_methods_sentence(found),
             _raw_units_sentence(found),
         ),
     )
 
 
-def _one_trial_sentence(found: Table1) -> str:
+def _printed_single_trials_sentence(found: Table1) -> str:
     return (
         f"Each printed number is one trial, ours are {found.frame['trials'].max()}: of the "
         f"{found.beside} printed numbers {found.below_bound} lie below the bound, which only luck "
@@ -80,7 +80,7 @@ def _best_length_sentence(found: Table1) -> str:
     )
 
 
-def _bound_sentence(found: Table1) -> str:
+def _cramer_rao_bound_sentence(found: Table1) -> str:
     (low, high), (rms, *ends) = found.long_over_bound_1, found.long_rms_1
     errors = f"errors are {low:.2f} to {high:.2f} times it"
     if found.long_reached:
@@ -98,7 +98,7 @@ def _bound_sentence(found: Table1) -> str:
     )
 
 
-def _recursive_sentence(found: Table1) -> str:
+def _recursive_methods_sentence(found: Table1) -> str:
     last = found.longest
     return (
         f"RLS forgets (λ = {found.forgetting_1:g}: half in {found.half_s:.1f} s), so a longer "
@@ -164,7 +164,7 @@ def method_error_table_sentences(found: SweptTable) -> ItemSentences:
         (
             "The text says that most methods have their smallest error at 0.7 nat. Its table has "
             f"it at {_best_settings_text(found.best_printed, 'nat')}.",
-            _extremes_sentence(found.extremes, "nat"),
+            _error_extremes_sentence(found.extremes, "nat"),
             _nearest_bound_sentence(found.nearest_bound_1),
             "The printed columns jump by a factor of eight between neighbours (RLS 42.6 kg at 0.7, "
             "10.4 kg at 0.9); 54 runs of one campaign cannot tell neighbours apart.",
@@ -186,7 +186,7 @@ def swept_setting_table_sentences(found: SweptTable) -> ItemSentences:
         (
             "The text says that 400 samples are best. Its table has the smallest error at "
             f"{_best_settings_text(found.best_printed, 'samples')}.",
-            _extremes_sentence(found.extremes, "samples"),
+            _error_extremes_sentence(found.extremes, "samples"),
             "The printed FGLS errors of 67.1 and 63.7 kg beside 17.5 and 15.1 kg of LS look like "
             "(16) without a guard, 1/r² at r near 0; with bounded weights FGLS follows LS.",
             _constant_predictor_sentence(found.best_kg),
@@ -201,7 +201,7 @@ def _best_settings_text(best: Mapping[str, Sequence[float]], unit: str) -> str:
     )
 
 
-def _extremes_sentence(methods: Sequence[ErrorExtremes], unit: str) -> str:
+def _error_extremes_sentence(methods: Sequence[ErrorExtremes], unit: str) -> str:
     """Sentence on where our error is smallest, and whether that is significant."""
     sentences: list[str] = []
     for each in methods:
@@ -259,7 +259,7 @@ def convergence_figure_sentences(found: Figure3) -> ItemSentences:
     return ItemSentences(
         (_NO_GATE,),
         (
-            _truth_sentence(found.rms_kg, found.true_mass_kg, "kg"),
+            _rms_about_truth_sentence(found.rms_kg, found.true_mass_kg, "kg"),
             _convergence_sentence(found),
             NO_NUMBERS,
         ),
@@ -280,7 +280,7 @@ def spin_figure_sentences(found: Figure4) -> ItemSentences:
             "only.",
         ),
         (
-            _truth_sentence(found.rms_kg_m2, found.true_inertia_z_kg_m2, "kg·m²"),
+            _rms_about_truth_sentence(found.rms_kg_m2, found.true_inertia_z_kg_m2, "kg·m²"),
             f"The noise of a differentiated gyroscope biases LS by {bias['ls']:+.0f} kg·m², and "
             f"FGLS with it; TLS, which knows that noise, by {bias['tls']:+.0f} kg·m².",
             NO_NUMBERS,
@@ -288,7 +288,7 @@ def spin_figure_sentences(found: Figure4) -> ItemSentences:
     )
 
 
-def _truth_sentence(rms: Mapping[str, float], true: float, unit: str) -> str:
+def _rms_about_truth_sentence(rms: Mapping[str, float], true: float, unit: str) -> str:
     each = join_words(f"{NAMES[method]} {error:.0f} {unit}" for method, error in rms.items())
     return f"R.m.s. over the figure about the true {true:g} {unit}: {each}."
 

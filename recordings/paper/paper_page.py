@@ -18,7 +18,7 @@ PAGE: Final = "reproduction.md"
 SENTENCES: Final = "findings.csv"
 
 
-def check_reproduction(
+def require_writable_reproduction(
     items: Sequence[Item[Any]], folder: Path, output_format: str, *, force: bool
 ) -> None:
     """Refuse outputs that cannot be written before the work; create the folder if missing.
@@ -30,7 +30,7 @@ def check_reproduction(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be created ({error.strerror})") from error
-    for path in _list_output_files(items, folder, output_format):
+    for path in _output_paths(items, folder, output_format):
         require_writable_output(path, force=force)
 
 
@@ -53,7 +53,7 @@ def write_reproduction(
     Raises:
         OutputError: one of them is there already, or cannot be written.
     """
-    targets = _list_output_files([each.item for each in found], folder, output_format)
+    targets = _output_paths([each.item for each in found], folder, output_format)
     with atomic_files(targets, force=force) as stage:
         for each in found:
             if each.item.picture:
@@ -61,7 +61,7 @@ def write_reproduction(
                     each.item.picture, each.frame, stage / _picture_file_name(each.item)
                 )
         if output_format == "md":
-            (stage / PAGE).write_text(_render_page(found, about), encoding="utf-8")
+            (stage / PAGE).write_text(_render_page_markdown(found, about), encoding="utf-8")
         else:
             for each in found:
                 each.frame.write_csv(stage / f"{each.item.name}.csv")
@@ -69,7 +69,7 @@ def write_reproduction(
     return targets
 
 
-def _list_output_files(items: Sequence[Item[Any]], folder: Path, output_format: str) -> list[Path]:
+def _output_paths(items: Sequence[Item[Any]], folder: Path, output_format: str) -> list[Path]:
     tables = [f"{item.name}.csv" for item in items]
     written = [PAGE] if output_format == "md" else [*tables, SENTENCES]
     return [
@@ -81,7 +81,7 @@ def _picture_file_name(item: Item[Any]) -> str:
     return f"{item.name}.png"
 
 
-def _render_page(found: Sequence[ItemResult], about: str) -> str:
+def _render_page_markdown(found: Sequence[ItemResult], about: str) -> str:
     from jinja2 import Environment, StrictUndefined
 
     # Markdown for a reader, not HTML for a browser: nothing to escape

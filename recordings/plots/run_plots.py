@@ -11,7 +11,7 @@ from analysis.model.run_record import Run
 from estimators.errors import OutputError, nearest
 from recordings.plots.convergence_plot import draw_convergence
 from recordings.plots.force_acceleration_plot import draw_force_acceleration
-from recordings.plots.time_panels import draw_over_time, draw_reasons, panel_height
+from recordings.plots.time_panels import draw_gate_reason_shares, draw_over_time, panel_height
 from recordings.report import colours
 from recordings.report.picture import check_picture, write_picture
 from recordings.rrd.display_frames import display_frames, drawn_columns_of_view
@@ -78,14 +78,14 @@ def draw_run(run: Run, at_s: float | None = None) -> "Figure":
     kept = heights if points.height else heights[:2]
     figure = Figure(figsize=(_WIDTH_IN, sum(kept)), layout="constrained")
     parts = figure.subfigures(len(kept), 1, height_ratios=kept, squeeze=False)[:, 0]
-    _write_answer(parts[0], lines)
+    _write_answer_lines(parts[0], lines)
     draw_over_time(parts[1], [view for view, _ in views], run, shown, at_s)
     if points.height:
-        _draw_calibration(parts[2], points)
+        _draw_calibration_of_method(parts[2], points)
     return figure
 
 
-def _write_answer(part: "SubFigure", lines: list[str]) -> None:
+def _write_answer_lines(part: "SubFigure", lines: list[str]) -> None:
     part.suptitle(lines[0], x=0.01, ha="left", fontweight="bold", parse_math=False)
     axes = part.subplots()
     axes.axis("off")
@@ -93,7 +93,7 @@ def _write_answer(part: "SubFigure", lines: list[str]) -> None:
     axes.text(0, 1, text, va="top", fontsize=8, family="monospace", parse_math=False)
 
 
-def _draw_gate(run: Run, at_s: float | None) -> "Figure":
+def _draw_gate_figure(run: Run, at_s: float | None) -> "Figure":
     """Draw the gate's statistics and reasons over time, and the shares of the reasons."""
     from matplotlib.figure import Figure
 
@@ -102,11 +102,11 @@ def _draw_gate(run: Run, at_s: float | None) -> "Figure":
     parts = figure.subfigures(2, 1, height_ratios=[len(views), 1.2], squeeze=False)
     over, below = parts[:, 0]
     draw_over_time(over, views, run, display_frames(run, decimate=False), at_s)
-    draw_reasons(below.subplots(), run)
+    draw_gate_reason_shares(below.subplots(), run)
     return figure
 
 
-def _draw_loads(run: Run, at_s: float | None) -> "Figure":
+def _draw_loads_figure(run: Run, at_s: float | None) -> "Figure":
     """Draw masses and payloads of the loads, cycles, and the speed."""
     from matplotlib.figure import Figure
 
@@ -119,7 +119,7 @@ def _draw_loads(run: Run, at_s: float | None) -> "Figure":
     return figure
 
 
-def _draw_scatter(run: Run, at_s: float | None) -> "Figure":
+def _draw_force_acceleration_figure(run: Run, at_s: float | None) -> "Figure":
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_WIDTH_IN, 0.6 * _WIDTH_IN), layout="constrained")
@@ -127,7 +127,7 @@ def _draw_scatter(run: Run, at_s: float | None) -> "Figure":
     return figure
 
 
-def _draw_convergence(run: Run, at_s: float | None) -> "Figure":
+def _draw_convergence_figure(run: Run, at_s: float | None) -> "Figure":
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_WIDTH_IN, 0.5 * _WIDTH_IN), layout="constrained")
@@ -138,14 +138,14 @@ def _draw_convergence(run: Run, at_s: float | None) -> "Figure":
 #: One figure a question, by its name.
 FIGURES: Final[Mapping[str, Callable[[Run, float | None], "Figure"]]] = {
     "page": draw_run,
-    "force-acceleration": _draw_scatter,
-    "convergence": _draw_convergence,
-    "gate": _draw_gate,
-    "loads": _draw_loads,
+    "force-acceleration": _draw_force_acceleration_figure,
+    "convergence": _draw_convergence_figure,
+    "gate": _draw_gate_figure,
+    "loads": _draw_loads_figure,
 }
 
 
-def _draw_calibration(part: "SubFigure", points: pl.DataFrame) -> None:
+def _draw_calibration_of_method(part: "SubFigure", points: pl.DataFrame) -> None:
     """Draw the points and the line of a method, and the residual of each load."""
     fits, errors = part.subplots(1, 2)
     reference = points["reference_kg"]

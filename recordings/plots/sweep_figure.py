@@ -76,17 +76,17 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     count = 2 + len(titles) + loads
     figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * count + 0.6), layout="constrained")
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
-    at = place_combinations(rows, panels[-1])
+    at = position_combinations_on_axis(rows, panels[-1])
     for axes in panels:
         axes.grid(alpha=0.25, lw=0.5)
     mass = panels.pop(0)
-    _draw_masses(mass, rows, at)
+    _draw_swept_masses(mass, rows, at)
     if reference_kg is not None:
         mass.axhline(reference_kg, color="black", lw=0.8, ls=":", label="reference")
     mass.set_ylabel("mass (kg)")
     draw_legend_beside(mass)
     if loads:
-        _draw_payloads(panels.pop(0), rows, at)
+        _draw_swept_payloads(panels.pop(0), rows, at)
     for title in titles:
         axes = panels.pop(0)
         _draw_by_method(axes, at, [row.errors.get(title, {}) for row in rows])
@@ -96,7 +96,7 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     return figure
 
 
-def place_combinations(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
+def position_combinations_on_axis(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
     """Position of each combination on the axis, which is labelled accordingly."""
     names = list(rows[0].over)
     if len(names) == 1 and all(_is_number(row.over[names[0]]) for row in rows):
@@ -142,7 +142,7 @@ def _values_of_method(
     return np.array([np.nan if (v := part.get(method)) is None else v for part in parts])
 
 
-def _draw_masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+def _draw_swept_masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
     masses, stds = [row.mass_kg for row in rows], [row.mass_std_kg for row in rows]
     methods = _order_methods(masses)
     steps = np.diff(np.unique(at))
@@ -159,16 +159,16 @@ def _draw_masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]
             axes.errorbar(
                 shifted, values, yerr=std, fmt="o-", ms=3, label=method, **_line_style(method)
             )
-    _label_if_empty(axes)
+    _label_axes_without_data(axes)
 
 
-def _label_if_empty(axes: "Axes") -> None:
+def _label_axes_without_data(axes: "Axes") -> None:
     if not axes.lines:
         axes.text(0.5, 0.5, "no mass", ha="center", transform=axes.transAxes)
         axes.set_yticks([])
 
 
-def _draw_payloads(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+def _draw_swept_payloads(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
     pairs = np.array([row.payload_kg or (np.nan, np.nan) for row in rows])
     axes.errorbar(at, pairs[:, 0], yerr=pairs[:, 1], fmt="o-", ms=3, **_line_style(_JOINT))
     axes.set_ylabel("largest payload (kg)")
@@ -181,7 +181,7 @@ def _draw_by_method(
         values = _values_of_method(parts, method)
         if np.isfinite(values).any():
             axes.plot(at, values, "o-", ms=3, label=method, **_line_style(method))
-    _label_if_empty(axes)
+    _label_axes_without_data(axes)
 
 
 def _draw_used_share(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:

@@ -147,13 +147,13 @@ def add_certified_masses(source: Path, content: dict[str, Any]) -> dict[str, Any
 
 def _trusted_certificate_keys(source: Path, content: dict[str, Any]) -> list[str]:
     """Ids of the keys that the campaign file trusts for certificates."""
-    from recordings.dcc.dcc_signature import trusted_key_id
+    from recordings.dcc.dcc_signature import read_trusted_key_id
 
     named = content.get("dcc_keys", [])
     if not isinstance(named, list) or not all(isinstance(each, str) for each in named):
         raise CampaignError(f"{source}: dcc_keys: is a list of files with keys in PEM")
     try:
-        return [trusted_key_id(source.parent / each) for each in named]
+        return [read_trusted_key_id(source.parent / each) for each in named]
     except EvidenceError as fault:
         raise CampaignError(f"{source}: dcc_keys: {fault}") from None
 

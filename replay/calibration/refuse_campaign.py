@@ -8,7 +8,7 @@ from analysis.model.machine import Machine
 from estimators.errors import CampaignError
 from recordings.calibration.campaign_faults import find_day_faults, find_machine_faults
 from recordings.calibration.notary_stretch import cut_notary_stretch, find_unaccounted_logs
-from recordings.notary.notary_check import check_list
+from recordings.notary.notary_check import check_notary_list
 from replay.calibration.campaign_runs import CampaignReplay
 
 
@@ -64,7 +64,7 @@ def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read ({error.strerror})") from None
     # a notary may be writing it: what is behind the last whole line is none of the stretch
-    kept = check_list(data[: data.rfind(b"\n") + 1], dt.datetime.now(dt.UTC))
+    kept = check_notary_list(data[: data.rfind(b"\n") + 1], dt.datetime.now(dt.UTC))
     last = kept.entries[-1].counter if kept.entries else 0
     faults = [
         each.what
@@ -104,7 +104,7 @@ def refuse_unaccounted_logs(
     """
     if campaign.notary is None or stretch is None:
         return
-    kept = check_list(stretch, dt.datetime.now(dt.UTC), campaign.notary.first)
+    kept = check_notary_list(stretch, dt.datetime.now(dt.UTC), campaign.notary.first)
     fault = next(find_unaccounted_logs(campaign.notary, replayed.logs, kept.entries), None)
     if fault is not None:
         raise CampaignError(

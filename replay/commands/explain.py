@@ -115,11 +115,11 @@ def _print_explanation(
     explained: "Explanation", mended: "MendedMachine | None", picture: Path | None
 ) -> None:
     from recordings.explain.explanation_text import (
-        describe_findings,
-        describe_gate,
+        answer_and_cause_sentence,
         determined_parameter_lines,
+        iter_finding_lines,
+        iter_gate_lines,
         manoeuvre_line,
-        verdict_sentence,
     )
     from replay.commands.print_checks import print_failed_checks
     from replay.commands.print_tables import print_line, stdout_console
@@ -135,17 +135,17 @@ def _print_explanation(
 
     if mended is not None and mended.path is None:
         print_line(screen, "no proposal improves the mass, so no machine file was written")
-    print_line(screen, verdict_sentence(explained))
+    print_line(screen, answer_and_cause_sentence(explained))
     failed = explained.said.verdict.failed("mass")
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)
-    print_part("causes, the likeliest first:", describe_findings(explained))
+    print_part("causes, the likeliest first:", iter_finding_lines(explained))
     if explained.manoeuvre is not None:
         print_part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
     print_part("conspicuous manoeuvres:", map(manoeuvre_line, explained.worst))
     around = "the gate around it:" if explained.at_s is not None else "the gate, by share of time:"
-    print_part(around, describe_gate(explained))
+    print_part(around, iter_gate_lines(explained))
     print_part("the motion:", determined_parameter_lines(explained.determined))
     if mended is not None:
         _print_mended_machine(screen, mended)

@@ -123,13 +123,16 @@ def compare_recordings(
             )
         found = compare_runs(mine, theirs, rtol=rtol, rows=not other_logs)
         if output.path is not None:
-            from recordings.compare.overlay_recording import comparison_text, write_overlay
+            from recordings.compare.overlay_recording import (
+                comparison_markdown,
+                write_overlay_recording,
+            )
 
-            write_overlay(
+            write_overlay_recording(
                 mine.drawn_columns(),
                 theirs.drawn_columns(),
                 output.path,
-                comparison_text(found, a.name, b.name),
+                comparison_markdown(found, a.name, b.name),
                 one_log=not other_logs,
                 force=output.force,
             )

@@ -20,7 +20,7 @@ from analysis.fleet.daily_figures import (
     weekly_tonnes,
 )
 from analysis.fleet.machine_drifts import MachineChart, machine_charts
-from recordings.fleet.fleet_page import FleetPage, fleet_html
+from recordings.fleet.fleet_page import FleetPage, render_fleet_html
 from recordings.report.atomic_output import atomic_file
 from recordings.review.week_shifts import trend_sentences
 from replay.fleet.gathered_tables import FleetResults
@@ -88,7 +88,7 @@ def write_fleet_report(
         if friction_limit_N_s_m is not None:
             trends = fleet_friction_trends(shown.results, friction_limit_N_s_m)
             shown = replace(shown, friction=trend_sentences(trends))
-        written.write_text(fleet_html(shown), encoding="utf-8")
+        written.write_text(render_fleet_html(shown), encoding="utf-8")
     return FleetReport(shown, page, trends)
 
 

@@ -14,7 +14,7 @@ from analysis.online.growing_log import causal_machine
 from analysis.online.online_report import OnlineReport
 from estimators.errors import OutputError
 from recordings import check_recording, read_frame, read_provenance
-from recordings.follow.growing_file import is_unfinished
+from recordings.follow.growing_file import is_unfinished_recording
 from recordings.follow.growing_recording import (
     FollowedLog,
     GrowingRecording,
@@ -208,7 +208,7 @@ def find_continuation(
     if force or not output.is_file() or output.stat().st_size == 0:
         check_recording(output, force=force or output.is_file())
         return None
-    if is_unfinished(output):
+    if is_unfinished_recording(output):
         end = read_recording_end(output)
         if end is None:
             return None

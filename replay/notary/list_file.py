@@ -21,7 +21,7 @@ from recordings.notary.notary_list import (
     NotaryHead,
     NotaryLine,
     parse_line,
-    split_lines,
+    split_whole_lines,
 )
 from recordings.signatures.canonical_json import canonical_bytes
 
@@ -129,7 +129,7 @@ def open_list(path: Path) -> Generator[OpenList]:
         size = os.fstat(number).st_size
         if size > MOST_LIST_BYTES:
             raise EvidenceError(f"{path}: is larger than the {MOST_LIST_BYTES} bytes of a list")
-        whole, tail = split_lines(_read_descriptor(number, size))
+        whole, tail = split_whole_lines(_read_descriptor(number, size))
         lines = [parse_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)]
         second = second_copy_path(path)
         check_list_end(path, lines, read_kept_end(second))

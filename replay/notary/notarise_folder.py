@@ -19,7 +19,7 @@ from recordings.notary.notary_list import (
     NotaryEntry,
     NotaryFile,
     NotaryHead,
-    signed_line,
+    sign_line,
 )
 from recordings.signatures.signing import KEY_VARIABLE, SigningKey, signing_key
 from replay.logs import open_log
@@ -139,7 +139,7 @@ def notarise_folder(
                 waiting.append(log.name)
                 continue
             notes += _clock_notes(held, entry)
-            held.append(signed_line(entry, key))
+            held.append(sign_line(entry, key))
             added.append(entry)
         return NotarisedFolder(
             path, tuple(added), tuple(waiting), len(held.lines) - 1, (*notes, *head)
@@ -157,7 +157,7 @@ def begin_list(open_list: OpenList, key: SigningKey, machine_id: str) -> list[st
             nonce=secrets.token_hex(32),
             begun=_format_now(),
         )
-        open_list.append(signed_line(head, key))
+        open_list.append(sign_line(head, key))
         return [] if machine_id else ["the list names no machine; name it with --machine-id"]
     head = open_list.lines[0].content
     assert isinstance(head, NotaryHead)

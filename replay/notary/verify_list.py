@@ -12,7 +12,7 @@ from recordings.calibration.check_outcomes import (
     most_severe_outcome,
     verdict_text,
 )
-from recordings.notary.notary_check import check_list
+from recordings.notary.notary_check import check_notary_list
 from recordings.notary.notary_list import MOST_LIST_BYTES
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
@@ -89,7 +89,7 @@ def verify_list(path: Path, *, key_file: Path | None = None, signed: bool = Fals
             data = file.read(MOST_LIST_BYTES + 1)
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
-    kept = check_list(data, dt.datetime.now(dt.UTC))
+    kept = check_notary_list(data, dt.datetime.now(dt.UTC))
     findings = [
         BundleFinding(
             BundleOutcome.TAMPERED if fault.forged else BundleOutcome.INCOMPLETE,

@@ -22,8 +22,8 @@ from recordings.calibration.certificate_text import (
 from recordings.calibration.evidence_document import Chain, Link
 from recordings.dcc.dcc_document import DCC, parse_dcc
 from recordings.dcc.dcc_masses import read_certified_masses
-from recordings.dcc.dcc_signature import check_signature, trusted_key_id
-from recordings.dcc.write_dcc import make_dcc
+from recordings.dcc.dcc_signature import check_signature, read_trusted_key_id
+from recordings.dcc.write_dcc import make_unsigned_dcc
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.dcc_output import DccOutput, write_dcc_output
@@ -241,7 +241,7 @@ def test_the_certificate_is_signed_and_read_back(made: CalibrationOutcome, folde
     data = (folder / "sledge.xml").read_bytes()
     signed = check_signature(parse_dcc(data, "sledge.xml"), "sledge.xml")
     (folder / "own.pub.pem").write_bytes(public_pem(ec_key()))
-    assert signed.key_id == trusted_key_id(folder / "own.pub.pem")
+    assert signed.key_id == read_trusted_key_id(folder / "own.pub.pem")
     assert "sledge.xml is signed by the key" in made.remarks[-1]
     # it is the certificate of a machine, so nobody takes a weight from it
     with pytest.raises(Exception, match="has no item 'weight-1'"):
@@ -260,7 +260,7 @@ def test_the_certificate_is_valid_after_the_official_schema(folder: Path, name: 
 def test_a_certificate_after_another_names_it_by_its_digest(made: CalibrationOutcome) -> None:
     before = Link(id="evidence-1", counter=1, sums_sha256="ab" * 32)
     chained = made.document.model_copy(update={"chain": Chain(counter=2, previous=before)})
-    root = make_dcc(chained, "cd" * 32)
+    root = make_unsigned_dcc(chained, "cd" * 32)
     report = root.find(f".//{{{DCC}}}previousReport")
     assert report is not None
     assert report.findtext(f"{{{DCC}}}referralID") == "evidence-1"

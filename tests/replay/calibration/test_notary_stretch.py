@@ -13,7 +13,7 @@ import pytest
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import NOTARY
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.notary.notary_list import NotaryEntry, list_bytes, parse_line, signed_line
+from recordings.notary.notary_list import NotaryEntry, encode_lines, parse_line, sign_line
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import SigningKey, public_key, signing_key
 from replay.calibration.calibrate_campaign import calibrate_from_campaign, load_stretch
@@ -260,12 +260,12 @@ def relisted(key: SigningKey, **values: Any) -> Callable[[bytes], bytes]:
 
     def change(data: bytes) -> bytes:
         head, *rest = (parse_line(line, "line") for line in data.splitlines())
-        made = [signed_line(head.content.model_copy(update={"public_key": key.public.text}), key)]
+        made = [sign_line(head.content.model_copy(update={"public_key": key.public.text}), key)]
         for line in rest:
             more = {"head": made[0].digest, "previous": made[-1].digest, **values}
             content = line.content.model_dump(mode="json") | more
-            made.append(signed_line(NotaryEntry.model_validate(content), key))
-        return list_bytes(made)
+            made.append(sign_line(NotaryEntry.model_validate(content), key))
+        return encode_lines(made)
 
     return change
 
