@@ -319,7 +319,7 @@ def identify_signer(
 ) -> None:
     """Identify the owner of a key by the user's keyring."""
     claimed = "" if document.signer is None else document.signer.name
-    known = keyring.find(stated.key_id)
+    known = keyring.find_key_or_none(stated.key_id)
     owner = "" if known is None else known.owner
     by = SignedBy("unknown", claimed, owner, stated.key_id, stated.text)
     if known is not None:

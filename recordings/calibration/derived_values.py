@@ -17,7 +17,7 @@ from recordings.calibration.evidence_document import (
     EvidenceDocument,
     ReferenceLoad,
 )
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 
 #: Keys of `[machine]` and stages that no mass depends on, by the format since which they are no
 #: part of what defines it.
@@ -51,7 +51,7 @@ def estimator_with_digest(
     defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,
-        definition_sha256=hashlib.sha256(canonical_bytes(defined)).hexdigest(),
+        definition_sha256=hashlib.sha256(canonical_json_bytes(defined)).hexdigest(),
     )
 
 

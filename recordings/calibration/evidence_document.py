@@ -30,7 +30,7 @@ from recordings.calibration.released_defaults import (
     released_defaults,
     remove_dotted_values,
 )
-from recordings.signatures.canonical_json import canonical_bytes, parse
+from recordings.signatures.canonical_json import canonical_json_bytes, parse_canonical_json
 
 #: Format 1 does not say what the errors of learnt means did to its runs and its line.
 _FIRST: Final = "payscope-calibration-evidence/1"
@@ -223,7 +223,7 @@ class EvidenceDocument(BaseModel):
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
         values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
-        return canonical_bytes(remove_dotted_values(values, self._put_in))
+        return canonical_json_bytes(remove_dotted_values(values, self._put_in))
 
     @property
     def settings_at_default(self) -> dict[str, Any]:
@@ -244,7 +244,7 @@ class EvidenceDocument(BaseModel):
         if not changed:
             return self
         document = EvidenceDocument.model_validate_json(
-            canonical_bytes(insert_dotted_values(values, changed))
+            canonical_json_bytes(insert_dotted_values(values, changed))
         )
         document._put_in = changed  # noqa: SLF001  its own
         return document
@@ -252,7 +252,9 @@ class EvidenceDocument(BaseModel):
     @property
     def with_all_settings(self) -> "EvidenceDocument":
         """Write down every setting of this version, also those left at default."""
-        return EvidenceDocument.model_validate_json(canonical_bytes(self.model_dump(mode="json")))
+        return EvidenceDocument.model_validate_json(
+            canonical_json_bytes(self.model_dump(mode="json"))
+        )
 
     @property
     def other_version_text(self) -> str:
@@ -288,7 +290,7 @@ def parse_evidence(data: bytes, what: str) -> EvidenceDocument:
         UnknownFormatError: it says that another version made it, and holds what this one lacks.
         EvidenceError: no canonical JSON within its bounds, or not as the schema has it.
     """
-    values = parse(data, what)
+    values = parse_canonical_json(data, what)
     try:
         document = EvidenceDocument.model_validate_json(data)
     except ValidationError as error:

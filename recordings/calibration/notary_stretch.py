@@ -159,7 +159,7 @@ def identify_notary(
     key = checked_list.key
     if key is None or any(fault.forged for fault in checked_list.faults):
         return SignedBy("broken")
-    known = keyring.find(key.key_id)
+    known = keyring.find_key_or_none(key.key_id)
     by = SignedBy("unknown", "", "" if known is None else known.owner, key.key_id, key.text)
     if document.signer is not None and document.signer.key_id == key.key_id:
         bundle.notes.append(

@@ -22,7 +22,11 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.bundle_tables import encode_table_as_parquet
 from recordings.calibration.calibration_report import report_html, write_report_pdf
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
-from recordings.signatures.signing import SigningKey, make_envelope, make_statement
+from recordings.signatures.signing import (
+    SigningKey,
+    make_signed_envelope_bytes,
+    make_statement_bytes,
+)
 
 
 def encode_tables(
@@ -76,8 +80,8 @@ def write_bundle(
     (folder / SUMS).write_bytes(sums)
     if key is not None:
         digests[SUMS] = hashlib.sha256(sums).hexdigest()
-        payload = make_statement(digests, make_statement_predicate(document))
-        (folder / STATEMENT).write_bytes(make_envelope(payload, key))
+        payload = make_statement_bytes(digests, make_statement_predicate(document))
+        (folder / STATEMENT).write_bytes(make_signed_envelope_bytes(payload, key))
     return [remark] if remark else []
 
 

@@ -15,13 +15,13 @@ from analysis.compare.run_comparison import Comparison, EstimateChange, ValueCha
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.report.number_text import format_number, format_plus_minus, markdown_table
-from recordings.rrd.blueprint import Page, Panel, lay_out_tabs, unix_span_ns
+from recordings.rrd.blueprint import Page, Panel, lay_out_tabs, unix_span_of_grid_ns
 from recordings.rrd.display_frames import (
     ROOT,
     DisplayColumn,
     axis_range,
-    display_frames,
     drawn_columns_of_view,
+    make_display_frames,
 )
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import View, ViewKind
@@ -77,13 +77,13 @@ def write_overlay_recording(
 
     def make_overlay_scene(_: Run) -> Scene:
         sides = [
-            _OverlaidRun(name, run, display_frames(run))
+            _OverlaidRun(name, run, make_display_frames(run))
             for name, run in ((_A, a), (_B, moved), (_LESS, subtract_run(a, moved)))
         ]
         return Scene(
             name="A and B",
             shown={name: rows for side in sides for name, rows in side.frames_by_entity().items()},
-            layout=lay_out_tabs(_make_overlay_pages(*sides), unix_span_ns(a)),
+            layout=lay_out_tabs(_make_overlay_pages(*sides), unix_span_of_grid_ns(a)),
             texts={COMPARED: text},
         )
 

@@ -16,7 +16,7 @@ from recordings.plots.force_acceleration_plot import draw_force_acceleration
 from recordings.plots.time_panels import draw_over_time
 from recordings.report.finding_text import finding_line
 from recordings.report.picture import write_picture
-from recordings.rrd.display_frames import display_frames, span_ns
+from recordings.rrd.display_frames import grid_span_ns, make_display_frames
 from recordings.rrd.recording_table import MOMENT
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
         which = "asked for" if explanation.at_s is not None else "which stands out most"
         title = f"The signals around {at_s:,.1f} s, {which}"
         below.suptitle(title, x=0.01, ha="left", fontsize=9)
-    draw_over_time(below, MOMENT, near, display_frames(near, decimate=False), at_s)
+    draw_over_time(below, MOMENT, near, make_display_frames(near, decimate=False), at_s)
     return figure
 
 
@@ -83,7 +83,7 @@ def _moment_to_show_s(explanation: Explanation, run: Run) -> float | None:
 
     None, for the whole run, if the run is not much longer than the drawn stretch.
     """
-    span = span_ns(run)
+    span = grid_span_ns(run)
     if span is None or span[1] - span[0] < 4 * _AROUND_S * NS_PER_S:
         return None
     for each in explanation.findings or ():

@@ -10,10 +10,10 @@ from recordings.report.finding_text import (
     cause_name,
     consequence_text,
     finding_span_text,
-    indistinguishable_causes,
+    indistinguishable_causes_text,
     mass_change_if_fixed_text,
     may_change_mass,
-    proposal_text,
+    proposed_keys_text,
 )
 from recordings.report.number_text import format_number, format_plus_minus
 from recordings.rrd.recording_texts import answer_headline
@@ -89,8 +89,8 @@ def iter_finding_lines(explanation: Explanation) -> Iterator[str]:
         for line in (
             each.evidence,
             mass_change_if_fixed_text(each),
-            proposal_text(each),
-            indistinguishable_causes(each),
+            proposed_keys_text(each),
+            indistinguishable_causes_text(each),
             consequence_text(each),
         ):
             if line:

@@ -14,7 +14,7 @@ from analysis.fleet.daily_figures import sum_machines, sum_results
 from analysis.fleet.machine_drifts import SIGNALS, MachineChart
 from estimators.errors import counted
 from recordings.report.number_text import SCALE_NOT_KNOWN
-from recordings.report.render_page import page_html
+from recordings.report.render_page import render_page_html
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing
 
 _BOX: Final = (52.0, 22.0, WIDTH - 8.0, 170.0)
@@ -80,7 +80,7 @@ def render_fleet_html(page: FleetPage) -> str:
     )
     by_week = _weekly_tonnes_of_fleet(page.weeks)
     drawn = [draw_weekly_tonnes(by_week)] if by_week.height else []
-    return page_html(
+    return render_page_html(
         "recordings.fleet",
         _TEMPLATE,
         title=f"Fleet {page.name}",

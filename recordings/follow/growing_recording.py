@@ -27,8 +27,8 @@ from recordings.follow.growing_file import (
     iter_whole_messages,
 )
 from recordings.report.atomic_output import AppendedFile
-from recordings.rrd.blueprint import Page, lay_out_tabs, tab_panels, text_entity
-from recordings.rrd.display_frames import LANES, ROOT, display_frames
+from recordings.rrd.blueprint import Page, lay_out_tabs, tab_panels, text_entity_path
+from recordings.rrd.display_frames import LANES, ROOT, make_display_frames
 from recordings.rrd.drawn_rows import iter_drawn_batches
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.stored_names import SINCE_START, STATE, TIME
@@ -220,7 +220,7 @@ class GrowingRecording:
         frames["display/gate"] = _make_numeric_frame(new.gate, GATE)
         now = np.array([t_ns])
         stream.send_columns(
-            text_entity(ANSWER),
+            text_entity_path(ANSWER),
             indexes=[
                 rr.TimeColumn(TIME, timestamp=(now + self._about.t0_unix_ns).view("M8[ns]")),
                 rr.TimeColumn(SINCE_START, duration=now.view("m8[ns]")),
@@ -255,7 +255,7 @@ def make_growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprin
         Values of thresholds by the frame that draws them, and the blueprint.
     """
     run = make_placeholder_run(settings)
-    shown = display_frames(run)
+    shown = make_display_frames(run)
     pages = [
         Page(tab.name, tab_panels(tab, run, shown), (ANSWER,) if ANSWER in tab.texts else ())
         for tab in TABS

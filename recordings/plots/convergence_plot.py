@@ -11,7 +11,7 @@ from analysis.model.run_record import Run
 from recordings.plots.time_panels import series_as_floats
 from recordings.report import colours
 from recordings.report.picture import draw_legend_above
-from recordings.rrd.display_frames import span_ns
+from recordings.rrd.display_frames import grid_span_ns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,7 +52,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     bounds += means + answers
     if at_s is not None:
         axes.axvline(at_s, color="black", lw=0.8, ls="--")
-    span = span_ns(run)
+    span = grid_span_ns(run)
     if span is not None and span[0] < span[1]:
         # a load reaches beyond a stretch
         axes.set_xlim(span[0] / NS_PER_S, span[1] / NS_PER_S)

@@ -13,10 +13,10 @@ from recordings.plots.convergence_plot import draw_convergence
 from recordings.plots.force_acceleration_plot import draw_force_acceleration
 from recordings.plots.time_panels import draw_gate_reason_shares, draw_over_time, panel_height
 from recordings.report import colours
-from recordings.report.picture import check_picture, write_picture
-from recordings.rrd.display_frames import display_frames, drawn_columns_of_view
+from recordings.report.picture import require_writable_picture, write_picture
+from recordings.rrd.display_frames import drawn_columns_of_view, make_display_frames
 from recordings.rrd.recording_table import PAGE, TABS
-from recordings.rrd.recording_texts import format_summary
+from recordings.rrd.recording_texts import summary_lines_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
@@ -55,7 +55,7 @@ def plot_run(
         OutputError: another suffix or figure, the file exists, or it cannot be written.
     """
     path = Path(path)
-    check_picture(path, force=force)
+    require_writable_picture(path, force=force)
     if figure not in FIGURES:
         raise OutputError(f"{path}: no figure '{figure}'; {nearest(figure, FIGURES)}")
     return write_picture(FIGURES[figure](run, at_s), path, force=force)
@@ -67,10 +67,10 @@ def draw_run(run: Run, at_s: float | None = None) -> "Figure":
 
     lines = [
         part
-        for line in format_summary(run).splitlines()
+        for line in summary_lines_text(run).splitlines()
         for part in wrap(line, _CHARACTERS) or [""]
     ]
-    shown = display_frames(run, decimate=False)
+    shown = make_display_frames(run, decimate=False)
     views = [(view, drawn) for view in PAGE if (drawn := drawn_columns_of_view(view, run, shown))]
     points = run.frames.get("calibration", pl.DataFrame())
     panels = sum(panel_height(view, drawn) for view, drawn in views)
@@ -101,7 +101,7 @@ def _draw_gate_figure(run: Run, at_s: float | None) -> "Figure":
     figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * (len(views) + 1)), layout="constrained")
     parts = figure.subfigures(2, 1, height_ratios=[len(views), 1.2], squeeze=False)
     over, below = parts[:, 0]
-    draw_over_time(over, views, run, display_frames(run, decimate=False), at_s)
+    draw_over_time(over, views, run, make_display_frames(run, decimate=False), at_s)
     draw_gate_reason_shares(below.subplots(), run)
     return figure
 
@@ -113,7 +113,7 @@ def _draw_loads_figure(run: Run, at_s: float | None) -> "Figure":
     wanted = [view for tab in TABS if tab.name in ("Loads", "Cycles") for view in tab.views]
     views = list(dict.fromkeys(wanted))
     figure = Figure(figsize=(_WIDTH_IN, 1.3 * _PANEL_IN * len(views)), layout="constrained")
-    shown = display_frames(run, decimate=False)
+    shown = make_display_frames(run, decimate=False)
     (part,) = figure.subfigures(1, 1, squeeze=False)[0]
     draw_over_time(part, views, run, shown, at_s)
     return figure

@@ -22,10 +22,10 @@ from recordings.rrd.display_frames import (
     axis_range,
     bin_frame_rows,
     drawn_columns_of_view,
-    draws_as_points,
-    span_ns,
+    grid_span_ns,
+    is_drawn_as_points,
 )
-from recordings.rrd.provenance_texts import local_time
+from recordings.rrd.provenance_texts import local_time_text
 from recordings.rrd.recording_views import View, ViewKind
 from recordings.rrd.stored_names import STATE
 
@@ -63,7 +63,7 @@ def draw_over_time(
         display_frames: frames of the run that are displayed, not decimated.
         at_s: moment to mark.
     """
-    span = span_ns(run)
+    span = grid_span_ns(run)
     found = [
         (view, drawn)
         for view in views
@@ -84,7 +84,7 @@ def draw_over_time(
         if at_s is not None:
             axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
     rows[-1].set_xlim(span[0] / NS_PER_S, max(span[1], span[0] + _SHORTEST_NS) / NS_PER_S)
-    rows[-1].set_xlabel(f"s since {local_time(run.provenance)}", fontsize=_SMALL)
+    rows[-1].set_xlabel(f"s since {local_time_text(run.provenance)}", fontsize=_SMALL)
 
 
 def panel_height(view: View, display_columns: Sequence[DisplayColumn]) -> float:
@@ -129,7 +129,7 @@ def _draw_panel(
             axes.fill_between(t_s, low, high, color=display_column.colour, alpha=0.3, lw=0)
     t_s = frame["t_ns"].to_numpy() / NS_PER_S
     numbers = series_as_floats(frame[display_column.column])
-    dots = "." if draws_as_points(frame[display_column.column]) else ""
+    dots = "." if is_drawn_as_points(frame[display_column.column]) else ""
     axes.plot(
         t_s,
         numbers,

@@ -20,10 +20,10 @@ from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import settings_that_define_mass
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
 from recordings.signatures.signed_by import SignedBy
-from recordings.signatures.signing import public_key
+from recordings.signatures.signing import read_public_key
 from replay.calibration.campaign_file import machine_with_campaign_mass
 from replay.inputs.machine_identity import common_machine_id
 from replay.logs import Log
@@ -93,7 +93,7 @@ class MachineCalibration:
         if self.calibration.responses:
             weighing = machine_for_later_log(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-        return Machine.model_validate_json(canonical_bytes(weighing.model_dump(mode="json")))
+        return Machine.model_validate_json(canonical_json_bytes(weighing.model_dump(mode="json")))
 
     def differences_of_machine(self, weighing: Machine) -> str:
         """Settings that differ from the calibration's; "" if none.
@@ -219,7 +219,7 @@ def load_calibration(request: CalibrationRequest) -> MachineCalibration:
             signature is missing or by an unknown key, or the calibrated mass is not in `loads`.
     """
     folder = request.folder
-    key = None if request.key_file is None else public_key(request.key_file)
+    key = None if request.key_file is None else read_public_key(request.key_file)
     keyring = load_keyring()
     found = check_bundle(folder, key, None, keyring)
     document = found.document

@@ -56,9 +56,9 @@ from recordings.report.atomic_output import (
     require_writable_folder,
     require_writable_output,
 )
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 from recordings.signatures.keyring import load_keyring
-from recordings.signatures.signing import SigningKey, signing_key
+from recordings.signatures.signing import SigningKey, read_signing_key
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_runs import (
     CampaignReplay,
@@ -179,8 +179,8 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     """
     campaign, machine = load_campaign(campaign_file)
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-    machine = Machine.model_validate_json(canonical_bytes(machine.model_dump(mode="json")))
-    key = signing_key(key_file)
+    machine = Machine.model_validate_json(canonical_json_bytes(machine.model_dump(mode="json")))
+    key = read_signing_key(key_file)
     xml_key = None if dcc is None else check_dcc_output(campaign_file, campaign, dcc, force=force)
     before = (
         None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)

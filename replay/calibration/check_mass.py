@@ -13,7 +13,7 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.report.atomic_output import atomic_files, require_writable_folder
-from recordings.signatures.signing import signing_key
+from recordings.signatures.signing import read_signing_key
 from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
     EvidenceParts,
@@ -71,7 +71,7 @@ def check_mass(
     Raises:
         PayscopeError: the input is wrong; nothing has been written then.
     """
-    key = signing_key(key_file)
+    key = read_signing_key(key_file)
     before = read_previous_evidence(previous, None, key)
     last = before.document
     if last is None or last.calibration is None:

@@ -221,19 +221,19 @@ def report_week(
         as_json: whether to print JSON.
     """
     from recordings.report.shift_text import K
-    from recordings.review.week_page import week_sentence, write_week_page
+    from recordings.review.week_page import week_tonnes_sentence, write_week_page
     from recordings.review.week_shifts import (
-        read_shifts,
-        trend_friction_by_machine,
+        friction_trend_by_machine,
+        read_shifts_of_reviews,
         trend_sentences,
     )
-    from recordings.review.week_totals import GROUPS, read_week, sum_by_group, sum_week
+    from recordings.review.week_totals import GROUPS, read_week, total_of_week, totals_by_group
     from replay.commands.print_tables import print_json, print_line, stdout_console
 
-    parts, shifts = read_week(folders), read_shifts(folders)
-    sums = {by: sum_by_group(parts, by) for by in GROUPS}
-    whole = sum_week(parts)
-    trends = {} if friction_limit is None else trend_friction_by_machine(shifts, friction_limit)
+    parts, shifts = read_week(folders), read_shifts_of_reviews(folders)
+    sums = {by: totals_by_group(parts, by) for by in GROUPS}
+    whole = total_of_week(parts)
+    trends = {} if friction_limit is None else friction_trend_by_machine(shifts, friction_limit)
     if page is not None:
         write_week_page(parts, shifts, friction_limit, page)
     if as_json:
@@ -250,7 +250,7 @@ def report_week(
             name = f"{by} {each.name or 'not named'}"
             rejected = f", {each.rejected} rejected" if each.rejected else ""
             print_line(screen, f"{name}: {each.loads} loads, {t:,.3f} ± {u_t:.3f} t{rejected}")
-    print_line(screen, f"all: {week_sentence(parts)}")
+    print_line(screen, f"all: {week_tonnes_sentence(parts)}")
     for sentence in trend_sentences(trends):
         print_line(screen, sentence)
     for shift in shifts:
@@ -269,12 +269,12 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
     from recordings.review.review_page import NOT_CALIBRATED, PAGE
     from recordings.review.shift_facts import (
         list_shift_facts,
-        long_hole_sentence,
-        losses_besides_torn_ends,
+        long_gap_sentence,
+        loss_texts_besides_torn_ends,
         missing_load_sentences,
         summarise_shift,
         torn_log_sentences,
-        warn_of_two_machines,
+        two_machines_warning,
     )
     from replay.commands.print_tables import print_line
 
@@ -282,8 +282,8 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
     if not review.no_tonnes:
         print_line(screen, summarise_shift(review.shift, "", state))
     if state.mixed_machines:
-        print_line(screen, f"warning: {warn_of_two_machines(state)}")
-    holes = long_hole_sentence(review.shift, state)
+        print_line(screen, f"warning: {two_machines_warning(state)}")
+    holes = long_gap_sentence(review.shift, state)
     for sentence in (
         *filter(None, [holes]),
         *missing_load_sentences(review.shift),
@@ -299,7 +299,7 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
     failed = [check.check for check in state.failed]
     if failed:
         print_line(screen, f"checks that failed: {', '.join(failed)}")
-    for loss in losses_besides_torn_ends(state):
+    for loss in loss_texts_besides_torn_ends(state):
         print_line(screen, f"lost: {loss}")
     if not review.replayed:
         print_line(screen, "not replayed: logs, machine and settings are those of the last review")

@@ -210,26 +210,26 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
 def _print_masses_with_uncertainty(screen: "Console", answer: "Answer", verbose: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
     from recordings.report.worth_text import (
+        advice_to_reduce_uncertainty,
         answer_lines,
-        table_heads_of_loads,
-        table_rows_of_loads,
-        uncertainty_advice,
+        load_table_heads,
+        load_table_rows,
     )
 
     for line in answer_lines(answer, brief=not verbose):
         print_line(screen, line)
     if len(answer.loads) > 1:
-        heads = table_heads_of_loads(answer)
+        heads = load_table_heads(answer)
         loads = make_plain_table(*heads[:-1])
         loads.add_column(heads[-1], overflow="fold")
-        rows = table_rows_of_loads(answer)
+        rows = load_table_rows(answer)
         shown = rows if verbose else rows[:_MOST_LOADS]
         for load in shown:
             loads.add_row(*load)
         print_table(screen, loads)
         for line in _describe_omitted(len(rows) - len(shown), "load", "loads"):
             print_line(screen, line)
-    most = uncertainty_advice(answer)
+    most = advice_to_reduce_uncertainty(answer)
     if most:
         print_line(screen, most)
 
@@ -237,13 +237,13 @@ def _print_masses_with_uncertainty(screen: "Console", answer: "Answer", verbose:
 def further_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator[str]":
     """Further lines about the answer, the most important first."""
     from recordings.report.planar_text import planar_fit_lines
-    from recordings.report.worth_text import describe_starts_to_goal, summarise_shift_lines
+    from recordings.report.worth_text import shift_total_lines, starts_to_goal_lines
 
     if goal is not None:
-        yield from describe_starts_to_goal(answer, goal)
+        yield from starts_to_goal_lines(answer, goal)
     if answer.verdict.can_tell_inertia and not verbose:
         yield from _describe_inertia(answer)
-    yield from summarise_shift_lines(answer)
+    yield from shift_total_lines(answer)
     yield from planar_fit_lines(answer.planar, answer.planar_budget)
     most_lines = len(answer.losses) + len(answer.notes) if verbose else _MOST_LINES
     yield from _limit_lines(
@@ -295,11 +295,11 @@ def _describe_inertia(answer: "Answer") -> "Iterator[str]":
 
 def _print_budget(screen: "Console", answer: "Answer") -> None:
     """Print a row for each source of uncertainty."""
-    from recordings.report.worth_text import best_known_load, budget_rows
+    from recordings.report.worth_text import budget_rows, number_of_best_known_load
 
     rows = budget_rows(answer) if answer.verdict.can_weigh else []
     if rows:
-        of = f" (mass of load {best_known_load(answer)})" if len(answer.loads) > 1 else ""
+        of = f" (mass of load {number_of_best_known_load(answer)})" if len(answer.loads) > 1 else ""
         table = make_plain_table(f"uncertainty from{of}", "kind", "u kg")
         table.add_column("fraction of the variance")
         table.add_column("to reduce", overflow="fold")

@@ -72,7 +72,7 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
     """Print the recording's frames with their columns, and its losses."""
     from rich.markup import escape
 
-    from recordings import read_provenance, stage_columns
+    from recordings import columns_by_frame, read_provenance
     from replay.commands.print_tables import (
         make_plain_table,
         print_json,
@@ -81,7 +81,7 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
         stdout_console,
     )
 
-    held = stage_columns(recording)
+    held = columns_by_frame(recording)
     if as_json:
         print_json(held)
         return

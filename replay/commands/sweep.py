@@ -123,7 +123,7 @@ def _print_sweep(
     """
     from estimators.errors import OutputError
     from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
-    from recordings.report.picture import check_picture
+    from recordings.report.picture import require_writable_picture
     from replay.commands.frame_output import choose_format, print_frame
     from replay.commands.print_tables import stdout_console
     from replay.commands.progress_bar import StageProgress
@@ -137,7 +137,7 @@ def _print_sweep(
         require_writable_output(output, force=force)
     if figure is not None:
         refuse_input_as_output(figure, [*logs, machine_file])
-        check_picture(figure, force=force)
+        require_writable_picture(figure, force=force)
         if figure == output:
             raise OutputError(
                 f"{figure}: is named for both -o and --figure; give two different files"

@@ -11,10 +11,10 @@ from analysis.compare.run_comparison import Comparison, compare_runs, same_input
 from analysis.model.run_record import Provenance, Run
 from estimators.errors import RecordingError
 from estimators.file_digest import file_sha256
-from recordings import check_recording
+from recordings import require_writable_recording
 from recordings.report.atomic_output import refuse_input_as_output
 from recordings.rrd.reader import OpenRecording, open_recording
-from recordings.rrd.recording_table import drawn_columns
+from recordings.rrd.recording_table import drawn_column_names
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest
@@ -56,7 +56,7 @@ class RecordedRun:
 
     def drawn_columns(self) -> Run:
         """The columns that views draw."""
-        wanted = {stage: drawn_columns(stage, names) for stage, names in self.stages.items()}
+        wanted = {stage: drawn_column_names(stage, names) for stage, names in self.stages.items()}
         frames = {stage: self.read(stage, names) for stage, names in wanted.items() if names}
         return Run(frames, self.provenance)
 
@@ -103,7 +103,7 @@ def compare_recordings(
     """
     if output.path is not None:
         refuse_input_as_output(output.path, [a, b])
-        check_recording(output.path, force=output.force)
+        require_writable_recording(output.path, force=output.force)
     with open_recording(a) as first, open_recording(b) as second:
         mine, theirs = RecordedRun(first, calibration), RecordedRun(second, calibration)
         if not set(mine.stages) & set(theirs.stages):

@@ -29,7 +29,7 @@ from recordings.report.atomic_output import (
     require_writable_folder,
     require_writable_output,
 )
-from recordings.signatures.signing import make_key_pair
+from recordings.signatures.signing import make_key_pair_pem
 from replay.calibration.apply_evidence import CalibrationRequest
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
@@ -178,7 +178,7 @@ def run_demo(
     logs = simulate_scenario(scenario, folder / "campaign.bag", force=force)
     with atomic_file(campaign_file, force=force) as partial:
         partial.write_text(demo_campaign_text(scenario, logs, machine_file.name), encoding="utf-8")
-    for path, half in zip(keys, make_key_pair(), strict=True):
+    for path, half in zip(keys, make_key_pair_pem(), strict=True):
         with atomic_file(path, force=force) as partial:
             partial.touch(mode=0o600)
             partial.write_bytes(half)

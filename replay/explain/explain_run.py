@@ -13,9 +13,9 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError, RecordingError
 from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
-from recordings.report.picture import check_picture
+from recordings.report.picture import require_writable_picture
 from recordings.rrd.reader import OpenRecording, open_recording
-from recordings.rrd.recording_table import drawn_columns
+from recordings.rrd.recording_table import drawn_column_names
 from recordings.rrd.writer import SUFFIX
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, time_axis
@@ -94,7 +94,7 @@ def _check_request(request: ExplainRequest) -> None:
     inputs = [request.path, *([request.machine_file] if request.machine_file else [])]
     if request.picture is not None:
         refuse_input_as_output(request.picture, inputs)
-        check_picture(request.picture, force=request.force)
+        require_writable_picture(request.picture, force=request.force)
     if request.mended_file is not None:
         if request.machine_file is None:
             raise MachineError(
@@ -144,13 +144,13 @@ def _is_other_machine(recording: OpenRecording, machine: Machine) -> bool:
 
 def read_explained_frames(recording: OpenRecording, *, pictured: bool) -> Run:
     """Read the frames needed for an explanation or a picture."""
-    recording.refuse_without_stages()
+    recording.refuse_without_frames()
     wanted: dict[str, Sequence[str]] = {}
     for name, columns in recording.stages.items():
         if name in SMALL:
             wanted[name] = columns
         elif name in COLUMNS:
-            kept = {*COLUMNS[name], *(drawn_columns(name, columns) if pictured else ())}
+            kept = {*COLUMNS[name], *(drawn_column_names(name, columns) if pictured else ())}
             wanted[name] = [column for column in columns if column in kept]
         elif pictured and name in _RECURSIVE:
             wanted[name] = [column for column in columns if column in _SETTLING]

@@ -13,7 +13,7 @@ from analysis.online.follower import FollowedRow
 from analysis.online.growing_log import causal_machine
 from analysis.online.online_report import OnlineReport
 from estimators.errors import OutputError
-from recordings import check_recording, read_frame, read_provenance
+from recordings import read_frame, read_provenance, require_writable_recording
 from recordings.follow.growing_file import is_unfinished_recording
 from recordings.follow.growing_recording import (
     FollowedLog,
@@ -206,7 +206,7 @@ def find_continuation(
     """
     refuse_input_as_output(output, (path for path in paths if path.exists()))
     if force or not output.is_file() or output.stat().st_size == 0:
-        check_recording(output, force=force or output.is_file())
+        require_writable_recording(output, force=force or output.is_file())
         return None
     if is_unfinished_recording(output):
         end = read_recording_end(output)
@@ -219,7 +219,7 @@ def find_continuation(
             )
         return ResumePoint(end.about.t0_unix_ns + end.until_ns, end)
     if not has_log_grown(output, paths, machine):
-        check_recording(output, force=False)
+        require_writable_recording(output, force=False)
     last_ns = read_frame(output, "excitation", ["t_ns"])["t_ns"].max()
     assert isinstance(last_ns, int)
     return ResumePoint(read_provenance(output).t0_unix_ns + last_ns, None)

@@ -23,7 +23,7 @@ from recordings.notary.notary_list import (
     parse_line,
     split_whole_lines,
 )
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 
 #: The environment variable that names the folder of the second copy.
 STATE_VARIABLE: Final = "PAYSCOPE_NOTARY_STATE"
@@ -94,7 +94,7 @@ class OpenList:
         partial = self.second.with_suffix(f".{os.getpid()}")
         try:
             with partial.open("wb") as file:
-                file.write(canonical_bytes(end))
+                file.write(canonical_json_bytes(end))
                 file.flush()
                 os.fsync(file.fileno())
             partial.replace(self.second)

@@ -21,7 +21,7 @@ from recordings.notary.notary_list import (
     NotaryHead,
     sign_line,
 )
-from recordings.signatures.signing import KEY_VARIABLE, SigningKey, signing_key
+from recordings.signatures.signing import KEY_VARIABLE, SigningKey, read_signing_key
 from replay.logs import open_log
 from replay.notary.list_file import OpenList, open_list
 
@@ -114,7 +114,7 @@ def notarise_folder(
         raise EvidenceError(
             f"{folder}: no such folder; name the folder that the recorder writes to"
         )
-    key = signing_key(key_file)
+    key = read_signing_key(key_file)
     if key is None:
         raise EvidenceError(f"a notary needs a signing key; give --key KEY.pem, or {KEY_VARIABLE}")
     path = list_path or folder / LIST_NAME

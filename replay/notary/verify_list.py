@@ -16,7 +16,7 @@ from recordings.notary.notary_check import check_notary_list
 from recordings.notary.notary_list import MOST_LIST_BYTES
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
-from recordings.signatures.signing import public_key
+from recordings.signatures.signing import read_public_key
 
 #: What no check of a list can find.
 UNSEEN = (
@@ -83,7 +83,7 @@ def verify_list(path: Path, *, key_file: Path | None = None, signed: bool = Fals
     Raises:
         EvidenceError: it, or the key, cannot be read.
     """
-    key = None if key_file is None else public_key(key_file)
+    key = None if key_file is None else read_public_key(key_file)
     try:
         with path.open("rb") as file:
             data = file.read(MOST_LIST_BYTES + 1)
@@ -101,7 +101,7 @@ def verify_list(path: Path, *, key_file: Path | None = None, signed: bool = Fals
     own = kept.key
     by = SignedBy("broken")
     if own is not None and not any(fault.forged for fault in kept.faults):
-        known = load_keyring().find(own.key_id)
+        known = load_keyring().find_key_or_none(own.key_id)
         how = "known" if known is not None else "unknown"
         by = SignedBy(how, "", "" if known is None else known.owner, own.key_id, own.text)
         if key is not None and key.key_id == own.key_id:

@@ -8,7 +8,11 @@ import polars as pl
 
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import LogError, PayscopeError, counted, one_line
-from recordings.rrd.viewer_stream import ViewerRequest, stream_run, stream_topics
+from recordings.rrd.viewer_stream import (
+    ViewerRequest,
+    stream_run_to_stdout,
+    stream_topics_to_stdout,
+)
 from replay.logs import Log, open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run
@@ -43,11 +47,13 @@ def import_log(log: Path, request: ViewerRequest) -> str | None:
         except PayscopeError as error:
             fault = one_line(str(error))
         else:
-            stream_run(replayed, request)
+            stream_run_to_stdout(replayed, request)
             return None
     with open_log(log) as opened:
         topics = dict(topic_frames(opened))
-        stream_topics(topics, _describe_log(opened, machine_file, fault), log.name, request)
+        stream_topics_to_stdout(
+            topics, _describe_log(opened, machine_file, fault), log.name, request
+        )
     return fault
 
 

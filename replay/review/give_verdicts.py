@@ -14,19 +14,19 @@ from estimators.errors import RecordingError, ReviewError
 from estimators.file_digest import file_sha256
 from recordings import read_frame
 from recordings.report.atomic_output import atomic_files
-from recordings.review.find_cycle import find_cycle, find_instant
-from recordings.review.review_state import RECORDING, ReviewState, read_state
+from recordings.review.find_cycle import find_cycle_row, find_instant
+from recordings.review.review_state import RECORDING, ReviewState, read_review_state
 from recordings.review.reviewer_verdicts import (
     VERDICTS,
     CycleVerdict,
     ShiftVerdict,
     VerdictFile,
-    match_verdicts,
+    format_verdicts_as_toml,
     parse_verdicts,
     read_verdict_text,
-    verdict_toml,
+    verdicts_by_row,
 )
-from recordings.review.shift_ledger import PARQUET, cycles_of_ledger
+from recordings.review.shift_ledger import PARQUET, cycles_frame_from_ledger
 from replay.review.review_folder import lock_folder
 from replay.review.write_review import (
     OUTPUTS,
@@ -44,7 +44,7 @@ class GivenVerdicts:
     """Verdicts of a reviewer from the command line.
 
     Attributes:
-        reject: cycles to exclude from the count; `find_cycle` describes their names.
+        reject: cycles to exclude from the count; `find_cycle_row` describes their names.
         accept: cycles to include again.
         cycles: cycles that the note and labels apply to.
         note: note on these cycles.
@@ -155,10 +155,10 @@ class GivenVerdicts:
                 if in_parts or getattr(before.shift_labels, name) != text
             }
             return [ShiftVerdict.model_validate(said | signed)] if said else []
-        standing = match_verdicts(before, rows["id"], folder)
+        standing = verdicts_by_row(before, rows["id"], folder)
         found: dict[int, CycleVerdict] = {}
         for when, reject in self.named_cycles:
-            row = find_cycle(when, rows, state.clock)
+            row = find_cycle_row(when, rows, state.clock)
             old = found.get(row) or standing.get(row)
             kept = {} if old is None else old.model_dump(exclude=_MODEL_KEYS)
             said = kept | self._labels | ({"note": self.note} if self.note else {})
@@ -175,7 +175,7 @@ def _current_second() -> dt.datetime:
 
 def is_review(folder: Path) -> bool:
     """Whether a folder holds a review that can be recounted."""
-    return read_state(folder) is not None and (folder / PARQUET).is_file()
+    return read_review_state(folder) is not None and (folder / PARQUET).is_file()
 
 
 def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
@@ -185,7 +185,7 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
         ReviewError: no review is there, it is of another version, or a cycle is not there.
     """
     verdicts.check()
-    state = read_state(folder)
+    state = read_review_state(folder)
     if state is None:
         raise ReviewError(
             f"{folder}: holds no review of this version; create one with payscope review LOG… -m "
@@ -199,7 +199,7 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
             summary = read_frame(recording, "shift")
             track = track_of_shift(read_frame(recording, "aligned"))
             rows = pl.read_parquet(folder / PARQUET)
-            cycles = cycles_of_ledger(rows, state.t0_unix_ns)
+            cycles = cycles_frame_from_ledger(rows, state.t0_unix_ns)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:
             raise ReviewError(
                 f"{folder}: its loads cannot be recounted ({error}); review its logs again"
@@ -207,7 +207,9 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
         before = read_verdict_text(folder)
         added = verdicts.list_changes_to(parse_verdicts(before, folder), rows, state, folder)
         # what a person wrote stays as it is
-        text = "\n".join(filter(None, (before and f"{before.rstrip()}\n", verdict_toml(added))))
+        text = "\n".join(
+            filter(None, (before and f"{before.rstrip()}\n", format_verdicts_as_toml(added)))
+        )
         shift = ShiftCount.from_cycles(cycles, summary, state.t0_unix_ns, text, folder)
         page = shift.make_page(state, [], track)
         names = [*OUTPUTS, *([VERDICTS] if added else [])]

@@ -23,7 +23,7 @@ from analysis.model.run_record import Provenance, Run
 from estimators.errors import DataError, RecordingError
 from estimators.file_digest import file_sha256
 from estimators.threads import map_in_threads
-from recordings import read_frame, stage_columns, write_recording
+from recordings import columns_by_frame, read_frame, write_recording
 from recordings.report.atomic_output import atomic_files
 from recordings.review.review_state import (
     FORMAT,
@@ -31,7 +31,7 @@ from recordings.review.review_state import (
     ReviewState,
     changed_settings_of_review,
     collect_review_state,
-    read_state,
+    read_review_state,
 )
 from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
 from recordings.review.torn_logs import TornLog
@@ -132,7 +132,7 @@ def review_shift(
         map_in_threads(lambda log: log.digests, opened)
         plain = _make_review_inputs(machine, options, by)
         key = digest_replay_inputs(opened, machine, full=options.full)
-        before = read_state(folder)
+        before = read_review_state(folder)
         kept = read_earlier_replay(folder, before, key)
         made = kept or _replay_opened_shift(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, against = made.cycles, ""
@@ -265,7 +265,7 @@ def frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[str, p
     """Frames needed for calibration, from the replay or its recording."""
     if shift.run is not None:
         return shift.run.frames
-    there = stage_columns(folder / RECORDING)
+    there = columns_by_frame(folder / RECORDING)
     return {name: read_frame(folder / RECORDING, name) for name in NEEDED if name in there}
 
 

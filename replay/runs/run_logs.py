@@ -76,7 +76,7 @@ def replay_logs(
         by = load_calibration(calibration)
         machine = by.require_machine(by.weighing_machine(machine), machine_file)
     if output.path is not None:
-        recordings.check_recording(output.path, force=output.force)
+        recordings.require_writable_recording(output.path, force=output.force)
         refuse_input_as_output(output.path, (path for path in logs if path.exists()))
     # before the work: without a screen there is nothing to wait for
     viewer = open_live_view(output)

@@ -13,9 +13,9 @@ from recordings.explain.explanation_text import (
     iter_finding_lines,
     iter_gate_lines,
 )
-from recordings.report.finding_text import findings_text
-from recordings.rrd.display_frames import display_frames
-from recordings.rrd.recording_texts import format_answer
+from recordings.report.finding_text import findings_markdown
+from recordings.rrd.display_frames import make_display_frames
+from recordings.rrd.recording_texts import answer_markdown
 from recordings.rrd.stored_names import STATE
 from recordings.rrd.writer import make_scene
 
@@ -35,7 +35,7 @@ def healthy(run: Run) -> Run:
 def test_every_finding_is_told_with_evidence_kilograms_and_what_it_cannot_be_told_from(
     drives,
 ) -> None:
-    text = findings_text(drives(30.0))
+    text = findings_markdown(drives(30.0))
     assert "## 1. delay (force_x_N)" in text
     for part in (
         "it is 42 ± 3 ms late",
@@ -45,17 +45,17 @@ def test_every_finding_is_told_with_evidence_kilograms_and_what_it_cannot_be_tol
         "## 2. frozen (speed_x_m_s, 7.0 to 9.0 s)",
     ):
         assert part in text
-    assert "- **1** delay (force_x_N): it is 42 ± 3 ms late" in format_answer(drives(30.0))
+    assert "- **1** delay (force_x_N): it is 42 ± 3 ms late" in answer_markdown(drives(30.0))
 
 
 def test_silence_is_an_answer_and_a_run_that_was_not_looked_at_says_nothing(drives) -> None:
     run = drives(30.0)
-    assert "None of the known causes" in findings_text(healthy(run))
-    assert findings_text(without(run, "findings")) == ""
+    assert "None of the known causes" in findings_markdown(healthy(run))
+    assert findings_markdown(without(run, "findings")) == ""
 
 
 def test_in_the_lane_a_finding_of_a_stretch_stands_before_one_of_the_whole_log(drives) -> None:
-    lane = display_frames(drives(30.0))[LANE].unique("t_ns", keep="last", maintain_order=True)
+    lane = make_display_frames(drives(30.0))[LANE].unique("t_ns", keep="last", maintain_order=True)
     assert lane["t_ns"].to_list() == [0, 7 * S, 9 * S, 30 * S - S // 100]
     assert lane[STATE].to_list() == ["delay", "frozen", "delay", None]
 
@@ -144,5 +144,5 @@ def test_of_a_long_run_the_signals_around_what_stands_out_are_drawn(drives) -> N
 
 
 def test_a_frame_of_findings_without_rows_draws_no_lane(drives) -> None:
-    assert LANE not in display_frames(healthy(drives(30.0)))
-    assert pl.DataFrame(display_frames(drives(30.0))[LANE]).height
+    assert LANE not in make_display_frames(healthy(drives(30.0)))
+    assert pl.DataFrame(make_display_frames(drives(30.0))[LANE]).height

@@ -24,7 +24,7 @@ from recordings.calibration.check_outcomes import BundleOutcome, most_severe_out
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import parse_evidence
 from recordings.signatures.keyring import Keyring
-from recordings.signatures.signing import public_key
+from recordings.signatures.signing import read_public_key
 from tests.replay.made_evidence import Made
 
 TAMPERED = BundleOutcome.TAMPERED
@@ -65,7 +65,7 @@ def test_a_flip_of_any_byte_of_any_file_is_found(made: Made, tmp_path: Path) -> 
     """By the first steps of `verify`, digests and signature; nothing takes a finding back."""
     folder = Path(shutil.copytree(made.bundle, tmp_path / "b"))
     names, _ = list_bundle_entries(folder)
-    key = public_key(made.public)
+    key = read_public_key(made.public)
     document = parse_evidence((folder / EVIDENCE).read_bytes(), EVIDENCE)
     flips = 0
     for name in names:

@@ -191,9 +191,9 @@ def test_numbers_that_break_a_step_are_findings_and_no_traceback(
     evidence = json.loads((folder / EVIDENCE).read_bytes())
     bundle = Bundle(folder, evidence, None, None)  # pyright: ignore
     tamper(bundle)
-    from recordings.signatures.canonical_json import canonical_bytes
+    from recordings.signatures.canonical_json import canonical_json_bytes
 
-    (folder / EVIDENCE).write_bytes(canonical_bytes(evidence))
+    (folder / EVIDENCE).write_bytes(canonical_json_bytes(evidence))
     found = verify_bundle(folder)
     assert found.outcome is BundleOutcome.TAMPERED
     assert all(finding.item for finding in found.findings)

@@ -19,7 +19,7 @@ from recordings.calibration.released_defaults import (
     first_defaults_of_absent_settings,
     released_defaults,
 )
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.machines.machine_file import load_machine
@@ -150,7 +150,7 @@ def lacking(*place: str) -> Callable[[Bundle], None]:
         for name in place[:-1]:
             inside = inside[name]
         del inside[place[-1]]
-        document = parse_evidence(canonical_bytes(bundle.evidence), EVIDENCE)
+        document = parse_evidence(canonical_json_bytes(bundle.evidence), EVIDENCE)
         estimator = estimator_with_digest(
             document.campaign, document.weighing_machine, document.settings_at_default
         )

@@ -8,7 +8,7 @@ import pytest
 from analysis import Run
 from recordings import read_recording
 from recordings.compare.overlay_recording import write_overlay_recording
-from recordings.rrd.viewer import screenshot_recording
+from recordings.rrd.viewer import take_screenshots_of_recording
 from tests.viewer_needed import VIEWER
 
 
@@ -107,6 +107,6 @@ class TestViewer:
         path = write_overlay_recording(
             a, heavier(drives(48.0)), tmp_path / "ab.rrd", "# A and B", one_log=one_log
         )
-        drawn = screenshot_recording(path, tmp_path)
+        drawn = take_screenshots_of_recording(path, tmp_path)
         assert drawn[0].tab == "Compared"
         assert [error for each in drawn for error in each.errors] == []

@@ -14,7 +14,7 @@ from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
 from recordings.calibration.derived_values import estimator_with_digest
 from recordings.calibration.evidence_document import parse_evidence
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.campaign_runs import replay_runs
@@ -227,7 +227,7 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
 ) -> None:
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
-        document = parse_evidence(canonical_bytes(bundle.evidence), "evidence.json")
+        document = parse_evidence(canonical_json_bytes(bundle.evidence), "evidence.json")
         estimator = estimator_with_digest(
             document.campaign, document.weighing_machine, document.settings_at_default
         )

@@ -25,7 +25,7 @@ from recordings.notary.notary_list import (
     sign_line,
 )
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
-from recordings.signatures.signing import SigningKey, public_key, signing_key
+from recordings.signatures.signing import SigningKey, read_public_key, read_signing_key
 from replay.notary.list_file import STATE_VARIABLE
 from replay.notary.notarise_folder import LIST_NAME, NotarisedFolder, notarise_folder
 from tests.conftest import REPO
@@ -268,7 +268,7 @@ def test_times_that_cannot_be_are_found_though_they_are_signed(
     change: Callable[[int, dict[str, Any]], None],
     said: str,
 ) -> None:
-    key = signing_key(keys[0])
+    key = read_signing_key(keys[0])
     assert key is not None
     assert said in words(resigned(listed, key, change))
     assert words(resigned(listed, key, at(0))) == ""
@@ -278,7 +278,7 @@ def test_a_list_made_anew_with_another_key_is_not_trusted(
     listed: NotarisedFolder, keys: tuple[Path, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
     other, _ = key_files(tmp_path, "other")
-    key = signing_key(other)
+    key = read_signing_key(other)
     assert key is not None
     head, *rest = lines_of(listed.path)
     assert isinstance(head.content, NotaryHead)
@@ -293,7 +293,7 @@ def test_a_list_made_anew_with_another_key_is_not_trusted(
     assert payscope("verify", path, "--key", keys[1]).status == 3
     assert payscope("verify", path, "--require-signed").status == 5
     assert payscope("verify", listed.path, "--key", keys[1], "--require-signed").status == 0
-    add_key(load_keyring(), KnownKey(key=public_key(keys[1]).text, owner="Recorder 7"))
+    add_key(load_keyring(), KnownKey(key=read_public_key(keys[1]).text, owner="Recorder 7"))
     said = payscope("verify", listed.path, "--require-signed")
     assert said.status == 0
     assert "6 logs verified; signed by Recorder 7" in said.out
