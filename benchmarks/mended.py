@@ -27,7 +27,7 @@ from benchmarks.findings_trials import BY_NAME, base, errors, tried
 from benchmarks.kept_trials import keep, read_rows
 from benchmarks.page import markdown, put
 from estimators.errors import PayscopeError
-from replay.explain.mended_file import Proposal, write_proposals
+from replay.explain.mended_file import Proposal, insert_proposals
 from replay.explain.try_proposals import MachineText, mend_machine_file
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
@@ -181,7 +181,7 @@ def _machine_text(log: SimulatedLog, axes: Mapping[str, str]) -> str:
     }
     shipped = machine_path(Path("cat262c.toml"))
     changes = [Proposal(key, value, "", "simulated") for key, value in stated.items()]
-    return write_proposals(shipped.read_text(encoding="utf-8"), changes, shipped)
+    return insert_proposals(shipped.read_text(encoding="utf-8"), changes, shipped)
 
 
 def _mass_kg(bag: Path, file: Path, overrides: Sequence[str]) -> float | None:

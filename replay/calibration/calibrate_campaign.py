@@ -62,16 +62,16 @@ from recordings.signatures.signing import SigningKey, read_signing_key
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_runs import (
     CampaignReplay,
+    current_time_of_evidence,
     draw_evidence_id,
-    format_evidence_time,
-    replay_runs,
+    replay_logs_of_campaign,
     software_versions,
 )
-from replay.calibration.dcc_output import DccOutput, check_dcc_output, write_dcc_output
+from replay.calibration.dcc_output import DccOutput, refuse_impossible_dcc, write_and_verify_dcc
 from replay.calibration.refuse_campaign import (
-    load_stretch,
-    refuse_days,
-    refuse_machine,
+    load_notary_stretch,
+    refuse_contradicted_days,
+    refuse_contradicted_machine,
     refuse_unaccounted_logs,
 )
 
@@ -181,14 +181,16 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
     machine = Machine.model_validate_json(canonical_json_bytes(machine.model_dump(mode="json")))
     key = read_signing_key(key_file)
-    xml_key = None if dcc is None else check_dcc_output(campaign_file, campaign, dcc, force=force)
+    xml_key = (
+        None if dcc is None else refuse_impossible_dcc(campaign_file, campaign, dcc, force=force)
+    )
     before = (
         None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
     )
     require_writable_folder(folder, force=force)
-    stretch = load_stretch(campaign_file, campaign)
+    stretch = load_notary_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
-        check_can_request_timestamp(timestamp_request_file, key, force=force)
+        refuse_impossible_timestamp_request(timestamp_request_file, key, force=force)
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
@@ -199,16 +201,16 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         learnt = None
         if campaign.learns_priors and len(campaign.logs) >= LOGS_MIN:
             # under the machine's own priors: what they say of the nuisances together
-            first = replay_runs(campaign, machine, path_of_log, None, on_log)
-            refuse_days(campaign_file, campaign, first, machine)
+            first = replay_logs_of_campaign(campaign, machine, path_of_log, None, on_log)
+            refuse_contradicted_days(campaign_file, campaign, first, machine)
             refuse_unaccounted_logs(campaign_file, campaign, first, stretch)
             learnt = first.learnt
         weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
-        replayed = replay_runs(
+        replayed = replay_logs_of_campaign(
             campaign, weighing, path_of_log, made if recordings else None, on_log
         )
-        refuse_days(campaign_file, campaign, replayed, machine)
-        refuse_machine(campaign_file, campaign, replayed, machine)
+        refuse_contradicted_days(campaign_file, campaign, replayed, machine)
+        refuse_contradicted_machine(campaign_file, campaign, replayed, machine)
         refuse_unaccounted_logs(campaign_file, campaign, replayed, stretch)
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
@@ -222,16 +224,18 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         evidence = EvidenceParts(
             "calibration", campaign, machine, learnt, replayed, options, fitted
         )
-        calibrated = finish_evidence(evidence, made, folder, key, before, previous, stretch)
+        calibrated = write_verify_and_move_evidence(
+            evidence, made, folder, key, before, previous, stretch
+        )
     if timestamp_request_file is not None:
         write_timestamp_request(folder, timestamp_request_file, force=force)
     if dcc is None:
         return calibrated
-    remark = write_dcc_output(folder, calibrated.document, dcc, xml_key, force=force)
+    remark = write_and_verify_dcc(folder, calibrated.document, dcc, xml_key, force=force)
     return replace(calibrated, remarks=(*calibrated.remarks, remark))
 
 
-def check_can_request_timestamp(file: Path, key: SigningKey | None, *, force: bool) -> None:
+def refuse_impossible_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
     """Raise an error before the work begins if a time stamp cannot be requested.
 
     Raises:
@@ -291,7 +295,7 @@ def read_previous_evidence(
     return checked
 
 
-def finish_evidence(
+def write_verify_and_move_evidence(
     evidence: EvidenceParts,
     staging: Path,
     folder: Path,
@@ -322,7 +326,7 @@ def finish_evidence(
             "on each log to see why"
         )
     tables, digests = encode_tables(readings, points)
-    document = _make_document(evidence, digests, key, before)
+    document = _make_evidence_document(evidence, digests, key, before)
     write_calibration(staging, document, readings, points)
     remarks = write_bundle(staging, document, readings, points, tables, key, stretch)
     checked = check_bundle(staging, None if key is None else key.public, previous)
@@ -335,7 +339,7 @@ def finish_evidence(
     return CalibrationOutcome(folder, document, readings, points, tuple(remarks))
 
 
-def _make_document(
+def _make_evidence_document(
     evidence: EvidenceParts,
     digests: EvidenceTables,
     key: SigningKey | None,
@@ -351,7 +355,7 @@ def _make_document(
         format=FORMAT,
         kind=evidence.kind,
         id=draw_evidence_id(),
-        made=format_evidence_time(),
+        made=current_time_of_evidence(),
         notice=NOTICE,
         campaign=campaign,
         # a check does not prolong what it checks
@@ -369,7 +373,7 @@ def _make_document(
         limits=fitted.limits,
         drift=evidence.drift,
         as_found=evaluate_previous_line(
-            last, estimator_of_this_version(last), estimator, fitted.frame
+            last, estimator_digested_by_this_version(last), estimator, fitted.frame
         ),
         replay_tolerance_kg=TOLERANCE_KG,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
@@ -380,7 +384,7 @@ def _make_document(
     return document.with_all_settings
 
 
-def estimator_of_this_version(last: EvidenceDocument | None) -> Estimator | None:
+def estimator_digested_by_this_version(last: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
     return None if last is None else estimator_with_digest(last.campaign, last.weighing_machine)
 

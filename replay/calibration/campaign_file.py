@@ -36,7 +36,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
             "one from a folder of logs"
         )
     content = read_toml(path, CampaignError)
-    for place, text in unfinished_entries(content):
+    for place, text in find_todo_entries(content):
         raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
     content = add_certified_masses(path, content)
     campaign = validate(path, content, CalibrationCampaign, CampaignError)
@@ -91,14 +91,14 @@ def machine_with_serial_number(machine: Machine, wanted: str, what: object) -> M
     return machine.model_copy(update={"machine": machine.machine.model_copy(update={"id": wanted})})
 
 
-def unfinished_entries(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
+def find_todo_entries(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
     """Places and texts in a draft that still begin with TODO."""
     if isinstance(content, dict):
         for name, value in content.items():
-            yield from unfinished_entries(value, f"{place}.{name}" if place else name)
+            yield from find_todo_entries(value, f"{place}.{name}" if place else name)
     elif isinstance(content, list):
         for number, value in enumerate(content, start=1):
-            yield from unfinished_entries(value, f"{place}[{number}]")
+            yield from find_todo_entries(value, f"{place}[{number}]")
     elif isinstance(content, str) and _TODO.match(content):
         yield place, content
 

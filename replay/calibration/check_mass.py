@@ -17,11 +17,11 @@ from recordings.signatures.signing import read_signing_key
 from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
     EvidenceParts,
-    finish_evidence,
     read_previous_evidence,
+    write_verify_and_move_evidence,
 )
-from replay.calibration.campaign_runs import replay_runs
-from replay.calibration.refuse_campaign import refuse_days, refuse_machine
+from replay.calibration.campaign_runs import replay_logs_of_campaign
+from replay.calibration.refuse_campaign import refuse_contradicted_days, refuse_contradicted_machine
 from replay.logs import open_log
 from replay.machines.machine_file import time_axis
 
@@ -81,11 +81,13 @@ def check_mass(
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
-        replayed = replay_runs(
+        replayed = replay_logs_of_campaign(
             campaign, last.weighing_machine, lambda _: log, None, on_log, last.procedure_rules
         )
-        refuse_machine(previous, campaign, replayed, last.machine)
-        refuse_days(Path(f"--day {mass_on_board.day}"), campaign, replayed, last.machine)
+        refuse_contradicted_machine(previous, campaign, replayed, last.machine)
+        refuse_contradicted_days(
+            Path(f"--day {mass_on_board.day}"), campaign, replayed, last.machine
+        )
         on_log("evidence")
         fitted, drift = check_known_mass(
             campaign, last.machine.machine, replayed.readings, last.calibration
@@ -93,7 +95,7 @@ def check_mass(
         evidence = EvidenceParts(
             "check", campaign, last.machine, last.learnt, replayed, last.options, fitted, drift
         )
-        return finish_evidence(evidence, made, folder, key, before, previous)
+        return write_verify_and_move_evidence(evidence, made, folder, key, before, previous)
 
 
 def _make_single_run_campaign(

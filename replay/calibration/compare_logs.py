@@ -58,14 +58,14 @@ def replay_and_compare_logs(
     if len(paths) < len(document.logs):
         return
     # the estimators are slow to import, and only a replay needs them
-    from replay.calibration.campaign_runs import replay_runs
+    from replay.calibration.campaign_runs import replay_logs_of_campaign
 
     campaign = document.campaign
     try:
         if document.learnt is not None and document.kind == "calibration":
-            before = replay_runs(campaign, document.machine, lambda log: paths[log])
+            before = replay_logs_of_campaign(campaign, document.machine, lambda log: paths[log])
             _compare_learnt_terms(bundle, document.learnt.logs, before.terms)
-        replayed = replay_runs(
+        replayed = replay_logs_of_campaign(
             campaign,
             document.weighing_machine,
             lambda log: paths[log],
@@ -76,10 +76,10 @@ def replay_and_compare_logs(
         return
     compare_readings(bundle, document, stored, replayed.readings)
     for kept, anew in zip(document.logs, replayed.logs, strict=True):
-        _compare_log(bundle, document, kept, anew)
+        _compare_replayed_log(bundle, document, kept, anew)
 
 
-def _compare_log(
+def _compare_replayed_log(
     bundle: CheckedBundle,
     document: EvidenceDocument,
     evidence_log: EvidenceLog,
@@ -138,7 +138,9 @@ def _compare_learnt_terms(
     """Compare each log's nuisance estimates under the machine's own priors."""
     by_name = {(each.log, each.term): each for each in replayed}
     wrong = [
-        each for each in stored if not _do_terms_agree(each, by_name.get((each.log, each.term)))
+        each
+        for each in stored
+        if not do_learnt_terms_agree(each, by_name.get((each.log, each.term)))
     ]
     for each in wrong[:_MOST_NAMED]:
         item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
@@ -152,7 +154,7 @@ def _compare_learnt_terms(
         )
 
 
-def _do_terms_agree(evidence_term: TermOfLog, replayed_term: TermOfLog | None) -> bool:
+def do_learnt_terms_agree(evidence_term: TermOfLog, replayed_term: TermOfLog | None) -> bool:
     """Whether a replayed term equals that of the evidence within tolerance."""
     if replayed_term is None:
         return False

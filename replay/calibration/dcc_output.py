@@ -30,7 +30,7 @@ class DccOutput:
     certificate_file: Path | None = None
 
 
-def check_dcc_output(
+def refuse_impossible_dcc(
     source: Path, campaign: CalibrationCampaign, dcc: DccOutput, *, force: bool
 ) -> "DccKey | None":
     """Raise an error before the work begins if no certificate can be made.
@@ -54,7 +54,7 @@ def check_dcc_output(
     )
 
 
-def write_dcc_output(
+def write_and_verify_dcc(
     folder: Path, document: EvidenceDocument, dcc: DccOutput, key: "DccKey | None", *, force: bool
 ) -> str:
     """Write the certificate of a bundle, and verify it.

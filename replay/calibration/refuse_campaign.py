@@ -12,7 +12,7 @@ from recordings.notary.notary_check import check_notary_list
 from replay.calibration.campaign_runs import CampaignReplay
 
 
-def refuse_days(
+def refuse_contradicted_days(
     source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
 ) -> None:
     """Raise an error if a run's day contradicts its log.
@@ -32,7 +32,7 @@ def refuse_days(
         raise CampaignError(f"{source}: {fault}; correct its day, or machine.timezone")
 
 
-def refuse_machine(
+def refuse_contradicted_machine(
     source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
 ) -> None:
     """Raise an error if logs or machine file name another machine than the campaign.
@@ -45,7 +45,7 @@ def refuse_machine(
         raise CampaignError(f"{source}: {fault}; name logs and machine file of one machine")
 
 
-def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
+def load_notary_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
     """Read and verify the part of a notary list that a campaign names; None if it names none.
 
     Args:

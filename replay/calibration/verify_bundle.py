@@ -131,7 +131,9 @@ def verify_bundle(
     done = list_checks_done(bundle, previous is not None)
     files = FilesCheck()
     if document is not None:
-        files = compare_with_fingerprints(bundle, document, folder, whole=logs is not None)
+        files = compare_with_fingerprints(
+            bundle, document, folder, compare_calibration_too=logs is not None
+        )
     if logs is not None and document is not None and bundle.readings is not None:
         replay_and_compare_logs(bundle, document, bundle.readings, logs)
         done.append(
@@ -152,13 +154,13 @@ def verify_bundle(
         tuple(done),
         ()
         if document is None
-        else (*undetectable_faults(document), *files.unseen, *unverifiable_claims(document)),
+        else (*undetectable_faults(document), *files.unseen, *iter_unverifiable_claims(document)),
         bundle.signed_by,
         bundle,
     )
 
 
-def unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
+def iter_unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
     """Claims that `verify` cannot check, whatever files it has."""
     yield (
         "Whether what the campaign file states about people, place, conditions, sensors and "
@@ -178,13 +180,13 @@ def _check_expiry(bundle: CheckedBundle, document: EvidenceDocument, on: dt.date
         bundle.add_finding(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
 
 
-def list_checks_done(bundle: CheckedBundle, chained: bool) -> list[str]:
+def list_checks_done(bundle: CheckedBundle, is_chain_checked: bool) -> list[str]:
     """Checks of the folder itself that were made, in words."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if bundle.document is not None:
         done.append("the schema of evidence.json")
         done += [f"the signature: {bundle.signed_by}"] if bundle.signed_by.is_trusted else []
-        done += ["the chain, to the evidence before"] if chained else []
+        done += ["the chain, to the evidence before"] if is_chain_checked else []
     if bundle.notarised_by is not None and bundle.document is not None:
         stretch = bundle.document.campaign.notary
         assert stretch is not None
@@ -211,7 +213,11 @@ class FilesCheck:
 
 
 def compare_with_fingerprints(
-    bundle: CheckedBundle, document: EvidenceDocument, folder: Path, *, whole: bool
+    bundle: CheckedBundle,
+    document: EvidenceDocument,
+    folder: Path,
+    *,
+    compare_calibration_too: bool,
 ) -> FilesCheck:
     """Compare recordings of runs with their fingerprints, and optionally slower items.
 
@@ -219,7 +225,7 @@ def compare_with_fingerprints(
         bundle: the bundle, which receives the findings.
         document: evidence of the bundle.
         folder: folder of the bundle.
-        whole: whether to compare the calibration's recording and the PDF as well.
+        compare_calibration_too: whether to compare the calibration's recording and the PDF as well.
     """
     try:
         sums = parse_sha256sums(bundle.sums)
@@ -230,27 +236,27 @@ def compare_with_fingerprints(
     runs = [log for log in document.logs if log.recording in sums]
     names = [
         *(log.recording for log in runs),
-        *([RECORDING] if whole and RECORDING in sums else []),
+        *([RECORDING] if compare_calibration_too and RECORDING in sums else []),
     ]
     found = digest_bundle_recordings(folder, {name: sums[name] for name in names})
     for log in runs:
         _compare_run_recording(bundle, log, found[log.recording])
     if runs:
         done.append("the frames of each run's recording, by their fingerprint")
-    if whole and RECORDING in sums:
+    if compare_calibration_too and RECORDING in sums:
         _compare_calibration_recording(bundle, document, found[RECORDING])
         done.append(f"the frames of {RECORDING}, recomputed")
-    elif not whole:
+    elif not compare_calibration_too:
         unseen.append(
             f"Whether {RECORDING} and {PDF} show the same as {REPORT}: --logs compares them."
         )
-    if whole and PDF in sums:
+    if compare_calibration_too and PDF in sums:
         why = _compare_pdf(bundle, document, folder, sums)
         if why:
             unseen.append(f"Whether {PDF} has the same words as {REPORT}: {why}.")
         else:
             done.append(f"the words of {PDF}, compared with those of {REPORT}")
-    if runs or whole:
+    if runs or compare_calibration_too:
         unseen.append(_DRAWN)
     return FilesCheck(tuple(done), tuple(unseen))
 

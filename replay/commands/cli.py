@@ -114,7 +114,7 @@ def main() -> None:
         _close_stdout()
         status = 0
     except (UnpicklingError, EOFError) as error:
-        status = _print_error(discard_broken_cache(error))
+        status = _print_error(discard_unreadable_cache(error))
     except OSError as error:
         _close_stdout()
         # a file that was being closed when the signal came may have been closed twice
@@ -189,7 +189,7 @@ def _close_stdout() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def discard_broken_cache(error: Exception) -> str:
+def discard_unreadable_cache(error: Exception) -> str:
     """Remove compiled code that cannot be read; returns a message, and raises other errors again.
 
     Two processes may have written it at once, or the disk was full.

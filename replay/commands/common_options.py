@@ -60,7 +60,7 @@ FrictionLimit = Annotated[
 ]
 
 
-def read_calibration(
+def calibration_request_from_options(
     folder: Path | None, key: Path | None, *, signed: bool
 ) -> "CalibrationRequest | None":
     """Calibration request from these options; None without a calibration.

@@ -6,7 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from replay.commands.common_options import Calibration, RequireSigned, SignerKey, read_calibration
+from replay.commands.common_options import (
+    Calibration,
+    RequireSigned,
+    SignerKey,
+    calibration_request_from_options,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -62,7 +67,7 @@ def command(
         OverlayOutput(output, force),
         rtol=rtol,
         other_logs=other_logs,
-        calibration=read_calibration(calibration, key, signed=require_signed),
+        calibration=calibration_request_from_options(calibration, key, signed=require_signed),
     )
     if as_json:
         print_json({"a": str(a), "b": str(b), **found.to_dict()})
@@ -123,14 +128,21 @@ def _print_differences(found: "Comparison", a: Path, b: Path, rtol: float) -> No
 def _values_table(changes: Iterable["ValueChange"]) -> "Table":
     from rich.markup import escape
 
-    from replay.commands.print_tables import make_plain_table, value_text
+    from replay.commands.print_tables import make_plain_table, setting_value_text
 
     table = make_plain_table("", "A", "B")
     for column in table.columns[1:]:
         column.justify, column.overflow = "left", "fold"
     for change in list(changes)[:_SHOWN]:
         table.add_row(
-            *(escape(text) for text in (change.name, value_text(change.a), value_text(change.b)))
+            *(
+                escape(text)
+                for text in (
+                    change.name,
+                    setting_value_text(change.a),
+                    setting_value_text(change.b),
+                )
+            )
         )
     return table
 

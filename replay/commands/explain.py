@@ -60,7 +60,7 @@ def command(
     from replay.commands.progress_bar import StageProgress
     from replay.explain.explain_run import ExplainRequest, explain_run
 
-    picture, mended_file = picture_and_machine_file(output or [], apply=apply)
+    picture, mended_file = split_picture_and_machine_outputs(output or [], apply=apply)
     if overrides and machine is None:
         raise typer.BadParameter("--set changes a machine file; name the file with -m")
     asked = ExplainRequest(
@@ -77,7 +77,9 @@ def command(
         raise typer.Exit(1)
 
 
-def picture_and_machine_file(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
+def split_picture_and_machine_outputs(
+    paths: list[Path], *, apply: bool
+) -> tuple[Path | None, Path | None]:
     """Split the outputs into picture and machine file.
 
     Raises:
@@ -156,28 +158,31 @@ def _print_explanation(
 
 def _print_mended_machine(screen: "Console", mended: "MendedMachine") -> None:
     from recordings.report.finding_text import cause_name
-    from replay.commands.print_tables import print_line, value_text
+    from replay.commands.print_tables import print_line, setting_value_text
 
     screen.print("\nproposed corrections, each tested by a replay:", markup=False)
     for each in mended.changes:
         claim = ""
         if each.change_kg is not None:
             claim = f", claimed {each.change_kg:+,.2f} ± {each.change_u_kg or 0.0:,.2f} kg"
-        said = f"{each.key} = {value_text(each.value)} ({cause_name(each.cause)}{claim})"
+        said = f"{each.key} = {setting_value_text(each.value)} ({cause_name(each.cause)}{claim})"
         print_line(screen, said)
     for tried in mended.taken_back:
         key, cause = tried.proposal.key, cause_name(tried.proposal.cause)
         print_line(screen, f"not {key} ({cause}): {tried.why}")
     if mended.path is None:
         return
-    before, after = _format_mass(mended.before), _format_mass(mended.after)
+    before, after = (
+        _format_mass_of_heaviest_load(mended.before),
+        _format_mass_of_heaviest_load(mended.after),
+    )
     print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
     left = ", ".join(cause_name(each.cause) for each in mended.left) or "no cause"
     print_line(screen, f"remaining findings: {left}")
     print_line(screen, f"machine file: {mended.path}")
 
 
-def _format_mass(answer: "Answer") -> str:
+def _format_mass_of_heaviest_load(answer: "Answer") -> str:
     """Mass of the heaviest or only load as text; empty if it is withheld."""
     from recordings.report.number_text import format_plus_minus
 

@@ -115,7 +115,7 @@ def command(
                     typer.echo(json.dumps(report.to_dict(), allow_nan=False))
                 elif text := event_text(report):
                     typer.echo(f"{time_text(report.unix_ns)}  {text}")
-            panel.show(following, made)
+            panel.show_followed_log(following, made)
 
         following = follow_logs(
             logs,

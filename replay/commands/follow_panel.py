@@ -51,7 +51,7 @@ class FollowPanel:
         if self._live is not None:
             self._live.stop()
 
-    def show(self, following: Following, reports: list[OnlineReport]) -> None:
+    def show_followed_log(self, following: Following, reports: list[OnlineReport]) -> None:
         """Show the state of a followed log."""
         for report in reports:
             self._last = report

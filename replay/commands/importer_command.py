@@ -30,7 +30,7 @@ def main() -> None:
     from replay.recording.import_log import import_log
 
     try:
-        fault = import_log(asked.path, parse_request(asked))
+        fault = import_log(asked.path, parse_viewer_request(asked))
     except PayscopeError as error:
         sys.stderr.write(f"payscope: {one_line(str(error))}\n")
         sys.exit(2)
@@ -38,7 +38,7 @@ def main() -> None:
         sys.stderr.write(f"payscope: shown without a replay: {fault}\n")
 
 
-def parse_request(arguments: argparse.Namespace) -> "ViewerRequest":
+def parse_viewer_request(arguments: argparse.Namespace) -> "ViewerRequest":
     """Parse the viewer's request; an invalid time is ignored, as in Rerun's own importers."""
     from recordings.rrd.viewer_stream import TimelineKind, ViewerRequest
 

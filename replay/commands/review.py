@@ -11,7 +11,7 @@ from replay.commands.common_options import (
     FrictionLimit,
     RequireSigned,
     SignerKey,
-    read_calibration,
+    calibration_request_from_options,
 )
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def command(
 
     if week:
         _check_options_of_one_shift(context)
-        report_week(logs, output, friction_limit, as_json=as_json)
+        print_week(logs, output, friction_limit, as_json=as_json)
         return
     if friction_limit is not None:
         raise typer.BadParameter("--friction-limit compares several days; add --week")
@@ -166,7 +166,7 @@ def command(
     given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author, begin, end)
     given.check()
     channels = [parse_label_channel(each) for each in label or ()]
-    asked = read_calibration(calibration, key, signed=require_signed)
+    asked = calibration_request_from_options(calibration, key, signed=require_signed)
     if machine is None and output is None and len(logs) == 1 and is_review(logs[0]):
         needs_logs = (asked is not None, target is not None, overrides, full, decimal_comma, label)
         if any(needs_logs):
@@ -209,7 +209,7 @@ def _check_options_of_one_shift(context: typer.Context) -> None:
         )
 
 
-def report_week(
+def print_week(
     folders: list[Path], page: Path | None, friction_limit: float | None, *, as_json: bool
 ) -> None:
     """Print the sums of reviews by day, machine and product, without a replay.

@@ -68,7 +68,7 @@ def command(
     executed.
     """
     if page:
-        _write_page(folders or [], output, force=force)
+        _write_verifier_page(folders or [], output, force=force)
         return
     if output is not None or not folders:
         what = (
@@ -110,7 +110,7 @@ def command(
         raise typer.Exit(int(found.outcome))
 
 
-def _write_page(folders: list[Path], output: Path | None, *, force: bool) -> None:
+def _write_verifier_page(folders: list[Path], output: Path | None, *, force: bool) -> None:
     """Write the page that checks evidence in a browser."""
     if folders:
         raise typer.BadParameter(

@@ -42,10 +42,10 @@ class RecordedRun:
         self._loads: pl.DataFrame | None = None
         if request is not None and "loads" in self.stages:
             from analysis.calibration.use.later_log import FRAMES
-            from replay.calibration.apply_evidence import calibrated_frame
+            from replay.calibration.apply_evidence import calibrate_recorded_loads
 
             raw = {stage: recording.read(stage) for stage in FRAMES if stage in self.stages}
-            self._loads = calibrated_frame(raw, self.provenance, request, recording.path)
+            self._loads = calibrate_recorded_loads(raw, self.provenance, request, recording.path)
             self.stages = {**self.stages, "loads": self._loads.columns}
 
     def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
@@ -54,7 +54,7 @@ class RecordedRun:
             return self._loads.select(columns)
         return self._held.read(stage, columns)
 
-    def drawn_columns(self) -> Run:
+    def run_of_drawn_columns(self) -> Run:
         """The columns that views draw."""
         wanted = {stage: drawn_column_names(stage, names) for stage, names in self.stages.items()}
         frames = {stage: self.read(stage, names) for stage, names in wanted.items() if names}
@@ -129,8 +129,8 @@ def compare_recordings(
             )
 
             write_overlay_recording(
-                mine.drawn_columns(),
-                theirs.drawn_columns(),
+                mine.run_of_drawn_columns(),
+                theirs.run_of_drawn_columns(),
                 output.path,
                 comparison_markdown(found, a.name, b.name),
                 one_log=not other_logs,
@@ -139,12 +139,12 @@ def compare_recordings(
         return found
 
 
-def are_of_one_log(mine: RecordedRun, theirs: RecordedRun) -> bool:
+def are_of_one_log(provenance_a: RecordedRun, provenance_b: RecordedRun) -> bool:
     """Whether both replay the same bytes, or one is a replay of the other recording."""
     return (
-        same_inputs(mine.provenance, theirs.provenance)
-        or is_replay_of_recording(mine.path, theirs.provenance)
-        or is_replay_of_recording(theirs.path, mine.provenance)
+        same_inputs(provenance_a.provenance, provenance_b.provenance)
+        or is_replay_of_recording(provenance_a.path, provenance_b.provenance)
+        or is_replay_of_recording(provenance_b.path, provenance_a.provenance)
     )
 
 

@@ -177,7 +177,9 @@ def run_demo(
     on_stage("simulate")
     logs = simulate_scenario(scenario, folder / "campaign.bag", force=force)
     with atomic_file(campaign_file, force=force) as partial:
-        partial.write_text(demo_campaign_text(scenario, logs, machine_file.name), encoding="utf-8")
+        partial.write_text(
+            make_demo_campaign_text(scenario, logs, machine_file.name), encoding="utf-8"
+        )
     for path, half in zip(keys, make_key_pair_pem(), strict=True):
         with atomic_file(path, force=force) as partial:
             partial.touch(mode=0o600)
@@ -187,7 +189,7 @@ def run_demo(
     on_stage("verify")
     verified = verify_bundle(evidence, key_file=keys[1], on=calibrated.document.expires)
     replayed = replay_campaign(logs, load_machine(machine_file), on_stage)
-    replayed = add_evidence_line(replayed, calibrated, scenario.machine.mass_kg)
+    replayed = add_calibration_line_of_evidence(replayed, calibrated, scenario.machine.mass_kg)
     on_stage("record")
     write_recording(replayed, recording, force=force)
     plot_run(replayed, picture, force=force)
@@ -210,7 +212,9 @@ def run_demo(
     )
 
 
-def add_evidence_line(replayed: Run, calibrated: CalibrationOutcome, empty_kg: float) -> Run:
+def add_calibration_line_of_evidence(
+    replayed: Run, calibrated: CalibrationOutcome, empty_kg: float
+) -> Run:
     """The run with the evidence's line before those of the methods."""
     document = calibrated.document
     points = () if document.calibration is None else document.calibration.points
@@ -233,7 +237,7 @@ def replay_campaign(
     return replace(replayed, frames=frames).with_fingerprint()
 
 
-def demo_campaign_text(scenario: Scenario, logs: Sequence[Path], machine: str) -> str:
+def make_demo_campaign_text(scenario: Scenario, logs: Sequence[Path], machine: str) -> str:
     """Text of the campaign file for simulated logs with ascending masses.
 
     Args:

@@ -123,7 +123,7 @@ def load_frames_to_explain(request: ExplainRequest, on_stage: Callable[[str], No
     machine = load_machine(request.machine_file, request.overrides)
     if request.path.suffix == SUFFIX and request.path.is_file():
         with open_recording(request.path) as held:
-            if "findings" in held.stages and not _is_other_machine(held, machine):
+            if "findings" in held.stages and not _differs_from_recorded_machine(held, machine):
                 return read_explained_frames(held, pictured=request.picture is not None)
     # a recording is explained without what replays a log
     from replay.pipeline import run
@@ -135,7 +135,7 @@ def load_frames_to_explain(request: ExplainRequest, on_stage: Callable[[str], No
             raise DataError(f"{request.path} with {request.machine_file}: {error}") from None
 
 
-def _is_other_machine(recording: OpenRecording, machine: Machine) -> bool:
+def _differs_from_recorded_machine(recording: OpenRecording, machine: Machine) -> bool:
     """Whether the machine file differs from that of the recording."""
     about = recording.provenance
     recorded = Machine.model_validate({**about.machine, "settings": about.settings})

@@ -23,8 +23,8 @@ from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
 from recordings.report.atomic_output import atomic_file
 from recordings.report.finding_text import cause_name, findings_of_run
-from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection
-from replay.explain.mended_file import Proposal, proposals_of_finding, write_proposals
+from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection_text
+from replay.explain.mended_file import Proposal, insert_proposals, split_into_proposals
 from replay.inputs.cached_log import CachedLog, LogPart
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import Log, open_log
@@ -101,7 +101,9 @@ class ProposalReplays:
     path: Path
     on_stage: Callable[[str], None] = lambda _: None
 
-    def run(self, changes: Sequence[Proposal], stretch: Stretch = (None, None)) -> Run:
+    def replay_with_changes(
+        self, changes: Sequence[Proposal], stretch: Stretch = (None, None)
+    ) -> Run:
         """Replay the log, or a part of it, with proposals in its machine file.
 
         Raises:
@@ -109,7 +111,7 @@ class ProposalReplays:
             MachineError: the proposals give an invalid machine file.
         """
         machine = self.load(
-            write_proposals(self.text, changes, self.path), [each.key for each in changes]
+            insert_proposals(self.text, changes, self.path), [each.key for each in changes]
         )
         whole = stretch == (None, None)
         return run(self.log if whole else LogPart(self.log, *stretch), machine, self.on_stage)
@@ -185,7 +187,7 @@ def mend_machine_file(
     if not progress.changes:
         return _make_mended_machine(None, progress, before)
     with atomic_file(output[0], force=output[1]) as partial:
-        partial.write_text(write_proposals(text, progress.changes, file), encoding="utf-8")
+        partial.write_text(insert_proposals(text, progress.changes, file), encoding="utf-8")
     return _make_mended_machine(output[0], progress, before)
 
 
@@ -202,13 +204,13 @@ def try_all_proposals(before: Run, replays: ProposalReplays) -> ProposalProgress
         if finding is None:
             break
         try_proposal(tried, finding, replays)
-    behind = list_masked(tried)
+    behind = causes_masked_by_others(tried)
     tried.taken_back += [
         RejectedProposal(
-            proposals_of_finding(each)[0],
+            split_into_proposals(each)[0],
             f"{cause_name(behind[each.cause])} explains this finding and is still present",
         )
-        for each in list_untried(tried)
+        for each in findings_without_trial(tried)
         if each.cause in behind
     ]
     if tried.changes and not answer(tried.run).verdict.can_weigh:
@@ -231,7 +233,7 @@ def reject_unneeded_proposals(progress: ProposalProgress, replays: ProposalRepla
     for finding in progress.while_withheld[:-1]:
         others = [each for each in progress.changes if each.cause != finding.cause]
         try:
-            without = replays.run(others)
+            without = replays.replay_with_changes(others)
         except (DataError, MachineError):
             continue
         shown = {each.cause for each in findings_of_run(without)}
@@ -253,21 +255,26 @@ def _read_machine_text(file: Path) -> str:
 def _find_next_proposal(progress: ProposalProgress) -> Finding | None:
     """Most likely untried cause with a proposal that no remaining cause explains."""
     return next(
-        (each for each in list_untried(progress) if each.cause not in list_masked(progress)), None
+        (
+            each
+            for each in findings_without_trial(progress)
+            if each.cause not in causes_masked_by_others(progress)
+        ),
+        None,
     )
 
 
-def list_untried(progress: ProposalProgress) -> list[Finding]:
+def findings_without_trial(progress: ProposalProgress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
     shown = findings_of_run(progress.run)
     return [
         each
         for each in shown
-        if _finding_key(each) not in progress.seen and proposals_of_finding(each)
+        if _finding_key(each) not in progress.seen and split_into_proposals(each)
     ]
 
 
-def list_masked(progress: ProposalProgress) -> dict[str, str]:
+def causes_masked_by_others(progress: ProposalProgress) -> dict[str, str]:
     """Causes that a remaining cause may explain, with that cause.
 
     Causes that invalidate the mass are left out, since trying them loses nothing.
@@ -276,7 +283,7 @@ def list_masked(progress: ProposalProgress) -> dict[str, str]:
     from analysis.findings import CAUSES
 
     shown = findings_of_run(progress.run)
-    untried = {_finding_key(each) for each in list_untried(progress)}
+    untried = {_finding_key(each) for each in findings_without_trial(progress)}
     stays = {each.cause for each in shown if _finding_key(each) not in untried}
     ranks = {each.cause: each.rank for each in reversed(shown)}
     grave = {each.cause for each in shown if each.severity == "withhold"}
@@ -299,14 +306,16 @@ def _finding_key(finding: Finding) -> tuple[str, str | None]:
 def try_proposal(progress: ProposalProgress, finding: Finding, replays: ProposalReplays) -> None:
     """Replay with a proposal, and accept or reject it."""
     progress.seen.add(_finding_key(finding))
-    changes = list(proposals_of_finding(finding))
+    changes = list(split_into_proposals(finding))
     try:
-        replayed = replays.run([*progress.changes, *changes])
-        why = ProposalTrial(finding, progress.run, replayed).find_objection() or held_out_objection(
+        replayed = replays.replay_with_changes([*progress.changes, *changes])
+        why = ProposalTrial(
+            finding, progress.run, replayed
+        ).objection_text() or held_out_objection_text(
             finding,
             progress.run,
             replays.span_ns,
-            lambda more, stretch: replays.run([*progress.changes, *more], stretch),
+            lambda more, stretch: replays.replay_with_changes([*progress.changes, *more], stretch),
         )
     except (DataError, MachineError) as error:
         why = str(error)

@@ -104,7 +104,7 @@ class ObjectStore:
         with ThreadPoolExecutor(_AT_ONCE) as pool:
             yield from pool.map(self.read, names)
 
-    def read_some(self, names: Iterable[str]) -> Iterator[bytes | None]:
+    def read_existing_or_none(self, names: Iterable[str]) -> Iterator[bytes | None]:
         """Contents of several objects, in order; None for each that does not exist."""
 
         def read_if_present(name: str) -> bytes | None:

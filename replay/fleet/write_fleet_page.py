@@ -83,7 +83,7 @@ def write_fleet_report(
         OutputError: the page is there already, or cannot be written.
     """
     with atomic_file(page, force=force) as written:
-        shown = report_page(results, destination, name)
+        shown = make_fleet_page(results, destination, name)
         trends: dict[str, FrictionTrend] = {}
         if friction_limit_N_s_m is not None:
             trends = fleet_friction_trends(shown.results, friction_limit_N_s_m)
@@ -92,7 +92,7 @@ def write_fleet_report(
     return FleetReport(shown, page, trends)
 
 
-def report_page(results: FleetResults, destination: str, name: str) -> FleetPage:
+def make_fleet_page(results: FleetResults, destination: str, name: str) -> FleetPage:
     """Contents of the page of a fleet."""
     rows, cycles = results.results, results.scan("cycles")
     days = make_daily_figures(rows, cycles)
@@ -106,20 +106,22 @@ def report_page(results: FleetResults, destination: str, name: str) -> FleetPage
         charts=machine_charts(days),
         calibrations=calibrations,
         changes=find_line_changes(calibrations),
-        looks=add_commands(rank_concerns(rows, cycles, results.scan("findings")), destination),
+        looks=add_opening_commands(
+            rank_concerns(rows, cycles, results.scan("findings")), destination
+        ),
         failed=results.failed,
         today=last if isinstance(last, dt.date) else None,
     )
 
 
-def add_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
+def add_opening_commands(recordings: pl.DataFrame, destination: str) -> pl.DataFrame:
     """With the command that opens each recording at its place."""
     where = shlex.quote(destination)
     commands = [
         f"payscope fleet open {where} {key[:_ABOUT]} --at {max(at, 0.0):.1f}"
-        for key, at in looks.select("key", "at_s").iter_rows()
+        for key, at in recordings.select("key", "at_s").iter_rows()
     ]
-    return looks.with_columns(pl.Series("command", commands, dtype=pl.String))
+    return recordings.with_columns(pl.Series("command", commands, dtype=pl.String))
 
 
 def _drift_as_dict(chart: MachineChart) -> dict[str, Any]:

@@ -118,7 +118,7 @@ def review_shift(
     machine, by, logged = load_machine(machine_file, options.overrides), None, ""
     if options.calibration is not None:
         by = load_calibration(options.calibration)
-        machine = by.require_machine(by.weighing_machine(machine), machine_file)
+        machine = by.require_calibrated_machine(by.weighing_machine(machine), machine_file)
     logs = expand_log_folders(logs)
     with lock_folder(folder), ExitStack() as stack:
         verdicts = read_verdict_text(folder)
@@ -128,7 +128,7 @@ def review_shift(
             [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         )
         if by is not None:
-            logged = by.check_logs(opened)
+            logged = by.require_logs_of_machine(opened)
         map_in_threads(lambda log: log.digests, opened)
         plain = _make_review_inputs(machine, options, by)
         key = digest_replay_inputs(opened, machine, full=options.full)

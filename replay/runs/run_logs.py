@@ -74,7 +74,7 @@ def replay_logs(
         from replay.calibration.apply_evidence import load_calibration
 
         by = load_calibration(calibration)
-        machine = by.require_machine(by.weighing_machine(machine), machine_file)
+        machine = by.require_calibrated_machine(by.weighing_machine(machine), machine_file)
     if output.path is not None:
         recordings.require_writable_recording(output.path, force=output.force)
         refuse_input_as_output(output.path, (path for path in logs if path.exists()))
@@ -84,7 +84,7 @@ def replay_logs(
         on_stage("open")
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         if by is not None:
-            by.check_logs(opened)
+            by.require_logs_of_machine(opened)
         try:
             result = run(opened, machine, on_stage)
         except DataError as error:

@@ -83,7 +83,9 @@ def sweep_settings(
         from replay.calibration.apply_evidence import load_calibration
 
         by = load_calibration(calibration)
-        by.require_machine(by.weighing_machine(load_machine(machine_file, overrides)), machine_file)
+        by.require_calibrated_machine(
+            by.weighing_machine(load_machine(machine_file, overrides)), machine_file
+        )
         machines = [by.weighing_machine(machine) for machine in machines]
     truth = true_trials(logs) if has_truth(logs) else None
     rows: list[SweepRow] = []
@@ -97,10 +99,10 @@ def sweep_settings(
                     for path in logs
                 ]
             if by is not None:
-                by.check_logs(opened[machine.log])
+                by.require_logs_of_machine(opened[machine.log])
             replayed = _replay_combination(opened[machine.log], machine, logs, machine_file, each)
             if by is not None:
-                replayed = by.calibrate_run(replayed, by.differences_of_machine(machine))
+                replayed = by.calibrate_run(replayed, by.differing_settings_text(machine))
             told = answer(replayed)
             errors: dict[str, dict[str, float | None]] = {}
             if reference_kg is not None:

@@ -32,7 +32,7 @@ from recordings.signatures.signing import (
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import read_previous_evidence
 from replay.calibration.verify_bundle import verify_bundle
-from replay.fleet.machine_setups import NamedFiles, machine_setups
+from replay.fleet.machine_setups import NamedFiles, make_machine_setups
 from tests.conftest import REPO
 from tests.replay.attacker import Bundle, key_files, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made, items
@@ -121,9 +121,9 @@ def test_the_first_use_of_a_key_is_asked_on_a_terminal_and_remembered(
     """Test: the owner typed at a terminal. Expected Result: kept, and not asked again."""
     code = (
         "from pathlib import Path\n"
-        "from replay.commands.common_options import read_calibration\n"
+        "from replay.commands.common_options import calibration_request_from_options\n"
         "from replay.calibration.apply_evidence import load_calibration\n"
-        f"asked = read_calibration(Path({str(made.bundle)!r}), None, signed=True)\n"
+        f"asked = calibration_request_from_options(Path({str(made.bundle)!r}), None, signed=True)\n"
         "print('FOUND', load_calibration(asked).signed_by)\n"
     )
     first = at_a_terminal(code, "Test lab\n")
@@ -167,10 +167,10 @@ def at_a_terminal(code: str, typed: str) -> str:
 def test_a_fleet_asks_nobody_and_refuses_an_unknown_key(invented: Path, made: Made) -> None:
     files = NamedFiles(str(made.campaign.with_name("sledge.toml")), (), (str(invented),))
     with pytest.raises(EvidenceError, match=r"unknown key.*payscope keys add"):
-        machine_setups("sledge", files, lenient=False)
+        make_machine_setups("sledge", files, lenient=False)
     add_key(load_keyring(), known(made))
     files = NamedFiles(str(made.campaign.with_name("sledge.toml")), (), (str(made.bundle),))
-    assert len(machine_setups("sledge", files, lenient=False)) == 2
+    assert len(make_machine_setups("sledge", files, lenient=False)) == 2
 
 
 @pytest.mark.usefixtures("keyring")

@@ -174,7 +174,7 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
     assert any("priors.sag_weight_share = 0.05" in note for note in verify_bundle(folder).notes)
     # and who weighs with today's is told
     machine = load_machine(made.campaign.with_name("sledge.toml"))
-    assert "settings.priors.sag_weight_share = 0.05 there" in held.differences_of_machine(
+    assert "settings.priors.sag_weight_share = 0.05 there" in held.differing_settings_text(
         held.weighing_machine(machine)
     )
 

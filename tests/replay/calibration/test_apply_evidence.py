@@ -17,7 +17,7 @@ from recordings.calibration.evidence_document import parse_evidence
 from recordings.signatures.canonical_json import canonical_json_bytes
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
-from replay.calibration.campaign_runs import replay_runs
+from replay.calibration.campaign_runs import replay_logs_of_campaign
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
 from replay.machines.machine_file import load_machine
@@ -65,8 +65,8 @@ def test_evidence_that_counts_gain_as_a_common_error_is_replayed_as_it_was_made(
     file.write_text(file.read_text().replace("[machine]", "[machine]\nforce_gain_u = 0.02", 1))
     now = calibrate_from_campaign(campaign, tmp_path / "now")
     with monkeypatch.context() as earlier:
-        counted = partial(replay_runs, procedure=PROCEDURES[1])
-        earlier.setattr("replay.calibration.calibrate_campaign.replay_runs", counted)
+        counted = partial(replay_logs_of_campaign, procedure=PROCEDURES[1])
+        earlier.setattr("replay.calibration.calibrate_campaign.replay_logs_of_campaign", counted)
         made = calibrate_from_campaign(campaign, tmp_path / "made")
     assert now.document.calibration is not None
     assert made.document.calibration is not None
@@ -196,10 +196,10 @@ def test_the_machine_that_is_weighed_is_that_of_the_evidence(
 ) -> None:
     held = load_calibration(CalibrationRequest(made.folder))
     weighing = held.weighing_machine(load_machine(folder / "sledge.toml"))
-    machine = held.require_machine(weighing, "sledge.toml")
+    machine = held.require_calibrated_machine(weighing, "sledge.toml")
     # but that a later log of several loads tells what the means have wrong
     assert machine == machine_for_later_log(made.document.weighing_machine)
-    assert held.differences_of_machine(machine) == ""
+    assert held.differing_settings_text(machine) == ""
 
 
 def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
@@ -239,7 +239,7 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
     assert any("settings.priors.sag_weight_share" in note for note in found.notes)
     held = load_calibration(CalibrationRequest(earlier))
     assert (
-        held.differences_of_machine(
+        held.differing_settings_text(
             held.weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
         )
         == ""

@@ -26,7 +26,7 @@ from recordings.dcc.dcc_signature import check_signature, read_trusted_key_id
 from recordings.dcc.write_dcc import make_unsigned_dcc
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.campaign_file import load_campaign
-from replay.calibration.dcc_output import DccOutput, write_dcc_output
+from replay.calibration.dcc_output import DccOutput, write_and_verify_dcc
 from replay.calibration.verify_bundle import verify_bundle
 from tests.recordings.dcc.certificates import (
     WEIGHTS,
@@ -307,7 +307,7 @@ def test_a_certificate_needs_what_the_campaign_does_not_state(
 def test_without_a_line_there_is_no_certificate(tmp_path: Path, made: CalibrationOutcome) -> None:
     without = made.document.model_copy(update={"calibration": None})
     dcc = DccOutput(tmp_path / "e.xml")
-    remark = write_dcc_output(made.folder, without, dcc, None, force=False)
+    remark = write_and_verify_dcc(made.folder, without, dcc, None, force=False)
     assert "no calibration line to certify" in remark
     assert not dcc.file.exists()
 

@@ -16,7 +16,7 @@ from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.notary.notary_list import NotaryEntry, encode_lines, parse_line, sign_line
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import SigningKey, read_public_key, read_signing_key
-from replay.calibration.calibrate_campaign import calibrate_from_campaign, load_stretch
+from replay.calibration.calibrate_campaign import calibrate_from_campaign, load_notary_stretch
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.notary.list_file import STATE_VARIABLE
@@ -130,7 +130,7 @@ def test_a_stretch_that_cannot_be_is_refused(
     campaign = folder / notarised.campaign.name
     campaign.write_text(campaign.read_text().replace(old, new))
     with pytest.raises(CampaignError, match=words):
-        load_stretch(campaign, load_campaign(campaign)[0])
+        load_notary_stretch(campaign, load_campaign(campaign)[0])
 
 
 def test_a_campaign_that_leaves_a_log_out_is_refused(notarised: Notarised, tmp_path: Path) -> None:
