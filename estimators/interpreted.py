@@ -92,7 +92,7 @@ class Loop:
             at_first: whether to interpret little work even if a compiled form is cached.
         """
         self._function, self._how = cast("FunctionType", function), how
-        self._turns = turns or longest_integer_array
+        self._turns = turns or longest_integer_array_length
         self._by_arrays, self._at_first = by_arrays, at_first
         self._most_cold = MOST_COLD_TURNS if at_first else MOST_COLD_ROWS
         self._cold_seconds = MOST_COLD_SECONDS
@@ -130,25 +130,29 @@ class Loop:
         ):
             begin = thread_time()
             try:
-                return self._interpret(arguments)
+                return self._run_interpreted(arguments)
             finally:
                 _InterpreterBudget.seconds -= thread_time() - begin
-        if _ColdLoopRule.allowed and self._is_cold and self._turns(*arguments) <= self._most_cold:
+        if (
+            _ColdLoopRule.allowed
+            and self._may_interpret_uncached
+            and self._turns(*arguments) <= self._most_cold
+        ):
             begin = thread_time()
             try:
-                return self._interpret(arguments)
+                return self._run_interpreted(arguments)
             finally:
                 self._cold_seconds -= thread_time() - begin
         return self.compiled(*arguments)
 
     @property
-    def _is_cold(self) -> bool:
+    def _may_interpret_uncached(self) -> bool:
         return self._cold_seconds > 0 and not self.is_cached
 
-    def _interpret(self, arguments: tuple[Any, ...]) -> Any:
+    def _run_interpreted(self, arguments: tuple[Any, ...]) -> Any:
         # as compiled code, it lets integers run over and divides by zero
         with np.errstate(all="ignore"):
-            return _convert_to_python(self.interpreted(*arguments))
+            return _convert_numpy_scalars(self.interpreted(*arguments))
 
     def _find_called_loops(self) -> "dict[str, Loop | Primitive]":
         names = self._function.__globals__
@@ -214,12 +218,12 @@ def compiled_beside(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
     )
 
 
-def _convert_to_python(result: Any) -> Any:
+def _convert_numpy_scalars(result: Any) -> Any:
     """Convert numpy scalars of a result to Python numbers, as compiled code returns them."""
     if isinstance(result, np.generic):
         return result.item()
     if type(result) is tuple:
-        return tuple(map(_convert_to_python, cast("tuple[Any, ...]", result)))
+        return tuple(map(_convert_numpy_scalars, cast("tuple[Any, ...]", result)))
     return result
 
 
@@ -234,7 +238,7 @@ def largest_dimension(*arguments: Any) -> int:
     return max(sizes)
 
 
-def longest_integer_array(*arguments: Any) -> int:
+def longest_integer_array_length(*arguments: Any) -> int:
     """Length of the longest integer array among the arguments, including those in tuples."""
     sizes = [0]
     for each in arguments:
@@ -242,5 +246,5 @@ def longest_integer_array(*arguments: Any) -> int:
             if each.dtype == np.int64 and each.ndim:
                 sizes.append(each.shape[-1])
         elif isinstance(each, tuple):
-            sizes.append(longest_integer_array(*each))
+            sizes.append(longest_integer_array_length(*each))
     return max(sizes)

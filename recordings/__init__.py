@@ -5,7 +5,7 @@ Names are resolved when first used: the digest of a page that it keeps needs non
 
 from typing import TYPE_CHECKING
 
-from estimators.late_names import resolve_late
+from estimators.late_names import make_late_getattr
 
 if TYPE_CHECKING:
     from recordings.plots.run_plots import plot_run
@@ -22,7 +22,7 @@ __all__ = [
     "write_recording",
 ]
 
-__getattr__ = resolve_late(
+__getattr__ = make_late_getattr(
     "recordings",
     {
         "require_writable_recording": "recordings.rrd.writer",

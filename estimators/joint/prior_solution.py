@@ -261,7 +261,7 @@ def solve_with_priors(
         kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
         turned = _weight_units(units, shape, of_units, kept, theta, variance)
         if solved is None:
-            theta = _solve_without_doubt(turned, (wide_precision, wide_believed), variance)
+            theta = _solve_for_white_noise(turned, (wide_precision, wide_believed), variance)
             turned = _weight_units(units, shape, of_units, kept, theta, variance)
         doubted = uncertain_noise_fraction(kept) * turned.taken
         theta, gain = _solve_weighted(turned, (wide_precision, wide_believed), variance, doubted)
@@ -277,7 +277,7 @@ def solve_with_priors(
     return solved
 
 
-def _solve_without_doubt(
+def _solve_for_white_noise(
     turned: WeightedNormalEquations, priors: tuple[Floats, Floats], variance: float
 ) -> Floats:
     """Estimates (wide,) by S = σ² G, to begin with."""

@@ -122,7 +122,7 @@ def _make_cycle_row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -
     return {
         "number": row["cycle"],
         "id": row["id"],
-        "time": row["local_time_text"],
+        "time": row["local_time"],
         "ends_s": round(row["end_unix_ns"] / NS_PER_S),
         "payload": number_cells(row, PAYLOAD),
         "details": number_cells(row, DETAILS),

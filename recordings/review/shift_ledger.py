@@ -113,7 +113,7 @@ def add_motion_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
         },
     }
     moved = rows.with_columns(
-        pl.Series("local_time_text", local, dtype=pl.String),
+        pl.Series("local_time", local, dtype=pl.String),
         *(pl.Series(name, numbers, dtype=pl.Float64) for name, numbers in columns.items()),
     )
     return add_energy_columns(moved, state)

@@ -10,8 +10,8 @@ from analysis.calibration.campaign.campaign_fit import load_references, make_dec
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
-from replay.machines.machine_file import load_machine, machine_path
-from replay.machines.toml_file import read_toml, validate
+from replay.machines.machine_file import load_machine, machine_file_or_shipped
+from replay.machines.toml_file import read_toml, validate_toml_content
 
 #: What is read of a certificate and is not to be stated beside it.
 _READ: Final = ("value_kg", "u_kg", "certificate", "certificate_sha256", "certificate_issuer")
@@ -39,14 +39,14 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     for place, text in find_todo_entries(content):
         raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
     content = add_certified_masses(path, content)
-    campaign = validate(path, content, CalibrationCampaign, CampaignError)
+    campaign = validate_toml_content(path, content, CalibrationCampaign, CampaignError)
     if campaign.laboratory is not None and campaign.missing_statements:
         raise CampaignError(
             f"{path}: [laboratory] makes this a certificate by ISO/IEC 17025, 7.8, which also "
             f"needs {', '.join(campaign.missing_statements)}; add them, or leave out [laboratory]"
         )
     beside = path.parent / campaign.machine.file
-    shipped = machine_path(Path(campaign.machine.file))
+    shipped = machine_file_or_shipped(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
     machine = machine_with_serial_number(
         machine_with_campaign_mass(campaign, machine), campaign.machine.id, path

@@ -40,7 +40,7 @@ from recordings.calibration.evidence_document import (
     Software,
 )
 from replay.logs import open_log
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 from replay.pipeline import run
 
 #: Characters of a loss, and of a machine's number, that evidence keeps.
@@ -103,7 +103,7 @@ def replay_logs_of_campaign(
     responses: list[RunResponse] = []
     for number, name in enumerate(campaign.logs, start=1):
         on_log(name)
-        with open_log(path_of(name), time=time_axis(machine)) as log:
+        with open_log(path_of(name), time=time_axis_of_machine(machine)) as log:
             try:
                 replayed = run(log, machine)
             except DataError as error:

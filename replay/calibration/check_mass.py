@@ -23,7 +23,7 @@ from replay.calibration.calibrate_campaign import (
 from replay.calibration.campaign_runs import replay_logs_of_campaign
 from replay.calibration.refuse_campaign import refuse_contradicted_days, refuse_contradicted_machine
 from replay.logs import open_log
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 
 _MASS: Final = "check-mass"
 
@@ -138,7 +138,7 @@ def _day_of_log(last: EvidenceDocument, log: Path, day: str | None) -> dt.date:
             return dt.date.fromisoformat(day)
         except ValueError:
             raise CampaignError(f"--day {day}: is not a date; write it as 2026-05-31") from None
-    with open_log(log, time=time_axis(last.machine)) as opened:
+    with open_log(log, time=time_axis_of_machine(last.machine)) as opened:
         start_ns = opened.topics()["start_ns"].min()
     if not isinstance(start_ns, int) or start_ns < FIRST_DATE_NS:
         raise CampaignError(f"{log}: has no date; give it with --day")

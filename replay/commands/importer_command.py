@@ -22,9 +22,9 @@ def main() -> None:
     """Import one file, and leave with the status that the viewer understands."""
     asked, _ = _make_parser().parse_known_args()  # newer viewers may ask for more
     # the viewer starts every importer for every file: nothing heavy before the answer "not mine"
-    from replay.recording.importer_files import takes_file
+    from replay.recording.importer_files import is_imported_file
 
-    if not takes_file(asked.path):
+    if not is_imported_file(asked.path):
         sys.exit(NOT_MINE)
     from estimators.errors import PayscopeError, one_line
     from replay.recording.import_log import import_log

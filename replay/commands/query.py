@@ -57,12 +57,12 @@ def command(
     """
     from replay.commands.common_options import time_axis_from_options
     from replay.commands.frame_output import choose_output_format
-    from replay.query.named_tables import named_tables
-    from replay.query.run_query import query_tables
+    from replay.query.named_tables import open_named_tables
+    from replay.query.run_query import prepare_query
 
     axis = time_axis_from_options(time, time_unit, keys)
     if tables:
-        _list_tables(named_tables(sources, axis), as_json=output_format == "json")
+        _list_tables(open_named_tables(sources, axis), as_json=output_format == "json")
         return
     if len(sources) == 1:
         raise typer.BadParameter(
@@ -70,7 +70,7 @@ def command(
             "--tables lists the tables"
         )
     chosen = choose_output_format(output_format and output_format.value, output)
-    asked = query_tables(sources[:-1], sources[-1], axis)
+    asked = prepare_query(sources[:-1], sources[-1], axis)
     try:
         if output is not None and join_within_s is None and chosen in _STREAMED:
             asked.write(output, chosen, force=force)

@@ -146,7 +146,7 @@ def command(
     from replay.commands.progress_bar import StageProgress
     from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
-    from replay.review.give_verdicts import GivenVerdicts, is_review, recount_review
+    from replay.review.give_verdicts import GivenVerdicts, is_review_folder, recount_review
     from replay.review.label_spans import parse_label_channel, read_label_spans
     from replay.review.review_shift import ReviewOptions, review_shift
 
@@ -164,10 +164,10 @@ def command(
         "stockpile": stockpile,
     }
     given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author, begin, end)
-    given.check()
+    given.refuse_incomplete()
     channels = [parse_label_channel(each) for each in label or ()]
     asked = calibration_request_from_options(calibration, key, signed=require_signed)
-    if machine is None and output is None and len(logs) == 1 and is_review(logs[0]):
+    if machine is None and output is None and len(logs) == 1 and is_review_folder(logs[0]):
         needs_logs = (asked is not None, target is not None, overrides, full, decimal_comma, label)
         if any(needs_logs):
             raise typer.BadParameter(

@@ -328,9 +328,9 @@ def _quantity_by_method(row: SweepRow, quantity: str) -> Mapping[str, float | No
 
 
 def _parse_swept_values(row: SweepRow) -> dict[str, Any]:
-    from replay.machines.toml_file import read_value
+    from replay.machines.toml_file import parse_toml_value
 
-    return {key: read_value(text) for key, text in row.over.items()}
+    return {key: parse_toml_value(text) for key, text in row.over.items()}
 
 
 def shortest_distinct_names(keys: Iterable[str]) -> dict[str, str]:

@@ -34,12 +34,12 @@ from replay.calibration.apply_evidence import CalibrationRequest
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, machine_path, time_axis
+from replay.machines.machine_file import load_machine, machine_file_or_shipped, time_axis_of_machine
 from replay.pipeline import STAGES, run
-from replay.review.review_folder import check_review_folder
+from replay.review.review_folder import refuse_unsuitable_review_folder
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
-from replay.simulation.log_truth import true_trials, truth_path
+from replay.simulation.log_truth import read_true_trials, truth_path
 from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate_scenario
 
 _HEAD = """\
@@ -169,11 +169,11 @@ def run_demo(
         require_writable_output(output, force=force)
     require_writable_folder(evidence, force=force)
     if page.exists() and force:
-        check_review_folder(page)
+        refuse_unsuitable_review_folder(page)
     else:
         require_writable_folder(page, force=force)
     with atomic_file(machine_file, force=force) as partial:
-        shutil.copyfile(machine_path(_MACHINE), partial)
+        shutil.copyfile(machine_file_or_shipped(_MACHINE), partial)
     on_stage("simulate")
     logs = simulate_scenario(scenario, folder / "campaign.bag", force=force)
     with atomic_file(campaign_file, force=force) as partial:
@@ -230,9 +230,11 @@ def replay_campaign(
 ) -> Run:
     """Replay simulated logs on one time line, with a calibration line by truth for each method."""
     with ExitStack() as stack:
-        opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
+        opened = [
+            stack.enter_context(open_log(path, time=time_axis_of_machine(machine))) for path in logs
+        ]
         replayed = run(opened, machine, on_stage)
-    calibration = calibrate_methods(masses_by_method_and_run(replayed, true_trials(logs)))
+    calibration = calibrate_methods(masses_by_method_and_run(replayed, read_true_trials(logs)))
     frames = {**replayed.frames, "calibration": calibration}
     return replace(replayed, frames=frames).with_fingerprint()
 
@@ -251,7 +253,7 @@ def make_demo_campaign_text(scenario: Scenario, logs: Sequence[Path], machine: s
     text = _HEAD.format(machine=machine, empty_kg=scenario.machine.mass_kg)
     text += "".join(_MASS.format(id=name, value_kg=high - low) for name, (low, high) in steps)
     for number, log in enumerate(logs):
-        start_ns = true_trials([log])["start_ns"][0]
+        start_ns = read_true_trials([log])["start_ns"][0]
         day = dt.datetime.fromtimestamp(start_ns // 10**9, dt.UTC).date()
         on_board = ", ".join(f'"{name}"' for name in names[:number])
         text += _RUN.format(log=log.name, loads=on_board, day=day)

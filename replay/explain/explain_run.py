@@ -18,7 +18,7 @@ from recordings.rrd.reader import OpenRecording, open_recording
 from recordings.rrd.recording_table import drawn_column_names
 from recordings.rrd.writer import SUFFIX
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, time_axis
+from replay.machines.machine_file import load_machine, time_axis_of_machine
 
 if TYPE_CHECKING:
     from replay.explain.try_proposals import MendedMachine
@@ -128,7 +128,7 @@ def load_frames_to_explain(request: ExplainRequest, on_stage: Callable[[str], No
     # a recording is explained without what replays a log
     from replay.pipeline import run
 
-    with open_log(request.path, time=time_axis(machine)) as log:
+    with open_log(request.path, time=time_axis_of_machine(machine)) as log:
         try:
             return run(log, machine, on_stage)
         except DataError as error:

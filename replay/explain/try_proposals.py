@@ -28,7 +28,7 @@ from replay.explain.mended_file import Proposal, insert_proposals, split_into_pr
 from replay.inputs.cached_log import CachedLog, LogPart
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import Log, open_log
-from replay.machines.machine_file import load_machine, machine_path, time_axis
+from replay.machines.machine_file import load_machine, machine_file_or_shipped, time_axis_of_machine
 from replay.pipeline import run
 
 #: Causes that say of the answer how poor it is.
@@ -164,11 +164,11 @@ def mend_machine_file(
     Raises:
         PayscopeError: the machine file cannot be read, or the output cannot be written.
     """
-    file = machine_path(source.path)
+    file = machine_file_or_shipped(source.path)
     text = _read_machine_text(file)
     machine = load_machine(source.path, source.overrides)
     with (
-        open_log(path, time=time_axis(machine)) as opened,
+        open_log(path, time=time_axis_of_machine(machine)) as opened,
         tempfile.TemporaryDirectory(prefix="payscope-") as folder,
     ):
         trial = Path(folder) / file.name

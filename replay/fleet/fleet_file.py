@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 from estimators.errors import FleetError
 from replay.fleet.last_run import NamedFiles, TaskLimits
 from replay.fleet.machine_setups import MachineSetup, make_machine_setups
-from replay.machines.toml_file import read_toml, validate
+from replay.machines.toml_file import read_toml, validate_toml_content
 
 _STRICT: Final = ConfigDict(extra="forbid", frozen=True)
 #: Stands for the machine's name in a rule.
@@ -162,7 +162,7 @@ def load_fleet(path: Path, overrides: tuple[str, ...] = ()) -> Fleet:
             f"{path}: is a machine file; a fleet file names it: [[machines]] with logs = "
             f'"**/*.mcap", name = "one" and file = "{path.name}"'
         )
-    rules = validate(path, content, FleetRules, FleetError)
+    rules = validate_toml_content(path, content, FleetRules, FleetError)
     for number, rule in enumerate(rules.machines, start=1):
         if (NAME in rule.logs) == (rule.name is not None):
             raise FleetError(

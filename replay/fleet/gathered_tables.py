@@ -25,7 +25,7 @@ from estimators.errors import FleetError, OutputError
 from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
 from replay.fleet.object_store import ObjectStore
 from replay.fleet.results_layout import MARK, ResultName, parquet_bytes, parse_result_name
-from replay.frames.select_statement import Tables, query_fault, select_rows
+from replay.frames.select_statement import Tables, explain_query_error, run_select_in_stable_order
 
 _GATHERED: Final = "gathered"
 #: Hexadecimal digits of a digest that tell sets of results apart.
@@ -211,6 +211,6 @@ def query_fleet_tables(results: FleetResults, sql: str) -> pl.DataFrame:
     """
     tables = fleet_tables(results)
     try:
-        return select_rows(sql, tables, always_ordered=True).collect()
+        return run_select_in_stable_order(sql, tables, always_ordered=True).collect()
     except pl.exceptions.PolarsError as error:
-        raise query_fault(error, tables) from None
+        raise explain_query_error(error, tables) from None

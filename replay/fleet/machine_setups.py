@@ -19,7 +19,7 @@ from replay.calibration.apply_evidence import (
     load_calibration,
 )
 from replay.fleet.last_run import NamedFiles
-from replay.inputs.channel_inputs import package_versions, resolve_machine
+from replay.inputs.channel_inputs import machine_without_settings_as_dict, package_versions
 from replay.machines.machine_file import load_machine
 
 #: Raised whenever results that are there have to be made anew.
@@ -117,7 +117,7 @@ def _make_setup(
         "format": FORMAT,
         "tables": list(TABLES),
         "name": name,
-        "machine": resolve_machine(machine),
+        "machine": machine_without_settings_as_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "calibration": "" if calibration is None else calibration.document.id,
         "versions": package_versions(),

@@ -15,7 +15,7 @@ from replay.fleet.machine_setups import make_machine_setups, setup_of_day
 from replay.fleet.recording_task import fetch_log, replay_log_with_setup
 from replay.fleet.results_layout import ResultName
 from replay.logs import open_log
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 
 
 @contextmanager
@@ -52,7 +52,10 @@ def _find_recording(results: FleetResults, source: str, machine: str, recording:
         raise FleetError(f"{source}: the last run has no machine '{machine}'; run the fleet again")
     (log,) = list_fleet_logs([source])
     setups = make_machine_setups(machine, known.files, lenient=True)
-    with fetch_log(log) as path, open_log(path, time=time_axis(setups[-1].machine)) as opened:
+    with (
+        fetch_log(log) as path,
+        open_log(path, time=time_axis_of_machine(setups[-1].machine)) as opened,
+    ):
         first = opened.topics()["start_ns"].min()
         day = setups[-1].local_day_or_none(first if isinstance(first, int) else None)
         write_recording(replay_log_with_setup(opened, setup_of_day(setups, day), source), recording)

@@ -39,7 +39,7 @@ from replay.fleet.object_store import ObjectStore, open_store_once
 from replay.fleet.results_layout import MARK, ResultName, digest_result_key, write_result
 from replay.inputs.channel_inputs import package_versions
 from replay.logs import Log, open_log
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 from replay.pipeline import run
 
 Status = Literal["made", "there", "refused", "failed"]
@@ -172,7 +172,7 @@ def _make_outcome(task: ReplayTask, path: Path) -> TaskOutcome:
     setup, day = task.setups[-1], None
     store = open_store_once(task.destination)
     try:
-        with open_log(path, time=time_axis(setup.machine)) as log:
+        with open_log(path, time=time_axis_of_machine(setup.machine)) as log:
             first = log.topics()["start_ns"].min()
             day = setup.local_day_or_none(first if isinstance(first, int) else None)
             setup = setup_of_day(task.setups, day)

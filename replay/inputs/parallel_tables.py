@@ -81,7 +81,7 @@ def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequenc
     wanted = {field for channel in machine.channels.values() for field in channel.fields}
     for log in logs:
         log.expect({TABLE: sorted(wanted)})
-    logs = _name_topics(logs, wanted)
+    logs = _tables_with_own_topics(logs, wanted)
     columns = {
         topic: set[str](fields or [])
         for log in logs
@@ -105,7 +105,7 @@ def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequenc
     return logs, machine.model_copy(update={"channels": channels})
 
 
-def _name_topics(logs: Sequence[Log], wanted: set[str]) -> Sequence[Log]:
+def _tables_with_own_topics(logs: Sequence[Log], wanted: set[str]) -> Sequence[Log]:
     """Tables with topics of their own, unless two share wanted columns."""
     if len(logs) < 2 or len({log.digests for log in logs}) < len(logs):
         return logs

@@ -22,7 +22,7 @@ from replay.logs.tables import (
     TableTimes,
     TimeError,
     describe_disagreement,
-    find_times,
+    find_time_columns,
 )
 
 if TYPE_CHECKING:
@@ -109,9 +109,9 @@ class TableLog(Log):
     def _open(self, copies: ExitStack) -> "CsvColumns | ParquetColumns":
         if self._suffix in ("parquet", "arrow", "feather"):
             # pyarrow is slow to import
-            from replay.logs.tables.parquet_columns import open_arrow
+            from replay.logs.tables.parquet_columns import open_parquet_or_arrow
 
-            return open_arrow(self.path)
+            return open_parquet_or_arrow(self.path)
         path = self.path
         if self._suffix == "xlsx":
             from replay.logs.tables.excel import write_sheet_as_csv
@@ -138,7 +138,9 @@ class TableLog(Log):
                 f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
             )
         try:
-            found = find_times(self._columns.columns, self._columns.first_text_cells, time_axis)
+            found = find_time_columns(
+                self._columns.columns, self._columns.first_text_cells, time_axis
+            )
         except DialectError as error:
             raise LogError(f"{self.path}: {error} {_WHERE}") from error
         if found is None:

@@ -94,7 +94,7 @@ def rename_old_keys(content: dict[str, Any]) -> dict[str, str]:
     return {old: new for old, new, _ in taken}
 
 
-def renames_text(renamed: Mapping[str, str]) -> str:
+def renamed_keys_text(renamed: Mapping[str, str]) -> str:
     """Say in one line which keys have which new names."""
     pairs = [f"'{old}' is now '{new}'" for old, new in renamed.items()]
     more = len(pairs) - _MOST_NAMED
@@ -126,7 +126,9 @@ def migrate_text(text: str) -> tuple[str, dict[str, str]]:
     except tomllib.TOMLDecodeError:
         is_equal = False
     if not is_equal:
-        raise BothNamesError(f"{renames_text(renamed)}: cannot be rewritten; rename it by hand")
+        raise BothNamesError(
+            f"{renamed_keys_text(renamed)}: cannot be rewritten; rename it by hand"
+        )
     return migrated, renamed
 
 
@@ -169,7 +171,7 @@ def _find_table(content: dict[str, Any], sections: list[str]) -> dict[str, Any] 
 
 def _rename_in_lines(lines: list[str], old: str, new: str) -> None:
     """Rename one key, or move it to the table of its new name; do nothing if it is absent."""
-    tables = list(_find_tables(lines))
+    tables = list(_iter_tables(lines))
     for table in tables:
         for at in range(table.first, table.last):
             key, equals, value = lines[at].partition("=")
@@ -203,7 +205,7 @@ class _TableLines(NamedTuple):
     last: int
 
 
-def _find_tables(lines: list[str]) -> Iterator[_TableLines]:
+def _iter_tables(lines: list[str]) -> Iterator[_TableLines]:
     heads = [at for at, line in enumerate(lines) if line.lstrip()[:1] == "[" and _is_header(line)]
     yield _TableLines("", 0, heads[0] if heads else len(lines))
     for at, end in pairwise([*heads, len(lines)]):

@@ -119,7 +119,7 @@ def notarise_folder(
         raise EvidenceError(f"a notary needs a signing key; give --key KEY.pem, or {KEY_VARIABLE}")
     path = list_path or folder / LIST_NAME
     with open_list(path) as held:
-        head = begin_list(held, key, machine_id)
+        head = begin_list_or_check_keeper(held, key, machine_id)
         notes = [f"a torn tail of {held.cut_bytes} bytes was cut off"] if held.cut_bytes else []
         if held.second is None:
             notes.append(
@@ -134,7 +134,7 @@ def notarise_folder(
                 continue
             age_s = time.time() - log.written_s  # a log of the future has a wrong clock
             is_quiet = age_s >= quiet_s or age_s < -CLOCK_S
-            entry = make_entry(held, log, before) if is_quiet else None
+            entry = make_entry_of_unchanging_log(held, log, before) if is_quiet else None
             if entry is None:
                 waiting.append(log.name)
                 continue
@@ -146,7 +146,7 @@ def notarise_folder(
         )
 
 
-def begin_list(open_list: OpenList, key: SigningKey, machine_id: str) -> list[str]:
+def begin_list_or_check_keeper(open_list: OpenList, key: SigningKey, machine_id: str) -> list[str]:
     """Begin a new list, or check that an existing one has this key and machine; return notes."""
     if not open_list.lines:
         head = NotaryHead(
@@ -215,7 +215,7 @@ def _is_unchanged(entry: NotaryEntry, log: FoundLog) -> bool:
     return {f.name: (f.size_bytes, f.modified_us) for f in entry.files} == dict(log.files)
 
 
-def make_entry(
+def make_entry_of_unchanging_log(
     open_list: OpenList, log: FoundLog, before: NotaryEntry | None
 ) -> NotaryEntry | None:
     """Line of the list for a log; None if the log changes meanwhile."""
@@ -224,7 +224,7 @@ def make_entry(
         digests = {name: file_sha256(inside / name) for name in log.files}
     except OSError:
         return None
-    begins, ends, machine = _describe_log(log.path)
+    begins, ends, machine = _begin_end_and_machine_of_log(log.path)
     if any(size_and_time(inside / name) != about for name, about in log.files.items()):
         return None
     last = open_list.lines[-1]
@@ -245,7 +245,7 @@ def make_entry(
     )
 
 
-def _describe_log(path: Path) -> tuple[str, str, str]:
+def _begin_end_and_machine_of_log(path: Path) -> tuple[str, str, str]:
     """Begin, end and machine of a log; "" for what is unknown.
 
     A damaged log is listed as well.

@@ -72,7 +72,9 @@ class VerifiedList:
         }
 
 
-def verify_list(path: Path, *, key_file: Path | None = None, signed: bool = False) -> VerifiedList:
+def verify_notary_list(
+    path: Path, *, key_file: Path | None = None, signed: bool = False
+) -> VerifiedList:
     """Check a list on its own, without the logs.
 
     Args:

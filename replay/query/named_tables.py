@@ -16,7 +16,7 @@ from estimators.errors import LogError, QueryError
 from recordings.review.shift_ledger import CSV, PARQUET
 from replay.fleet.gathered_tables import fleet_tables, open_fleet_results
 from replay.fleet.results_layout import MARK
-from replay.frames.scan import lazy_frame, resolve_log_paths, topic_source
+from replay.frames.scan import lazy_frame, log_paths_and_is_pattern, make_topic_source
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import TopicSource, open_or_reuse_log
 from replay.logs import TABLE, Log, TimeAxis
@@ -70,7 +70,7 @@ class NamedTables:
                 self.words[names[0]] = word
 
 
-def named_tables(
+def open_named_tables(
     sources: Sequence[str], time: TimeAxis | None = None, columns: Sequence[str] = ()
 ) -> NamedTables:
     """Open the named files as tables; only indices are read.
@@ -106,7 +106,7 @@ def named_tables(
             f"query: results of two fleets ({', '.join(fleets)}); query them separately"
         )
     found = NamedTables(tuple(dict.fromkeys(recordings)), fleets[0] if fleets else None)
-    t0_unix_ns = _add_recordings(found)
+    t0_unix_ns = _add_frames_of_recordings(found)
     if logs:
         _add_topics(found, logs, _TopicOptions(time, t0_unix_ns, tuple(columns)))
     for ledger in ledgers:
@@ -122,7 +122,7 @@ def _scan_ledger(ledger: Path) -> pl.LazyFrame:
     return rename_stored_checks("cycles", _PLAIN[ledger.name](ledger))
 
 
-def _add_recordings(found: NamedTables) -> int | None:
+def _add_frames_of_recordings(found: NamedTables) -> int | None:
     """Add the frames of all recordings; return the start of the run if there is only one."""
     by_name: dict[str, list[RecordingFrame]] = {}
     for path in found.recordings:
@@ -167,7 +167,7 @@ class _TopicOptions:
 
 def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
     named = logs[0] if len(logs) == 1 else logs
-    paths, _ = resolve_log_paths(named)
+    paths, _ = log_paths_and_is_pattern(named)
     topics: dict[str, list[Path]] = {}
     for path in paths:
         for topic in open_or_reuse_log(path, options.time).topic_names():
@@ -178,7 +178,7 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
     def rows_of_topic(topic: str, of_logs: Sequence[Path]) -> pl.LazyFrame:
         chosen = named if len(paths) == 1 else of_logs
         first = open_or_reuse_log(of_logs[0], options.time)
-        source = topic_source(
+        source = make_topic_source(
             chosen,
             topic,
             fields=options.choose_fields(first, topic),

@@ -80,7 +80,9 @@ def accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
     return found if axes == sorted(_AXES) else []
 
 
-def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[str, str]]:
+def accelerometer_units_by_gravity(
+    log: Log, columns: Sequence[LogColumn]
+) -> dict[str, tuple[str, str]]:
     """Units, with reasons, of an accelerometer without stated units, if one axis shows gravity.
 
     Args:
@@ -97,7 +99,7 @@ def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[
     return {}
 
 
-def lacks_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
+def fields_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
     """Fields of an accelerometer without gravity on any axis: some program removed it."""
     axes = [column for column in accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):
@@ -163,7 +165,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
             if is_acceleration:
                 ask_about_units(log, each, speed, found)
             if is_force:
-                _ask_without_sign(log, each, speed, found)
+                _ask_about_unsigned_force(log, each, speed, found)
         if each is speed and place is not None:
             ask_about_units(log, each, place, found)
             goes = slope_correlation(log, each, place)
@@ -187,8 +189,12 @@ def ask_about_mirrored_side(
         left, right = (by_name.get(name.format(side)) for side in ("left", "right"))
         if left is None or right is None:
             continue
-        (t, x), (at, y) = series_of_proposal(log, left), series_of_proposal(log, right)
-        goes = _correlate(x, np.interp(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
+        (t, x), (at, y) = read_series_of_proposal(log, left), read_series_of_proposal(log, right)
+        goes = (
+            _correlation_or_none(x, np.interp(t, at, y))
+            if min(t.size, at.size) >= _FEWEST
+            else None
+        )
         if goes is not None and goes < -_CLEAR:
             found.ask_question("sign", _MIRRORED.format(left.field, right.field, goes))
 
@@ -199,7 +205,7 @@ def ask_about_units(
     """Ask for the units of a column and its derivative if their magnitudes disagree."""
     if "?" in (rate.unit, other.unit) or not (rate.column in _SI and other.column in _SI):
         return
-    (t, x), (at, y) = series_of_proposal(log, rate), series_of_proposal(log, other)
+    (t, x), (at, y) = read_series_of_proposal(log, rate), read_series_of_proposal(log, other)
     if min(t.size, at.size) < _FEWEST:
         return
     gains = [
@@ -207,7 +213,7 @@ def ask_about_units(
         for each in (rate, other)
     ]
     x, change = x * gains[0], _slope_at_times(t, at, y * gains[1]) / _SPAN_S
-    goes = _correlate(x, change)
+    goes = _correlation_or_none(x, change)
     if goes is None or goes < _ALIKE:
         return
     times = float(change.std() / x.std())
@@ -226,7 +232,7 @@ _SI: Final = {
 
 def ask_about_wrapped_sign(log: Log, each: ChannelProposal, found: Recognition) -> None:
     """Ask which values are negative if integers jump between the ends of their range."""
-    x = series_of_proposal(log, each)[1]
+    x = read_series_of_proposal(log, each)[1]
     if x.size < _FEWEST or x.min() < 0 or (x != np.rint(x)).any():
         return
     largest, jump = float(x.max()), float(np.abs(np.diff(x)).max())
@@ -236,11 +242,11 @@ def ask_about_wrapped_sign(log: Log, each: ChannelProposal, found: Recognition) 
             found.ask_question("sign", _WRAPPED.format(each.field, bits, half - 1, 2 * half))
 
 
-def _ask_without_sign(
+def _ask_about_unsigned_force(
     log: Log, each: ChannelProposal, speed: ChannelProposal, found: Recognition
 ) -> None:
     """Ask for the sign of a force that is never negative although the machine brakes with it."""
-    (t, x), (at, y) = series_of_proposal(log, each), series_of_proposal(log, speed)
+    (t, x), (at, y) = read_series_of_proposal(log, each), read_series_of_proposal(log, speed)
     if min(t.size, at.size) < _FEWEST or x.min() < -_NOISE * x.max():
         return
     slope = _slope_at_times(t, at, y)
@@ -249,7 +255,7 @@ def _ask_without_sign(
         found.ask_question("sign", _WITHOUT_SIGN.format(each.field))
 
 
-def series_of_proposal(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]:
+def read_series_of_proposal(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]:
     """Times in seconds and readings of a proposal; empty if it has none."""
     if each.field is None:
         return np.empty(0), np.empty(0)
@@ -267,11 +273,15 @@ def _slope_at_times(t: Floats, at: Floats, y: Floats) -> Floats:
 
 def slope_correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> float | None:
     """Correlation of a column with the slope of another; None if undefined."""
-    (t, x), (at, y) = series_of_proposal(log, one), series_of_proposal(log, other)
-    return _correlate(x, _slope_at_times(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
+    (t, x), (at, y) = read_series_of_proposal(log, one), read_series_of_proposal(log, other)
+    return (
+        _correlation_or_none(x, _slope_at_times(t, at, y))
+        if min(t.size, at.size) >= _FEWEST
+        else None
+    )
 
 
-def _correlate(x: Floats, y: Floats) -> float | None:
+def _correlation_or_none(x: Floats, y: Floats) -> float | None:
     """Correlation of two series; None if one is constant or not finite."""
     # what has a square beyond a float64 is scaled to 1 first
     x, y = (each / (float(np.abs(each).max()) or 1.0) for each in (x, y))

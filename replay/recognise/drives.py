@@ -16,23 +16,30 @@ _TURNS: Final = ("rpm", "rad/s", "Hz")
 
 def propose_drives(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Propose force and speed from motors and wheels if no column holds them."""
-    if "force_x_N" not in found.named and not _has_both_sides(found, "torque_{}_N_m"):
+    if "force_x_N" not in found.filled_or_proposed_channels and not _has_both_sides(
+        found, "torque_{}_N_m"
+    ):
         sketches = (
-            recognise_unnamed_sides,
-            recognise_motor_force,
-            _recognise_pressure,
-            _recognise_power,
+            propose_force_of_unnamed_sides,
+            propose_force_of_motor,
+            _propose_force_of_pressures,
+            _propose_force_of_power,
         )
         any(propose(columns, found) for propose in sketches)
-    if "speed_x_m_s" not in found.named and not _has_both_sides(found, "speed_{}_m_s"):
-        any(propose(columns, found) for propose in (recognise_wheel_speeds, _recognise_motor_speed))
+    if "speed_x_m_s" not in found.filled_or_proposed_channels and not _has_both_sides(
+        found, "speed_{}_m_s"
+    ):
+        any(
+            propose(columns, found)
+            for propose in (propose_speed_of_wheels, _propose_speed_of_motor)
+        )
 
 
 def _has_both_sides(found: Recognition, name: str) -> bool:
-    return {name.format(side) for side in _SIDES} <= found.named
+    return {name.format(side) for side in _SIDES} <= found.filled_or_proposed_channels
 
 
-def recognise_unnamed_sides(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def propose_force_of_unnamed_sides(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """Propose a force from two wheel torques without a side; whether there are any."""
     torques = [
         c
@@ -57,7 +64,7 @@ def recognise_unnamed_sides(columns: Sequence[LogColumn], found: Recognition) ->
     return True
 
 
-def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def propose_force_of_motor(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """Propose a force from a motor's torque or current; whether there is any."""
     for quantity, unit, name, factor in (
         ("torque", "N*m", "motor_torque_N_m", ""),
@@ -102,7 +109,7 @@ def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> b
     return False
 
 
-def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def _propose_force_of_pressures(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """Propose a force from a hydrostatic drive's pressures, not boom's or bucket's, if any."""
     drive = [c for c in columns if c.quantity == "pressure" and c.unit and not c.said.is_linkage]
     if not drive or len(drive) > 2:
@@ -127,7 +134,7 @@ def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> boo
     return True
 
 
-def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def _propose_force_of_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """Propose a force from power, or current and voltage, over the speed, if any."""
     current = next(
         (c for c in columns if c.said.is_of_supply and c.has_dimension_of_unit("A")), None
@@ -162,7 +169,7 @@ def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
     return True
 
 
-def recognise_wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def propose_speed_of_wheels(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """Propose speeds from revolutions of both sides or of one wheel; whether there are any."""
     wheels = [
         c
@@ -189,7 +196,7 @@ def recognise_wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> 
     return True
 
 
-def _recognise_motor_speed(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def _propose_speed_of_motor(columns: Sequence[LogColumn], found: Recognition) -> bool:
     turns = next((c for c in columns if c.quantity == "erpm"), None) or next(
         (c for c in columns if c.quantity == "speed" and c.unit in _TURNS), None
     )

@@ -42,7 +42,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
                 _propose_field(found, column, topic, field)
 
 
-def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
+def fields_of_joints_with_values(log: Log, topic: str, start_ns: int) -> list[str]:
     """Fields such as `effort[left]` of all readings in the first message."""
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
     names = list(
@@ -80,18 +80,18 @@ def _fill_side_channels(
     """Fill torque and speed of one side from its joints."""
     efforts = fields_with_values(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
-    if torque not in found.taken_columns:
-        parts = fill_parts(found, topic, efforts, torque)
+    if torque not in found.filled_channels:
+        parts = fill_channel_or_numbered_parts(found, topic, efforts, torque)
         if len(parts) > 1:
             _propose_formula(found, torque, " + ".join(parts), f"the {side} wheels' torques")
     velocities = fields_with_values(log, topic, "velocity", joints, start_ns)
-    if speed in found.taken_columns or not velocities:
+    if speed in found.filled_channels or not velocities:
         return
     if not turns:
         _propose_field(found, speed, topic, velocities[0])
         return
     source = f"wheel_{side}_rad_s"
-    parts = fill_parts(found, topic, velocities, source)
+    parts = fill_channel_or_numbered_parts(found, topic, velocities, source)
     mean = parts[0] if len(parts) == 1 else f"mean({', '.join(parts)})"
     _propose_formula(found, speed, f"{mean} * wheel_radius_m", "a wheel's turns; needs its radius")
     found.ask_question(
@@ -104,7 +104,9 @@ def _fill_side_channels(
     )
 
 
-def fill_parts(found: Recognition, topic: str, fields: Sequence[str], whole: str) -> list[str]:
+def fill_channel_or_numbered_parts(
+    found: Recognition, topic: str, fields: Sequence[str], whole: str
+) -> list[str]:
     """Fill a channel with one field, or numbered channels with several; return their names."""
     quantity, _, behind = whole.partition("_")
     many = len(fields) > 1
@@ -115,7 +117,7 @@ def fill_parts(found: Recognition, topic: str, fields: Sequence[str], whole: str
 
 
 def _propose_field(found: Recognition, column: str, topic: str, field: str) -> None:
-    if column not in found.taken_columns:
+    if column not in found.filled_channels:
         found.channels.append(ChannelProposal(column, topic, field, None, "the name of its joint"))
 
 

@@ -14,9 +14,9 @@ from recordings.rrd.viewer_stream import (
     stream_topics_to_stdout,
 )
 from replay.logs import Log, open_log
-from replay.machines.machine_file import load_machine, machine_path, time_axis
+from replay.machines.machine_file import load_machine, machine_file_or_shipped, time_axis_of_machine
 from replay.pipeline import run
-from replay.recording.importer_files import VARIABLE, machine_file_of_log
+from replay.recording.importer_files import VARIABLE, machine_file_of_log_or_none
 
 #: Elements of a list without names that are drawn.
 _ELEMENTS: Final = 12
@@ -28,7 +28,7 @@ def import_log(log: Path, request: ViewerRequest) -> str | None:
     """Write a log to standard output in the viewer's format.
 
     Args:
-        log: path accepted by `takes_file`.
+        log: path accepted by `is_imported_file`.
         request: request of the viewer.
 
     Returns:
@@ -37,12 +37,12 @@ def import_log(log: Path, request: ViewerRequest) -> str | None:
     Raises:
         PayscopeError: the log cannot be read.
     """
-    machine_file = machine_file_of_log(log)
+    machine_file = machine_file_of_log_or_none(log)
     fault: str | None = None
     if machine_file is not None:
         try:
-            machine = load_machine(machine_path(machine_file))
-            with open_log(log, time=time_axis(machine)) as opened:
+            machine = load_machine(machine_file_or_shipped(machine_file))
+            with open_log(log, time=time_axis_of_machine(machine)) as opened:
                 replayed = run(opened, machine)
         except PayscopeError as error:
             fault = one_line(str(error))

@@ -18,7 +18,7 @@ from recordings.rrd.writer import SUFFIX
 AROUND_S: Final = 15.0
 
 
-def parse_moment(recording: Path, text: str) -> float:
+def parse_moment_s(recording: Path, text: str) -> float:
     """Second of a recording's run that a text denotes.
 
     Args:

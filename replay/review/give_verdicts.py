@@ -32,7 +32,7 @@ from replay.review.write_review import (
     OUTPUTS,
     ShiftCount,
     ShiftReview,
-    track_of_shift,
+    thinned_track_or_none,
     write_review,
 )
 
@@ -82,7 +82,7 @@ class GivenVerdicts:
     def _labels(self) -> dict[str, str]:
         return {name: text for name, text in self.labels.items() if text}
 
-    def check(self) -> None:
+    def refuse_incomplete(self) -> None:
         """Refuse incomplete verdicts.
 
         Raises:
@@ -173,7 +173,7 @@ def _current_second() -> dt.datetime:
     return dt.datetime.now(dt.UTC).replace(microsecond=0)
 
 
-def is_review(folder: Path) -> bool:
+def is_review_folder(folder: Path) -> bool:
     """Whether a folder holds a review that can be recounted."""
     return read_review_state(folder) is not None and (folder / PARQUET).is_file()
 
@@ -184,7 +184,7 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
     Raises:
         ReviewError: no review is there, it is of another version, or a cycle is not there.
     """
-    verdicts.check()
+    verdicts.refuse_incomplete()
     state = read_review_state(folder)
     if state is None:
         raise ReviewError(
@@ -197,7 +197,7 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
             if file_sha256(recording) != state.recording_sha256:
                 raise RecordingError(f"{recording} was replaced by another recording")
             summary = read_frame(recording, "shift")
-            track = track_of_shift(read_frame(recording, "aligned"))
+            track = thinned_track_or_none(read_frame(recording, "aligned"))
             rows = pl.read_parquet(folder / PARQUET)
             cycles = cycles_frame_from_ledger(rows, state.t0_unix_ns)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:

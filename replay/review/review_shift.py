@@ -43,21 +43,21 @@ from replay.calibration.apply_evidence import (
 from replay.inputs.channel_inputs import (
     channel_fields,
     input_files,
+    machine_without_settings_as_dict,
     package_versions,
-    resolve_machine,
 )
 from replay.inputs.decode_cache import FOLDER as DECODED
 from replay.inputs.decode_cache import decode_logs
 from replay.inputs.time_line import begin_of_each_log_ns
 from replay.logs import Log, expand_log_folders, open_log
-from replay.machines.machine_file import load_machine, time_axis
+from replay.machines.machine_file import load_machine, time_axis_of_machine
 from replay.pipeline import run
 from replay.review.review_folder import lock_folder
 from replay.review.write_review import (
     OUTPUTS,
     ShiftCount,
     ShiftReview,
-    track_of_shift,
+    thinned_track_or_none,
     write_review,
 )
 
@@ -125,7 +125,10 @@ def review_shift(
         parse_verdicts(verdicts, folder)  # what is wrong in it is said before the logs are read
         on_stage("open")
         opened = sort_by_first_message(
-            [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
+            [
+                stack.enter_context(open_log(path, time=time_axis_of_machine(machine)))
+                for path in logs
+            ]
         )
         if by is not None:
             logged = by.require_logs_of_machine(opened)
@@ -148,7 +151,9 @@ def review_shift(
             del targets[0]
         with atomic_files(targets, force=True) as stage:
             if made.run is not None:
-                write_recording(frames_to_keep(made.run, full=options.full), stage / RECORDING)
+                write_recording(
+                    run_for_shift_recording(made.run, full=options.full), stage / RECORDING
+                )
                 digest = file_sha256(stage / RECORDING)
                 torn = find_torn_logs(opened, channel_fields(machine), made.run.provenance)
                 energy = _shift_energy(made.run, machine)
@@ -198,7 +203,7 @@ def _replay_opened_shift(
         frames["cycles"],
         frames["shift"],
         made.provenance.t0_unix_ns,
-        track_of_shift(frames["aligned"]),
+        thinned_track_or_none(frames["aligned"]),
         made,
         mixed_machines_warning(made, opened, machine),
     )
@@ -227,13 +232,13 @@ def read_earlier_replay(folder: Path, before: ReviewState | None, key: str) -> R
         return None
     try:
         cycles, shift = (read_frame(recording, name) for name in ("cycles", "shift"))
-        track = track_of_shift(read_frame(recording, "aligned"))
+        track = thinned_track_or_none(read_frame(recording, "aligned"))
     except RecordingError:
         return None
     return ReplayedShift(cycles, shift, before.t0_unix_ns, track)
 
 
-def frames_to_keep(run: Run, *, full: bool) -> Run:
+def run_for_shift_recording(run: Run, *, full: bool) -> Run:
     """Frames for the recording of a shift."""
     if full:
         return run
@@ -274,7 +279,7 @@ def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> st
     whole = {
         "format": FORMAT,
         "inputs": [each.sha256 for log in logs for each in input_files(log)],
-        "machine": resolve_machine(machine),
+        "machine": machine_without_settings_as_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "versions": package_versions(),
         "full": full,
@@ -287,7 +292,7 @@ def _make_review_inputs(
 ) -> dict[str, Any]:
     """Everything but the logs that a review depends on."""
     return {
-        **resolve_machine(machine),
+        **machine_without_settings_as_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "versions": package_versions(),
         "target_kg": options.target_kg,

@@ -170,7 +170,7 @@ def write_review(page: ReviewPage, folder: Path) -> None:
     (folder / STATE).write_text(page.state.model_dump_json(indent=1) + "\n", encoding="utf-8")
 
 
-def track_of_shift(aligned: pl.DataFrame) -> pl.DataFrame | None:
+def thinned_track_or_none(aligned: pl.DataFrame) -> pl.DataFrame | None:
     """Thinned positions of the frame `aligned`; None if it has none."""
     names = ("latitude_deg", "longitude_deg")
     if not set(names) <= set(aligned.columns):

@@ -11,7 +11,7 @@ from analysis.model.answer import Answer, answer
 from estimators.errors import DataError, LogError
 from recordings.report.atomic_output import refuse_input_as_output
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, time_axis
+from replay.machines.machine_file import load_machine, time_axis_of_machine
 from replay.pipeline import STAGES, run
 
 if TYPE_CHECKING:
@@ -82,7 +82,9 @@ def replay_logs(
     viewer = open_live_view(output)
     with ExitStack() as stack:
         on_stage("open")
-        opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
+        opened = [
+            stack.enter_context(open_log(path, time=time_axis_of_machine(machine))) for path in logs
+        ]
         if by is not None:
             by.require_logs_of_machine(opened)
         try:

@@ -19,9 +19,9 @@ from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
 from replay.inputs.cached_log import CachedLog
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, time_axis
+from replay.machines.machine_file import load_machine, time_axis_of_machine
 from replay.pipeline import run
-from replay.simulation.log_truth import has_truth, true_trials
+from replay.simulation.log_truth import has_truth, read_true_trials
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest, MachineCalibration
@@ -87,7 +87,7 @@ def sweep_settings(
             by.weighing_machine(load_machine(machine_file, overrides)), machine_file
         )
         machines = [by.weighing_machine(machine) for machine in machines]
-    truth = true_trials(logs) if has_truth(logs) else None
+    truth = read_true_trials(logs) if has_truth(logs) else None
     rows: list[SweepRow] = []
     with ExitStack() as stack:
         opened: dict[LogSection, list[CachedLog]] = {}
@@ -95,7 +95,9 @@ def sweep_settings(
             on_stage(" ".join(part.removeprefix("settings.") for part in each))
             if machine.log not in opened:
                 opened[machine.log] = [
-                    CachedLog(stack.enter_context(open_log(path, time=time_axis(machine))))
+                    CachedLog(
+                        stack.enter_context(open_log(path, time=time_axis_of_machine(machine)))
+                    )
                     for path in logs
                 ]
             if by is not None:
@@ -173,7 +175,7 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     Raises:
         MachineError: --over is not a range or list, or gives a key twice; one line.
     """
-    axes = [_parse_axis(each) for each in over]
+    axes = [_parse_swept_key(each) for each in over]
     keys = [axis[0].partition("=")[0] for axis in axes]
     for key in keys:
         if keys.count(key) > 1:
@@ -189,7 +191,7 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     return list(product(*axes))
 
 
-def _parse_axis(over: str) -> list[str]:
+def _parse_swept_key(over: str) -> list[str]:
     """Overrides of one --over option."""
     key, equals, text = (part.strip() for part in over.partition("="))
     if not (key and equals and text):

@@ -84,8 +84,8 @@ class BlockFile(ABC):
         return self._store.earliest_ns
 
     @abstractmethod
-    def check(self) -> int:
-        """See `Container.check`."""
+    def check_and_count_crcs(self) -> int:
+        """See `Container.check_and_count_crcs`."""
 
     def close(self) -> None:
         """Release the file."""

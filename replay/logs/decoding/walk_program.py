@@ -412,12 +412,14 @@ def _add_bytes_to_compare(checks: Ints, count: int, begin: int, end: int) -> int
 def read_encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Ints:
     """Encapsulation (n,) of each message: two bytes, the most significant first."""
     kinds = np.empty(offsets.size, np.int64)
-    _name_encodings(data, offsets, lengths, kinds)
+    _fill_encapsulations(data, offsets, lengths, kinds)
     return kinds
 
 
 @compiled
-def _name_encodings(data: NDArray[np.uint8], offsets: Ints, lengths: Ints, kinds: Ints) -> None:
+def _fill_encapsulations(
+    data: NDArray[np.uint8], offsets: Ints, lengths: Ints, kinds: Ints
+) -> None:
     for k in range(offsets.size):
         if k + _AHEAD < offsets.size:
             fetch(data, offsets[k + _AHEAD])

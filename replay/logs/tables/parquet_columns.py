@@ -30,7 +30,7 @@ _ATTRIBUTES: Final = ("PANDAS_ATTRS", "attrs", "pandas")
 _UNIT_KEYS: Final = (b"unit", b"units", b"Unit", b"Units", b"UNIT", b"unit_string")
 
 
-def open_arrow(path: Path) -> "ParquetColumns":
+def open_parquet_or_arrow(path: Path) -> "ParquetColumns":
     """Open the columns of a Parquet file, or of an Arrow (Feather) file."""
     return ParquetColumns(path) if path.suffix.lower() == ".parquet" else ArrowColumns(path)
 

@@ -24,7 +24,7 @@ def shift(start: str, zone: str, cycles: int) -> tuple[pl.DataFrame, ShiftClock]
             "id": ids,
             "start_unix_ns": [e - 600 * NS for e in ends],
             "end_unix_ns": ends,
-            "local_time_text": [clock.format_unix_ns(e) for e in ends],
+            "local_time": [clock.format_unix_ns(e) for e in ends],
         }
     )
     return rows, clock
@@ -78,7 +78,7 @@ def test_half_past_two_in_the_night_without_it_is_no_cycle() -> None:
 
 def test_a_time_after_midnight_is_of_the_second_day() -> None:
     rows, clock = NIGHT
-    assert rows["local_time_text"][find_cycle_row("00:20:30", rows, clock)].startswith(
+    assert rows["local_time"][find_cycle_row("00:20:30", rows, clock)].startswith(
         "2023-11-15 00:20:30"
     )
 

@@ -25,7 +25,7 @@ from replay.fleet.machine_setups import NamedFiles, make_machine_setups
 from replay.fleet.run_fleet import replay_fleet
 from replay.inputs.machine_identity import common_machine_id
 from replay.logs import open_log
-from replay.logs.machine_ids import machine_ids
+from replay.logs.machine_ids import machine_ids_in_files
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 from tests.replay.attacker import Bundle, tampered
@@ -289,7 +289,7 @@ def test_a_bare_database_has_the_metadata_of_its_directory(tmp_path: Path) -> No
             else:
                 database.execute("DROP TABLE metadata")
             database.commit()
-        assert machine_ids([path]) == told
+        assert machine_ids_in_files([path]) == told
 
 
 def test_logs_of_two_machines_are_no_time_line(folder: Path, payscope: Payscope) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from estimators.errors import FleetError, QueryError
 from replay.fleet.gathered_tables import open_fleet_results, query_fleet_tables
-from replay.query.run_query import query_tables
+from replay.query.run_query import prepare_query
 from tests.one_line import assert_one_line
 
 
@@ -23,7 +23,7 @@ def test_tables_are_joined_and_summed(kept: Path) -> None:
 
 def test_query_takes_results_too_and_opens_their_moments(kept: Path) -> None:
     sql = "SELECT key, at_s FROM segments WHERE samples_accepted > 0"
-    found = query_tables([str(kept)], sql).collect(join_within_s=5.0)
+    found = prepare_query([str(kept)], sql).collect(join_within_s=5.0)
     assert found["key"].n_unique() == 6
     first = found.row(0, named=True)
     assert first["opens"] == (

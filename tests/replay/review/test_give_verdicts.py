@@ -121,7 +121,7 @@ def test_what_a_person_wrote_stays_where_the_page_saves_the_file(
 @pytest.mark.parametrize("name", ["number", "id", "clock"])
 def test_by_the_command_line(folder: Path, payscope: Payscope, name: str) -> None:
     third = rows(folder)[2]
-    clock = third["local_time_text"].split()[0]
+    clock = third["local_time"].split()[0]
     when = {"number": third["cycle"], "id": third["id"], "clock": clock}[name]
     note = "bucket caught the wall"
     said = payscope("review", folder, "--reject", when, "--note", note, "--author", "R. Meier")
@@ -166,7 +166,7 @@ def test_labels_of_a_part_of_the_shift_are_on_the_loads_dumped_in_it(
     folder: Path, payscope: Payscope
 ) -> None:
     payscope("review", folder, "--product", "gravel")
-    times = [each["local_time_text"].split(" ")[0] for each in rows(folder)]
+    times = [each["local_time"].split(" ")[0] for each in rows(folder)]
     # from the dump of the second load on, before that of the fourth
     said = payscope("review", folder, "--product", "sand", "--from", times[1], "--to", times[3])
     assert said.status == 0, said.err

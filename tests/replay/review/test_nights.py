@@ -56,8 +56,8 @@ def test_no_two_loads_have_one_time_and_each_is_the_clocks_in_berlin(
     night: tuple[Path, str, list[str]],
 ) -> None:
     rows = pl.read_parquet(night[0] / "ledger.parquet")
-    assert rows["local_time_text"].n_unique() == rows.height >= 4
-    for unix_ns, text in rows.select("end_unix_ns", "local_time_text").iter_rows():
+    assert rows["local_time"].n_unique() == rows.height >= 4
+    for unix_ns, text in rows.select("end_unix_ns", "local_time").iter_rows():
         local = dt.datetime.fromtimestamp(unix_ns // 10**9, BERLIN)
         assert text.endswith(f"{local:%H:%M:%S} {local:%z}"[:-2] + ":00")
 
@@ -85,7 +85,7 @@ def test_a_load_is_rejected_by_its_wall_time_with_offset(
     night: tuple[Path, str, list[str]], payscope: Payscope
 ) -> None:
     rows = pl.read_parquet(night[0] / "ledger.parquet").filter("counted")
-    when = rows["local_time_text"][-1].split(" ")[-2:]
+    when = rows["local_time"][-1].split(" ")[-2:]
     done = payscope("review", str(night[0]), "--reject", "".join(when), "--author", "M")
     assert done.status == 0, done.err
     after = pl.read_parquet(night[0] / "ledger.parquet")
