@@ -162,9 +162,9 @@ def _format_with_interval(
     return f"{shape.format(value)} ({shape.format(low)} to {shape.format(high)})"
 
 
-def estimate_as_mass_text(kg: float | None, fitted: Calibration) -> str:
+def estimate_as_mass_text(kg: float | None, calibration: Calibration) -> str:
     """Convert kilograms of m̂ to kilograms of mass, as text."""
-    return "unknown" if kg is None else f"{kilograms_text(kg / abs(fitted.c1_1))} kg"
+    return "unknown" if kg is None else f"{kilograms_text(kg / abs(calibration.c1_1))} kg"
 
 
 def _make_point_rows(points: pl.DataFrame) -> list[Mapping[str, Any]]:

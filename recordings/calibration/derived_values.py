@@ -74,15 +74,15 @@ def _mass_definition_up_to_format_3(machine: Machine) -> dict[str, Any]:
 
 
 def remove_dotted_names(
-    values: Mapping[str, Any], names: Container[str], at: str = ""
+    values: Mapping[str, Any], names: Container[str], prefix: str = ""
 ) -> dict[str, Any]:
     """Values without some dotted names."""
     return {
-        name: remove_dotted_names(value, names, f"{at}{name}.")
+        name: remove_dotted_names(value, names, f"{prefix}{name}.")
         if isinstance(value, dict)
         else value
         for name, value in values.items()
-        if f"{at}{name}" not in names
+        if f"{prefix}{name}" not in names
     }
 
 

@@ -80,14 +80,14 @@ def count_numbers(words: Iterable[str], heads: Iterable[str]) -> Counter[str]:
     return Counter(word for word in plain if _NUMBER.fullmatch(word) and word not in in_heads)
 
 
-def describe_first_difference(wanted: str, found: str) -> str:
+def describe_first_difference(expected: str, found: str) -> str:
     """First difference of two texts, in words; "" if equal."""
-    if wanted == found:
+    if expected == found:
         return ""
-    pairs = enumerate(zip(wanted, found, strict=False))
-    at = next((k for k, (a, b) in pairs if a != b), min(len(wanted), len(found)))
+    pairs = enumerate(zip(expected, found, strict=False))
+    at = next((k for k, (a, b) in pairs if a != b), min(len(expected), len(found)))
     begin = max(0, at - _BEFORE)
-    there, here = (text[begin : at + _SHOWN] or "nothing" for text in (found, wanted))
+    there, here = (text[begin : at + _SHOWN] or "nothing" for text in (found, expected))
     return f"reads '{there}' where report.html has '{here}'"
 
 

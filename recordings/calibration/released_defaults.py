@@ -25,15 +25,15 @@ _ANY: Final = "*"
 PARTS: Final[Mapping[str, type[BaseModel]]] = {"machine": Machine, "campaign": CalibrationCampaign}
 
 
-def iter_model_defaults(model: type[BaseModel], at: str) -> Iterator[tuple[str, Any]]:
+def iter_model_defaults(model: type[BaseModel], prefix: str) -> Iterator[tuple[str, Any]]:
     """Yield each setting of a model with its default, by dotted name.
 
     Args:
         model: the model.
-        at: prefix of the names.
+        prefix: prefix of the names.
     """
     for name, field in model.model_fields.items():
-        place = f"{at}.{name}"
+        place = f"{prefix}.{name}"
         inner, several = model_of_field(field.annotation)
         if inner is not None:
             yield from iter_model_defaults(inner, f"{place}.{_ANY}" if several else place)
@@ -96,29 +96,31 @@ def _matches_pattern(pattern: str, name: str) -> bool:
     )
 
 
-def find_absent_settings(kept: BaseModel, at: str = "") -> dict[str, Any]:
+def find_absent_settings(kept: BaseModel, prefix: str = "") -> dict[str, Any]:
     """Settings newer than the evidence: dotted names with their present values.
 
     Args:
         kept: a part of the evidence.
-        at: prefix of the names.
+        prefix: prefix of the names.
     """
     there = kept.model_dump(mode="json", exclude_unset=True)
-    return dict(_find_absent_values(kept.model_dump(mode="json"), there, at))
+    return dict(_find_absent_values(kept.model_dump(mode="json"), there, prefix))
 
 
-def _find_absent_values(whole: Any, there: Any, at: str) -> Iterator[tuple[str, Any]]:
+def _find_absent_values(
+    all_values: Any, evidence_values: Any, prefix: str
+) -> Iterator[tuple[str, Any]]:
     """Yield dotted names that the evidence lacks, with their values."""
-    if isinstance(whole, list) and isinstance(there, list):
-        for number, (value, own) in enumerate(zip(whole, there, strict=True)):
-            yield from _find_absent_values(value, own, f"{at}{number}.")
-    if not isinstance(whole, dict) or not isinstance(there, dict):
+    if isinstance(all_values, list) and isinstance(evidence_values, list):
+        for number, (value, own) in enumerate(zip(all_values, evidence_values, strict=True)):
+            yield from _find_absent_values(value, own, f"{prefix}{number}.")
+    if not isinstance(all_values, dict) or not isinstance(evidence_values, dict):
         return
-    for name, value in whole.items():
-        if name not in there:
-            yield f"{at}{name}", value
+    for name, value in all_values.items():
+        if name not in evidence_values:
+            yield f"{prefix}{name}", value
         else:
-            yield from _find_absent_values(value, there[name], f"{at}{name}.")
+            yield from _find_absent_values(value, evidence_values[name], f"{prefix}{name}.")
 
 
 def first_defaults_of_absent_settings(

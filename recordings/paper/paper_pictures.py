@@ -192,11 +192,11 @@ def _format_panel(axes: "Axes", label: str) -> None:
     axes.set_axisbelow(True)
 
 
-def shade_phases(axes: "Axes", series: pl.DataFrame, column: str, wanted: tuple[str, ...]) -> None:
-    """Shade the times when the phase is one of `wanted`."""
+def shade_phases(axes: "Axes", series: pl.DataFrame, column: str, phases: tuple[str, ...]) -> None:
+    """Shade the times when the phase is one of `phases`."""
     state = series[column].cast(pl.String)
     t_s = series["t_s"].to_numpy()
-    for name in wanted:
+    for name in phases:
         axes.fill_between(
             t_s,
             0,

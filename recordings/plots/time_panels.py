@@ -233,11 +233,15 @@ def _total_time_before(starts: np.ndarray, ends: np.ndarray, edges: np.ndarray) 
     return before[number] - over
 
 
-def _shade_states(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -> None:
+def _shade_states(
+    axes: "Axes", states: pl.DataFrame | None, shaded_states: tuple[str, ...]
+) -> None:
     """Shade the times of the wanted states behind the lines, unless states change too often."""
     if states is None or states.height > _SPANS:
         return
-    for (state,), group in state_spans(states).filter(pl.col(STATE).is_in(wanted)).group_by(STATE):
+    for (state,), group in (
+        state_spans(states).filter(pl.col(STATE).is_in(shaded_states)).group_by(STATE)
+    ):
         start_s = group["t_ns"].to_numpy() / NS_PER_S
         length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
         axes.broken_barh(

@@ -309,13 +309,13 @@ def rows_of_state_changes(series: ViewSeries, frame: pl.DataFrame, period_ns: in
     return states.filter(changed | (pl.int_range(pl.len()) == 0))
 
 
-def _decimate_frame(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
+def _decimate_frame(run: Run, name: str, expressions: list[pl.Expr]) -> pl.DataFrame:
     span = grid_span_ns(run)
     assert span is not None
     width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * NS)), 1), 10) * NS
     # narrower than the grid's step most bins were empty, and no line would be drawn
     width_ns = max(width_ns, _grid_period_ns(run))
-    return bin_frame_rows(run.frames[name], wanted, span, width_ns)
+    return bin_frame_rows(run.frames[name], expressions, span, width_ns)
 
 
 def binned_column_expressions(kind: ViewKind, series: ViewSeries) -> dict[str, pl.Expr]:

@@ -71,24 +71,27 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     return campaign, machine
 
 
-def machine_with_serial_number(machine: Machine, wanted: str, what: object) -> Machine:
+def machine_with_serial_number(machine: Machine, serial_number: str, what: object) -> Machine:
     """The machine with the given serial number.
 
     Args:
         machine: machine as read from its file.
-        wanted: serial number.
+        serial_number: serial number.
         what: file that gives it, for the error message.
 
     Raises:
         CampaignError: the machine file is that of another machine.
     """
     named = machine.machine.id
-    if named not in (None, wanted):
+    if named not in (None, serial_number):
         raise CampaignError(
-            f"{what}: is for machine '{wanted}', but its machine file is for '{named}'; name the "
-            f"machine file of '{wanted}', or correct machine.id"
+            f"{what}: is for machine '{serial_number}', but its machine file is for '{named}'; "
+            "name the "
+            f"machine file of '{serial_number}', or correct machine.id"
         )
-    return machine.model_copy(update={"machine": machine.machine.model_copy(update={"id": wanted})})
+    return machine.model_copy(
+        update={"machine": machine.machine.model_copy(update={"id": serial_number})}
+    )
 
 
 def find_todo_entries(content: Any, place: str = "") -> Iterator[tuple[str, str]]:

@@ -230,13 +230,13 @@ def _find_log_path(
     return places[0] / name if is_file else places[0]
 
 
-def _files_by_name(folder: Path, wanted: set[str]) -> dict[str, list[Path]]:
+def _files_by_name(folder: Path, names: set[str]) -> dict[str, list[Path]]:
     """Regular files with these names in a folder tree; links are not followed."""
     found: dict[str, list[Path]] = {}
     for number, entry in enumerate(_walk_folder(folder, 0)):
         if number >= _MOST_ENTRIES:
             raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} entries; name a smaller one")
-        if entry.name in wanted and stat.S_ISREG(entry.stat(follow_symlinks=False).st_mode):
+        if entry.name in names and stat.S_ISREG(entry.stat(follow_symlinks=False).st_mode):
             found.setdefault(entry.name, []).append(Path(entry.path))
     return found
 

@@ -77,7 +77,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _print_differences(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
+def _print_differences(comparison: "Comparison", a: Path, b: Path, rtol: float) -> None:
     """Print the differences, those of the answer first; equal items are not printed."""
     from estimators.errors import counted
     from replay.commands.print_tables import print_line, print_table, stdout_console
@@ -95,33 +95,35 @@ def _print_differences(found: "Comparison", a: Path, b: Path, rtol: float) -> No
     print_line(screen, f"A  {a}")
     print_line(screen, f"B  {b}")
     for title, changes in (
-        ("settings", found.settings),
-        ("checks passed", found.checks),
-        ("inputs", found.inputs),
-        ("versions", found.versions),
-        ("losses, notes and stamps", found.provenance),
+        ("settings", comparison.settings),
+        ("checks passed", comparison.checks),
+        ("inputs", comparison.inputs),
+        ("versions", comparison.versions),
+        ("losses, notes and stamps", comparison.provenance),
     ):
         if changes:
             print_part(f"{title}:", _values_table(changes), len(changes))
-    if found.estimates:
+    if comparison.estimates:
         title = "estimates over the whole log, those that moved most first:"
-        print_part(title, _estimate_table("method", found.estimates), len(found.estimates))
-    if found.manoeuvres:
+        print_part(
+            title, _estimate_table("method", comparison.estimates), len(comparison.estimates)
+        )
+    if comparison.manoeuvres:
         title = "manoeuvres, those that moved most first:"
-        print_part(title, _estimate_table("manoeuvre", found.manoeuvres), len(found.manoeuvres))
-    for name, only in (("A", found.only_a), ("B", found.only_b)):
+        print_part(
+            title, _estimate_table("manoeuvre", comparison.manoeuvres), len(comparison.manoeuvres)
+        )
+    for name, only in (("A", comparison.only_a), ("B", comparison.only_b)):
         if only:
             screen.print()
             print_line(screen, f"stages in {name} alone: {', '.join(only)}")
-    if found.stages:
-        differing = sum(len(stage.columns) for stage in found.stages)
-        title = (
-            f"columns: {differing} of {found.columns} differ; the largest changes of each stage:"
-        )
-        print_part(title, _column_table(found), 0)
-    whole = counted(found.columns, "column")
+    if comparison.stages:
+        differing = sum(len(stage.columns) for stage in comparison.stages)
+        title = f"columns: {differing} of {comparison.columns} differ; the largest changes of each stage:"
+        print_part(title, _column_table(comparison), 0)
+    whole = counted(comparison.columns, "column")
     exact = f"within a relative difference of {rtol:g}" if rtol else "bit for bit"
-    said = f"Equal: {whole}, {exact}." if found.equal else f"They differ, compared {exact}."
+    said = f"Equal: {whole}, {exact}." if comparison.equal else f"They differ, compared {exact}."
     screen.print(f"\n{said}", markup=False)
 
 
@@ -185,7 +187,7 @@ def _format_signed(change: float | None) -> str:
     return f"{change:+,.2f}" if abs(change) >= 0.005 else f"{change:+.1e}"
 
 
-def _column_table(found: "Comparison") -> "Table":
+def _column_table(comparison: "Comparison") -> "Table":
     from rich.markup import escape
 
     from estimators.errors import counted
@@ -195,7 +197,7 @@ def _column_table(found: "Comparison") -> "Table":
         "stage", "column", "rows that differ", "largest change", "relative", "at s"
     )
     table.columns[1].justify = "left"
-    for stage in found.stages:
+    for stage in comparison.stages:
         about = stage.name
         if stage.rows_a != stage.rows_b or stage.common != stage.rows_a:
             rows = (

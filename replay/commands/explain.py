@@ -114,7 +114,7 @@ def _mended_machine_as_dict(mended: "MendedMachine") -> dict[str, Any]:
 
 
 def _print_explanation(
-    explained: "Explanation", mended: "MendedMachine | None", picture: Path | None
+    explanation: "Explanation", mended: "MendedMachine | None", picture: Path | None
 ) -> None:
     from recordings.explain.explanation_text import (
         answer_and_cause_sentence,
@@ -137,18 +137,20 @@ def _print_explanation(
 
     if mended is not None and mended.path is None:
         print_line(screen, "no proposal improves the mass, so no machine file was written")
-    print_line(screen, answer_and_cause_sentence(explained))
-    failed = explained.said.verdict.failed("mass")
+    print_line(screen, answer_and_cause_sentence(explanation))
+    failed = explanation.said.verdict.failed("mass")
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)
-    print_part("causes, the likeliest first:", iter_finding_lines(explained))
-    if explained.manoeuvre is not None:
-        print_part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
-    print_part("conspicuous manoeuvres:", map(manoeuvre_line, explained.worst))
-    around = "the gate around it:" if explained.at_s is not None else "the gate, by share of time:"
-    print_part(around, iter_gate_lines(explained))
-    print_part("the motion:", determined_parameter_lines(explained.determined))
+    print_part("causes, the likeliest first:", iter_finding_lines(explanation))
+    if explanation.manoeuvre is not None:
+        print_part("its manoeuvre:", [manoeuvre_line(explanation.manoeuvre)])
+    print_part("conspicuous manoeuvres:", map(manoeuvre_line, explanation.worst))
+    around = (
+        "the gate around it:" if explanation.at_s is not None else "the gate, by share of time:"
+    )
+    print_part(around, iter_gate_lines(explanation))
+    print_part("the motion:", determined_parameter_lines(explanation.determined))
     if mended is not None:
         _print_mended_machine(screen, mended)
     if picture is not None:

@@ -391,7 +391,7 @@ def _make_change_cells(row: dict[str, float]) -> tuple[str, ...]:
     )
 
 
-def _format_relative_difference(whole: dict[str, float]) -> str:
-    if not whole["payload_kg"]:
+def _format_relative_difference(totals: dict[str, float]) -> str:
+    if not totals["payload_kg"]:
         return "no tonnes in A"
-    return f"{whole['change_kg'] / whole['payload_kg']:+.2%}"
+    return f"{totals['change_kg'] / totals['payload_kg']:+.2%}"

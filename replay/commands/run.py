@@ -277,17 +277,17 @@ def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
 
 
 def first_lines_and_count_of_rest(
-    lines: "Sequence[str]", max_lines: int, one: str, several: str
+    lines: "Sequence[str]", max_lines: int, singular: str, plural: str
 ) -> "Iterator[str]":
     """The first `max_lines` lines, and a line that counts the others."""
     yield from lines[:max_lines]
-    yield from _omitted_count_line(len(lines) - max_lines, one, several)
+    yield from _omitted_count_line(len(lines) - max_lines, singular, plural)
 
 
-def _omitted_count_line(omitted: int, one: str, several: str) -> "Iterator[str]":
+def _omitted_count_line(count: int, singular: str, plural: str) -> "Iterator[str]":
     """Yield a line on how many are not printed; none if all are."""
-    if omitted > 0:
-        yield f"{omitted} more {one if omitted == 1 else several} (-v)"
+    if count > 0:
+        yield f"{count} more {singular if count == 1 else plural} (-v)"
 
 
 def _yaw_inertia_line(answer: "Answer") -> "Iterator[str]":

@@ -219,7 +219,8 @@ def reports_markdown(report: OnlineReport) -> str:
     return (
         f"# {mass_text(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} gave a mass so "
         f"far.\n\n{progress_text(report)}\n\n{spin_text(report)}\n\n"
-        f"{utc_time_text(report.unix_ns)} UTC: {report.phase or 'unknown'}, gate {report.gate.replace('_', ' ')}.\n\nRecorded "
-        "while following: random uncertainties, no load states. When the log ends, its causal "
-        "replay replaces this recording.\n"
+        f"{utc_time_text(report.unix_ns)} UTC: {report.phase or 'unknown'}, "
+        f"gate {report.gate.replace('_', ' ')}.\n\nRecorded while following: random "
+        "uncertainties, no load states. When the log ends, its causal replay replaces this "
+        "recording.\n"
     )

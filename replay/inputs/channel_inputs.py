@@ -153,9 +153,11 @@ def channels_of_topic(topic: str, machine: Machine) -> list[str]:
     ]
 
 
-def _unknown_topic_message(topic: str, has: Mapping[Log, set[str]], machine: Machine) -> str:
+def _unknown_topic_message(
+    topic: str, topics_of_logs: Mapping[Log, set[str]], machine: Machine
+) -> str:
     """Error message with the unknown topic, the choices and the remedy."""
-    meant = nearest(topic, set().union(*has.values()))
+    meant = nearest(topic, set().union(*topics_of_logs.values()))
     return (
         f"no topic '{topic}'; {meant}{'' if meant.endswith('?') else '.'} "
         f"Set channels.{channels_of_topic(topic, machine)[0]}.topic in the machine file."

@@ -115,15 +115,15 @@ def fields_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
     return {column.field for column in axes} if total < (_GRAVITY_M_S2[0] / 2) ** 2 else set()
 
 
-def are_same_readings(log: Log, one: LogColumn, other: LogColumn) -> bool:
+def are_same_readings(log: Log, column: LogColumn, other_column: LogColumn) -> bool:
     """Whether two columns hold the same readings: their difference is small."""
     try:
-        (t, x), (at, y) = (read_series(log, c.topic, c.field) for c in (one, other))
+        (t, x), (at, y) = (read_series(log, c.topic, c.field) for c in (column, other_column))
     except (LogError, pl.exceptions.PolarsError):
         return False
-    if min(t.size, at.size) < _FEWEST or one.unit is None or other.unit is None:
+    if min(t.size, at.size) < _FEWEST or column.unit is None or other_column.unit is None:
         return False
-    y = y * gain_and_offset_to_si(other.unit, one.unit)[0]
+    y = y * gain_and_offset_to_si(other_column.unit, column.unit)[0]
     return float(np.std(x - np.interp(t, at, y))) < _SAME * float(np.std(x))
 
 
@@ -135,9 +135,11 @@ def _median_of_column(log: Log, column: LogColumn) -> float:
     return float(np.median(x)) if x.size else 0.0
 
 
-def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition) -> Recognition:
+def add_correlations(
+    log: Log, columns: Sequence[LogColumn], recognition: Recognition
+) -> Recognition:
     """Add how forces and accelerations go with the slope of speed, and speeds with position."""
-    by_name = {each.column: each for each in found.channels if each.field}
+    by_name = {each.column: each for each in recognition.channels if each.field}
     speed = by_name.get("speed_x_m_s") or by_name.get("speed_left_m_s") or by_name.get("motor_rpm")
     place = by_name.get("position_x_m") or next(
         (
@@ -147,11 +149,11 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
         ),
         None,
     )
-    ask_about_mirrored_side(log, by_name, found)
+    ask_about_mirrored_side(log, by_name, recognition)
     channels: list[ChannelProposal] = []
-    for each in found.channels:
+    for each in recognition.channels:
         reason = each.reason
-        ask_about_wrapped_sign(log, each, found)
+        ask_about_wrapped_sign(log, each, recognition)
         is_force = each.column.startswith(("force", "torque", "motor_torque", "motor_current"))
         is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
         if each.field and speed is not None and (is_force or is_acceleration):
@@ -159,27 +161,29 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
             if goes is not None:
                 reason += f"; correlates with the change of {speed.field}, {goes:.2f}"
                 if goes < -_CLEAR:
-                    found.ask_question("sign", _SIGN.format(f"'{each.field}'", goes))
+                    recognition.ask_question("sign", _SIGN.format(f"'{each.field}'", goes))
                 if is_force and abs(goes) < _NOTHING:
-                    found.ask_question("column", _APART.format(each.field, speed.field, goes))
+                    recognition.ask_question("column", _APART.format(each.field, speed.field, goes))
             if is_acceleration:
-                ask_about_units(log, each, speed, found)
+                ask_about_units(log, each, speed, recognition)
             if is_force:
-                _ask_about_unsigned_force(log, each, speed, found)
+                _ask_about_unsigned_force(log, each, speed, recognition)
         if each is speed and place is not None:
-            ask_about_units(log, each, place, found)
+            ask_about_units(log, each, place, recognition)
             goes = slope_correlation(log, each, place)
             if goes is not None and goes < -_CLEAR:
-                found.ask_question("sign", _AGAINST_PLACE.format(each.field, place.field, goes))
+                recognition.ask_question(
+                    "sign", _AGAINST_PLACE.format(each.field, place.field, goes)
+                )
             if goes is not None and abs(goes) > _CLEAR:
                 reason += f"; correlates with the change of {place.field}, {goes:.2f}"
         channels.append(replace(each, reason=reason))
-    found.channels = channels
-    return found
+    recognition.channels = channels
+    return recognition
 
 
 def ask_about_mirrored_side(
-    log: Log, by_name: dict[str, ChannelProposal], found: Recognition
+    log: Log, by_name: dict[str, ChannelProposal], recognition: Recognition
 ) -> None:
     """Ask which side turns backwards if two speeds of one machine have opposite signs.
 
@@ -196,11 +200,11 @@ def ask_about_mirrored_side(
             else None
         )
         if goes is not None and goes < -_CLEAR:
-            found.ask_question("sign", _MIRRORED.format(left.field, right.field, goes))
+            recognition.ask_question("sign", _MIRRORED.format(left.field, right.field, goes))
 
 
 def ask_about_units(
-    log: Log, rate: ChannelProposal, other: ChannelProposal, found: Recognition
+    log: Log, rate: ChannelProposal, other: ChannelProposal, recognition: Recognition
 ) -> None:
     """Ask for the units of a column and its derivative if their magnitudes disagree."""
     if "?" in (rate.unit, other.unit) or not (rate.column in _SI and other.column in _SI):
@@ -218,7 +222,7 @@ def ask_about_units(
         return
     times = float(change.std() / x.std())
     if not _UNITS_HOLD[0] < times < _UNITS_HOLD[1]:
-        found.ask_question("unit", _UNITS_APART.format(rate.field, other.field, times))
+        recognition.ask_question("unit", _UNITS_APART.format(rate.field, other.field, times))
 
 
 #: Units of channels of which one is the change of another.
@@ -230,7 +234,7 @@ _SI: Final = {
 }
 
 
-def ask_about_wrapped_sign(log: Log, each: ChannelProposal, found: Recognition) -> None:
+def ask_about_wrapped_sign(log: Log, each: ChannelProposal, recognition: Recognition) -> None:
     """Ask which values are negative if integers jump between the ends of their range."""
     x = read_series_of_proposal(log, each)[1]
     if x.size < _FEWEST or x.min() < 0 or (x != np.rint(x)).any():
@@ -239,11 +243,11 @@ def ask_about_wrapped_sign(log: Log, each: ChannelProposal, found: Recognition) 
     for bits in _BITS:
         half = 2 ** (bits - 1)
         if half < jump and half < largest < 2 * half:
-            found.ask_question("sign", _WRAPPED.format(each.field, bits, half - 1, 2 * half))
+            recognition.ask_question("sign", _WRAPPED.format(each.field, bits, half - 1, 2 * half))
 
 
 def _ask_about_unsigned_force(
-    log: Log, each: ChannelProposal, speed: ChannelProposal, found: Recognition
+    log: Log, each: ChannelProposal, speed: ChannelProposal, recognition: Recognition
 ) -> None:
     """Ask for the sign of a force that is never negative although the machine brakes with it."""
     (t, x), (at, y) = read_series_of_proposal(log, each), read_series_of_proposal(log, speed)
@@ -252,7 +256,7 @@ def _ask_about_unsigned_force(
     slope = _slope_at_times(t, at, y)
     starts, stops = x[slope > slope.max() / 2], x[slope < slope.min() / 2]
     if slope.min() < 0 < slope.max() and stops.mean() > _BRAKING * starts.mean() > 0:
-        found.ask_question("sign", _WITHOUT_SIGN.format(each.field))
+        recognition.ask_question("sign", _WITHOUT_SIGN.format(each.field))
 
 
 def read_series_of_proposal(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]:

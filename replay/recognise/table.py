@@ -87,29 +87,29 @@ def recognise_channels_of_table(log: Log) -> Recognition:
 
 
 def fill_only_candidate_or_ask(
-    log: Log, channel: str, claims: Sequence[Claim], found: Recognition
+    log: Log, channel: str, claims: Sequence[Claim], recognition: Recognition
 ) -> None:
     """Fill a channel with the only candidate column, or ask if there are several.
 
     Of several columns with equal readings the first is taken, except for forces, which add up.
     """
-    if channel in found.filled_channels:
+    if channel in recognition.filled_channels:
         return
     column, reason, unit = claims[0]
     adds_up = channel.startswith(("force", "torque"))
     others = [other for other, *_ in claims[1:]]
     if all(not adds_up and are_same_readings(log, column, other) for other in others):
-        found.fill_channel(column, channel, reason, unit)
+        recognition.fill_channel(column, channel, reason, unit)
         return
     names = ", ".join(f"'{each.field}'" for each, *_ in claims)
-    found.sketch_source(column, channel, unit, f"one of {names}")
+    recognition.sketch_source(column, channel, unit, f"one of {names}")
     together = "; if they act together, their sum" if adds_up else ""
-    found.ask_question("column", f"which of {names} is channels.{channel}{together}")
+    recognition.ask_question("column", f"which of {names} is channels.{channel}{together}")
 
 
-def _ask_more_torques(columns: Sequence[LogColumn], found: Recognition) -> None:
+def _ask_more_torques(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Ask whether other wheels drive too if a left and a right torque make the force."""
-    if not {"torque_left_N_m", "torque_right_N_m"} <= found.filled_channels:
+    if not {"torque_left_N_m", "torque_right_N_m"} <= recognition.filled_channels:
         return
     more = [
         f"'{each.field}'"
@@ -119,7 +119,7 @@ def _ask_more_torques(columns: Sequence[LogColumn], found: Recognition) -> None:
     ]
     if more:
         names = ", ".join(more)
-        found.ask_question(
+        recognition.ask_question(
             "column", f"whether {names} also drives the machine: torques of wheels add up"
         )
 
@@ -240,7 +240,7 @@ _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
 }
 
 
-def propose_columns_by_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
+def propose_columns_by_unit(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Propose columns with meaningless names that alone have a unit of force or speed."""
     own = [each for each in columns if each.unit and not each.said.is_elsewhere]
     units = Counter(find_quantity_of_name("", column.unit) for column in own)
@@ -252,7 +252,7 @@ def propose_columns_by_unit(columns: Sequence[LogColumn], found: Recognition) ->
         channel = {"force": "force_x_N", "speed": "speed_x_m_s"}.get(quantity or "")
         is_wheel_load = quantity == "force" and said.part == "wheel"
         if channel and units[quantity] == 1 and said.axis in (None, "x") and not is_wheel_load:
-            found.fill_channel(column, channel, f"in {column.unit}, the only {quantity}")
+            recognition.fill_channel(column, channel, f"in {column.unit}, the only {quantity}")
 
 
 #: Channels of quantities that one column holds for the whole machine.
@@ -263,9 +263,9 @@ _WITHOUT_UNIT: Final = {
 }
 
 
-def propose_columns_without_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
+def propose_columns_without_unit(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Propose columns whose names state a quantity but which have no unit."""
-    given = {each.column for each in found.channels}
+    given = {each.column for each in recognition.channels}
     for quantity, channel in _WITHOUT_UNIT.items():
         if channel in given or (quantity == "speed" and "speed_left_m_s" in given):
             continue
@@ -274,8 +274,10 @@ def propose_columns_without_unit(columns: Sequence[LogColumn], found: Recognitio
             part = said.part if quantity != "speed" or said.part == "motor" else None
             whole = said.side is None and part is None and said.axis in (None, "x")
             if column.quantity == quantity and column.unit is None and whole:
-                found.sketch_source(column, channel, "?", f"{column.field}: its unit is not stated")
-                found.ask_question(
+                recognition.sketch_source(
+                    column, channel, "?", f"{column.field}: its unit is not stated"
+                )
+                recognition.ask_question(
                     "unit", f"the unit of '{column.field}', in channels.{channel}.unit"
                 )
                 break

@@ -310,22 +310,22 @@ def _list_changes_since(before: ReviewState, state: ReviewState) -> list[tuple[s
 
 
 def find_torn_logs(
-    logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], about: Provenance
+    logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], provenance: Provenance
 ) -> tuple[TornLog, ...]:
     """Logs that end abruptly, in order of time.
 
     Args:
         logs: logs of the shift.
         wanted: fields used by channels, by topic.
-        about: provenance of the replay, with its losses and the origin of its times.
+        provenance: provenance of the replay, with its losses and the origin of its times.
     """
-    begins = begin_of_each_log_ns(logs, wanted, about.t0_unix_ns)
+    begins = begin_of_each_log_ns(logs, wanted, provenance.t0_unix_ns)
     ordered = list(begins)
     found: list[TornLog] = []
     for number, log in enumerate(ordered, 1):
         losses = [
             str(loss)
-            for loss in about.losses
+            for loss in provenance.losses
             if any(words in loss.what for words in _TORN)
             and (loss.source == log.path.name or (log.path / loss.source).exists())
         ]

@@ -229,13 +229,13 @@ class OverflowPageReader:
             progress = int(state[_USED]) - self._used
             self._at_once = min(self._most, max(_FEWEST_PAGES, 2 * progress))
             self._used = int(state[_USED])
-            self._read(int(state[_NEXT]), int(state[_LEFT]))
+            self._read_likely_pages_of_message(int(state[_NEXT]), int(state[_LEFT]))
         self._used = int(state[_USED])
 
-    def _read(self, page: int, left: int) -> None:
+    def _read_likely_pages_of_message(self, page: int, bytes_left: int) -> None:
         """Read the pages that may hold the remaining bytes of a message."""
         size = self._layout.page_bytes
-        needed = -(-left // (self._layout.usable_bytes - 4))
+        needed = -(-bytes_left // (self._layout.usable_bytes - 4))
         pages = min(needed, self._at_once, self._layout.pages + 1 - page)
         data = self._near.data
         self._near = NearPages(

@@ -147,13 +147,15 @@ class TableTimes:
             return RowTimes(stamps.alias("log_time_ns"), (note,))
         return self._add_fractions(self._read_one_column(cells), cells)
 
-    def _add_fractions(self, whole: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
+    def _add_fractions(self, whole_seconds: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
         """Add fractions of a second from another column."""
         if self.fraction is None:
-            return whole
+            return whole_seconds
         fractions, unit = fractions_ns_and_unit(cells[self.fraction])
         note = f"the fractions of its seconds are those of '{self.fraction}', in {unit}"
-        return RowTimes((whole.stamps + fractions).alias("log_time_ns"), (*whole.notes, note))
+        return RowTimes(
+            (whole_seconds.stamps + fractions).alias("log_time_ns"), (*whole_seconds.notes, note)
+        )
 
     def _read_one_column(self, cells: Mapping[str, pl.Series]) -> RowTimes:
         assert self.time is not None
