@@ -41,7 +41,7 @@ def compiled(function: F) -> F:
     return _compile_lazily(function, _OPTIONS)
 
 
-def uncounted(function: F) -> F:
+def compiled_without_refcounts(function: F) -> F:
     """Compile a function that allocates nothing, without reference counts for its arrays.
 
     In a loop of millions that passes arrays between functions, counting costs more than the work.
@@ -50,7 +50,7 @@ def uncounted(function: F) -> F:
     return _compile_lazily(function, {**_OPTIONS, "_nrt": False})
 
 
-def inlined(function: F) -> F:
+def compiled_inline(function: F) -> F:
     """Compile a function into each of its callers."""
     return _compile_lazily(function, {**_OPTIONS, "_nrt": False, "forceinline": True})
 

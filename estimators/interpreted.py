@@ -39,7 +39,11 @@ MOST_COLD_TURNS: Final = 131_072
 #: takes: at worst a loop costs three times its compilation.
 MOST_COLD_SECONDS: Final = 1.0
 #: How a function is compiled, by the name of the decorator in `estimators.compiled`.
-_COMPILED, _UNCOUNTED, _INLINED = "compiled", "uncounted", "inlined"
+_COMPILED, _UNCOUNTED, _INLINED = (
+    "compiled",
+    "compiled_without_refcounts",
+    "compiled_inline",
+)
 
 
 def is_compiler_loaded() -> bool:
@@ -191,19 +195,19 @@ def compiled(function: F) -> F:
     return cast("F", Loop(function, _COMPILED))
 
 
-def uncounted(function: F) -> F:
-    """Like `estimators.compiled.uncounted`, but interpreted at first."""
+def compiled_without_refcounts(function: F) -> F:
+    """Like `estimators.compiled.compiled_without_refcounts`, but interpreted at first."""
     return cast("F", Loop(function, _UNCOUNTED))
 
 
-def inlined(function: F) -> F:
-    """Like `estimators.compiled.inlined`, but interpreted at first."""
+def compiled_inline(function: F) -> F:
+    """Like `estimators.compiled.compiled_inline`, but interpreted at first."""
     return cast("F", Loop(function, _INLINED))
 
 
-def compiled_by_turns(turns: Callable[..., int]) -> Callable[[F], F]:
+def compiled_unless_few_turns(count_turns: Callable[..., int]) -> Callable[[F], F]:
     """Like `compiled`, with a function that computes the number of iterations."""
-    return lambda function: cast("F", Loop(function, _COMPILED, turns))
+    return lambda function: cast("F", Loop(function, _COMPILED, count_turns))
 
 
 def compiled_ahead(function: F) -> F:
@@ -211,7 +215,7 @@ def compiled_ahead(function: F) -> F:
     return cast("F", Loop(function, _COMPILED, largest_dimension, at_first=False))
 
 
-def compiled_beside(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
+def compiled_with_array_form(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
     """Like `compiled_ahead`, with whole-array operations for the interpreter."""
     return lambda function: cast(
         "F", Loop(function, _COMPILED, largest_dimension, by_arrays, at_first=False)

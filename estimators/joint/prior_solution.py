@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.joint.gain_matrix import DenseGain, Gain, eliminate_levels, has_many_levels
 from estimators.joint.random_intercepts import InterceptShape
 from estimators.numerics.autocorrelation import pooled_autocorrelation
@@ -171,7 +171,7 @@ def _subtract_fit_by_arrays(
     return np.where(group >= 0, left, 0.0)
 
 
-@compiled_beside(_subtract_fit_by_arrays)
+@compiled_with_array_form(_subtract_fit_by_arrays)
 def residual_of_grouped_samples(
     A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
 ) -> Floats:

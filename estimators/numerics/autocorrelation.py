@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.numerics.fit_loss import fit_loss, group_ids
 from estimators.numerics.in_order import sum_axis_in_order
 
@@ -69,7 +69,7 @@ def _add_run_by_arrays(run: Floats, count: int, sums: Floats) -> None:
     sums[:] = sum_axis_in_order(terms, 0)
 
 
-@compiled_beside(_add_run_by_arrays)
+@compiled_with_array_form(_add_run_by_arrays)
 def _add_lag_products_of_run(run: Floats, count: int, sums: Floats) -> None:
     """Add the products of the first samples with their successors, many lags at once."""
     n = min(run.size, count + sums.size)

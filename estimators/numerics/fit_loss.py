@@ -10,7 +10,7 @@ change.
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.numerics.in_order import multiply_vectors, sum_axis_in_order
 
 #: Distances whose sums go side by side, each in its own order.
@@ -29,7 +29,7 @@ def _sum_products_by_arrays(Q: Floats, distances: int) -> Floats:
     return cross
 
 
-@compiled_beside(_sum_products_by_arrays)
+@compiled_with_array_form(_sum_products_by_arrays)
 def _products_at_distances(Q: Floats, distances: int) -> Floats:
     """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, as (p, p, distances)."""
     n, p = Q.shape
@@ -82,7 +82,7 @@ def _add_loss_by_arrays(Q: Floats, loss: Floats) -> None:
         loss[j + 1 :, j] += (0.5 if j == 0 else 1.0) * more[1:]
 
 
-@compiled_beside(_add_loss_by_arrays)
+@compiled_with_array_form(_add_loss_by_arrays)
 def _add_autocovariance_loss(Q: Floats, loss: Floats) -> None:
     """Add one fit's tr(D_j R_l) - tr(D_j M R_l M) to loss (lags, lags); Q is (n, p).
 
@@ -175,7 +175,7 @@ def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Float
     return loss / np.maximum(pairs, 1.0)[:, None]
 
 
-@compiled_beside(_sum_loss_by_arrays)
+@compiled_with_array_form(_sum_loss_by_arrays)
 def _sum_autocovariance_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     """Loss (lags, lags) summed over the fits in `spans`, per pair of samples at each lag."""
     p = A.shape[1]

@@ -54,7 +54,7 @@ class Verification:
         done: checks that were made, in words.
         unseen: claims that no check can verify.
         signed_by: signer of the bundle.
-        bundle: result of checking the folder.
+        checked: result of checking the folder.
     """
 
     folder: Path
@@ -63,7 +63,7 @@ class Verification:
     done: tuple[str, ...]
     unseen: tuple[str, ...]
     signed_by: SignedBy
-    bundle: CheckedBundle = field(repr=False)
+    checked: CheckedBundle = field(repr=False)
 
     @property
     def outcome(self) -> BundleOutcome | None:

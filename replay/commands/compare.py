@@ -119,7 +119,10 @@ def _print_differences(comparison: "Comparison", a: Path, b: Path, rtol: float) 
             print_line(screen, f"stages in {name} alone: {', '.join(only)}")
     if comparison.stages:
         differing = sum(len(stage.columns) for stage in comparison.stages)
-        title = f"columns: {differing} of {comparison.columns} differ; the largest changes of each stage:"
+        title = (
+            f"columns: {differing} of {comparison.columns} differ; "
+            "the largest changes of each stage:"
+        )
         print_part(title, _column_table(comparison), 0)
     whole = counted(comparison.columns, "column")
     exact = f"within a relative difference of {rtol:g}" if rtol else "bit for bit"

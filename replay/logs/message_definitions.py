@@ -105,7 +105,7 @@ def _compile_definition(connection: Connection) -> MessageType:
     if _is_empty(connection):
         return MessageType(RecordType(connection.type, ()), ros1=False, decode=lambda _: None)
     store = _make_typestore(connection)
-    record = _Records(store, ros1=connection.encoding == "ros1").record(connection.type)
+    record = _Records(store, ros1=connection.encoding == "ros1").make_record_type(connection.type)
     return MessageType(record, connection.encoding == "ros1", _make_decoder(store, connection))
 
 

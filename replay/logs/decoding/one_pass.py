@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Bytes, Ints
-from estimators.interpreted import uncounted
+from estimators.interpreted import compiled_without_refcounts
 from replay.logs.decoding.direct_fields import GatherPlan
 from replay.logs.decoding.gather_values import (
     copy_ranges_of_equal_size,
@@ -60,7 +60,7 @@ def reserve_rows(gather_plan: GatherPlan, rows: int) -> GatheredRows:
     )
 
 
-@uncounted
+@compiled_without_refcounts
 def walk_and_gather(
     messages: EncodedMessages,
     encoding: Encoding,
@@ -94,7 +94,7 @@ def walk_and_gather(
         )
 
 
-@uncounted
+@compiled_without_refcounts
 def _gather_columns(
     data: Bytes,
     walk_notes: WalkNotes,

@@ -10,7 +10,7 @@ joints, so that they are compared as well, and what is the same is UTF-8 again. 
 repeats all of these has the marks of the one before, moved.
 
 An array that one compiled function hands to another costs as much as a step where references to it
-are counted; here none are (`estimators.compiled.uncounted`).
+are counted; here none are (`estimators.compiled.compiled_without_refcounts`).
 """
 
 from typing import Final, NamedTuple
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Bytes, Ints
-from estimators.interpreted import compiled, inlined, uncounted
+from estimators.interpreted import compiled, compiled_inline, compiled_without_refcounts
 from replay.logs.decoding.bytes_at import fetch, load32, load64
 from replay.logs.decoding.decode_program import Op, Operand
 
@@ -124,7 +124,7 @@ def make_empty_template(nodes: int) -> LayoutTemplate:
     return LayoutTemplate(checks, notes, np.zeros(nodes, np.int64), state)
 
 
-@uncounted
+@compiled_without_refcounts
 def walk_messages(
     messages: EncodedMessages,
     first: int,
@@ -197,7 +197,7 @@ def walk_messages(
     state[3], state[4], state[5] = other_size, other_end, walked
 
 
-@inlined
+@compiled_inline
 def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message: int) -> None:
     """Prefetch a later message into the processor's cache."""
     if message + _AHEAD < begins.size:
@@ -206,7 +206,7 @@ def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message: int) -> N
             fetch(data, line)
 
 
-@inlined
+@compiled_inline
 def _has_same_layout(data: Bytes, begin: int, other: int, checks: Ints, count: int) -> bool:
     """Whether a message equals another of its size in all bytes that determine the layout."""
     gap = other - begin
@@ -225,7 +225,7 @@ def _has_same_layout(data: Bytes, begin: int, other: int, checks: Ints, count: i
     return same
 
 
-@inlined
+@compiled_inline
 def _repeat_marks(
     table: Ints, marks: Ints, filled: Ints, notes: Ints, count: int, begin: int
 ) -> None:
@@ -236,7 +236,7 @@ def _repeat_marks(
         _write_marks(table, marks, mark, element, notes[number, 2], notes[number, 3], begin)
 
 
-@inlined
+@compiled_inline
 def _write_marks(
     table: Ints, marks: Ints, mark: int, element: int, place: int, count: int, begin: int
 ) -> None:
@@ -249,7 +249,7 @@ def _write_marks(
             marks[table[mark, 1] + element] = count
 
 
-@inlined
+@compiled_inline
 def _add_note_to_template(
     notes: Ints, checks: int, count: int, mark: int, element: int, place: int, value: int
 ) -> tuple[int, int]:
@@ -265,13 +265,13 @@ def _add_note_to_template(
     return checks, count + 1
 
 
-@inlined
+@compiled_inline
 def _copy_counts(filled: Ints, out: Ints) -> None:
     for node in range(filled.size):
         out[node] = filled[node]
 
 
-@inlined
+@compiled_inline
 def _add_elements(filled: Ints, elements: Ints) -> None:
     """Count a message and the elements of its lists."""
     for node in range(1, filled.size):
@@ -279,7 +279,7 @@ def _add_elements(filled: Ints, elements: Ints) -> None:
     filled[0] += 1
 
 
-@inlined
+@compiled_inline
 def _count_elements(filled: Ints, kept: Ints, elements: Ints) -> None:
     """Count a message, and store how many elements its lists have."""
     for node in range(1, filled.size):
@@ -287,7 +287,7 @@ def _count_elements(filled: Ints, kept: Ints, elements: Ints) -> None:
     filled[0] += 1
 
 
-@inlined
+@compiled_inline
 def _next_step(
     steps: Ints, step: int, filled: Ints, left: Ints, depth: int, count: int
 ) -> tuple[int, int]:
@@ -309,7 +309,7 @@ def _next_step(
     return step + 1, depth
 
 
-@inlined
+@compiled_inline
 def read_walk_step(
     data: Bytes, begin: int, at: int, size: int, steps: Ints, step: int, encoding: Encoding
 ) -> tuple[int, int, int, int, int, int]:
@@ -342,7 +342,7 @@ def read_walk_step(
     return -1, count, told, at, at, _LONG_LIST if is_long else 0
 
 
-@inlined
+@compiled_inline
 def _read_length(
     data: Bytes, begin: int, at: int, size: int, encoding: Encoding, known: int
 ) -> tuple[int, int, int, int]:
@@ -360,7 +360,7 @@ def _read_length(
     return length, at, at + 4, 0
 
 
-@inlined
+@compiled_inline
 def _walk_text(
     data: Bytes, begin: int, at: int, size: int, length: int, cdr: bool
 ) -> tuple[int, int, int, int]:
@@ -381,7 +381,7 @@ def _walk_text(
     return at, count, stop, 0 if is_text else _NO_UTF8
 
 
-@inlined
+@compiled_inline
 def _walk_strided_list(
     steps: Ints, step: int, at: int, size: int, count: int
 ) -> tuple[int, int, int]:
@@ -397,7 +397,7 @@ def _walk_strided_list(
     return at, at + span, _LONG_LIST if span > size - at else 0
 
 
-@inlined
+@compiled_inline
 def _add_bytes_to_compare(checks: Ints, count: int, begin: int, end: int) -> int:
     """Add bytes of a length or string to compare; returns their number, -1 if full."""
     if count < 0 or end == begin:
@@ -427,7 +427,7 @@ def _fill_encapsulations(
         kinds[k] = np.int64(data[at]) << 8 | data[at + 1] if lengths[k] >= 4 else TOO_SHORT
 
 
-@uncounted
+@compiled_without_refcounts
 def _is_utf8(data: NDArray[np.uint8], start: int, end: int) -> bool:
     """Whether bytes are valid UTF-8 (Unicode table 3-7), as Python decodes it."""
     at = start

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import uncounted
+from estimators.compiled import compiled_without_refcounts
 from replay.logs.sqlite.database_pages import PageLayout
 from replay.logs.storage import LARGEST_BYTES
 
@@ -22,7 +22,7 @@ _BLOB: Final = 12
 MESSAGE, DAMAGED, NO_MESSAGE, UNUSUAL = range(4)
 
 
-@uncounted
+@compiled_without_refcounts
 def read_big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
     """Unsigned big-endian integer of less than 8 bytes."""
     value = np.int64(0)
@@ -31,7 +31,7 @@ def read_big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
     return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
-@uncounted
+@compiled_without_refcounts
 def _read_signed(data: NDArray[np.uint8], at: int, size: int) -> int:
     """Two's complement integer of 1 to 8 bytes."""
     value = np.int64(data[at])
@@ -42,7 +42,7 @@ def _read_signed(data: NDArray[np.uint8], at: int, size: int) -> int:
     return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
-@uncounted
+@compiled_without_refcounts
 def _read_varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
     """Variable-length integer of 1 to 9 bytes, and its end; -1 if beyond `end`."""
     value, bits, stop = np.int64(0), 0, -1
@@ -61,7 +61,7 @@ def _read_varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
     return value, stop  # pyright: ignore[reportReturnType] an int outside of numba
 
 
-@uncounted
+@compiled_without_refcounts
 def _count_value_bytes(kind: int) -> int:
     """Bytes of a value of this record type; -1 for an invalid type."""
     if kind >= _BLOB:
@@ -75,7 +75,7 @@ def _count_value_bytes(kind: int) -> int:
     return 8 if kind <= _FLOAT else 0
 
 
-@uncounted
+@compiled_without_refcounts
 def _count_local_bytes(payload: int, usable: int) -> int:
     """Number of a record's bytes that its leaf holds; the rest is on overflow pages."""
     if payload <= usable - 35:
@@ -85,7 +85,7 @@ def _count_local_bytes(payload: int, usable: int) -> int:
     return some if some <= usable - 35 else least
 
 
-@uncounted
+@compiled_without_refcounts
 def parse_cell(
     data: NDArray[np.uint8], at: int, begin: int, end: int, layout: PageLayout, with_data: bool
 ) -> tuple[int, int, int, int, int, int, int, int]:
@@ -131,7 +131,7 @@ def parse_cell(
     return what, row_id, topic, time, message, length, local, stop
 
 
-@uncounted
+@compiled_without_refcounts
 def _open_cell(
     data: NDArray[np.uint8], at: int, begin: int, end: int, layout: PageLayout
 ) -> tuple[int, int, int, int]:
@@ -155,7 +155,7 @@ def _open_cell(
     return payload, row_id, at, stop
 
 
-@uncounted
+@compiled_without_refcounts
 def _read_integer(
     data: NDArray[np.uint8], at: int, kind: int, size: int, stop: int
 ) -> tuple[int, int]:

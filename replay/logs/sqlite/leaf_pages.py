@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import compiled, uncounted
+from estimators.compiled import compiled, compiled_without_refcounts
 from replay.logs.sqlite.database_pages import LEAF, PageLayout, RowFilter
 from replay.logs.sqlite.leaf_cells import (
     DAMAGED,
@@ -173,7 +173,7 @@ def read_ranges(
     return True
 
 
-@uncounted
+@compiled_without_refcounts
 def scan_leaves(
     data: NDArray[np.uint8],
     leaves: NDArray[np.int64],
@@ -259,7 +259,7 @@ def scan_leaves(
     return found, spilled, used, True
 
 
-@uncounted
+@compiled_without_refcounts
 def _contains_key(keys: NDArray[np.int64], key: int) -> bool:
     """Whether a key is in a sorted array."""
     first, last = 0, keys.size
@@ -272,7 +272,7 @@ def _contains_key(keys: NDArray[np.int64], key: int) -> bool:
     return bool(first < keys.size and keys[first] == key)
 
 
-@uncounted
+@compiled_without_refcounts
 def _count_row_without_message(state: NDArray[np.int64], row_id: int) -> None:
     """Count a row that holds no message."""
     if state[ODD] == 0:
@@ -280,7 +280,7 @@ def _count_row_without_message(state: NDArray[np.int64], row_id: int) -> None:
     state[ODD] += 1
 
 
-@uncounted
+@compiled_without_refcounts
 def _open_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
     """Begin a gap in which nothing can be read."""
     if state[IN_GAP] == 0:
@@ -291,7 +291,7 @@ def _open_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
         state[IN_GAP] = 1
 
 
-@uncounted
+@compiled_without_refcounts
 def _close_gap(gaps: NDArray[np.int64], state: NDArray[np.int64], row_id: int) -> None:
     """End a gap at a row."""
     if state[IN_GAP] == 1 and state[GAPS] <= gaps.shape[1]:

@@ -204,7 +204,7 @@ class OverflowPageReader:
         self._used = 0
         self._near = NearPages(0, 0, np.empty(0, np.uint8))
 
-    def join(
+    def join_spilled_messages(
         self,
         data: NDArray[np.uint8],
         ranges: PageRanges,

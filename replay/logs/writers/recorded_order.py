@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from estimators.arrays import Bytes, Ints
-from estimators.compiled import uncounted
+from estimators.compiled import compiled_without_refcounts
 from replay.logs.decoding.unaligned import copy
 from replay.logs.writers.serialise_messages import SameLayout
 
@@ -39,7 +39,7 @@ class RecordBlock(NamedTuple):
     ends: Ints
 
 
-@uncounted
+@compiled_without_refcounts
 def _scatter_rows(rows: Bytes, size: int, begins: Ints, target: Bytes) -> None:
     """Copy rows of equal size to their positions in the target."""
     for number in range(begins.size):
