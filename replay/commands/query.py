@@ -94,7 +94,7 @@ def _print_rows(
         typer.echo(frame_as_text_table(rows, _ROWS_SHOWN), nl=False)
         if rows.height > _ROWS_SHOWN:
             typer.echo(f"{rows.height} rows, {_ROWS_SHOWN} shown; --format csv gives all", err=True)
-        opens = query.opening_command(rows)
+        opens = query.viewer_command_or_none(rows)
         if opens and join_within_s is None:
             typer.echo(f"the first row in the viewer: {opens}", err=True)
         return

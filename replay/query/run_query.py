@@ -82,7 +82,7 @@ class Query:
                 case _:
                     self.rows.sink_parquet(partial)
 
-    def opening_command(self, rows: pl.DataFrame) -> str | None:
+    def viewer_command_or_none(self, rows: pl.DataFrame) -> str | None:
         """Command that opens the first row that the viewer can show; None if there is none."""
         first = rows.row(0, named=True) if rows.height else {}
         return viewer_command_or_none(first, self.named.recordings, self.named.fleet)

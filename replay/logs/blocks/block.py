@@ -61,7 +61,7 @@ class Block:
 
 
 def unpack_block(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
-    """Unpack a block into `target` (block.room_bytes,), and return the number of bytes.
+    """Unpack a block into `target` (block.max_unpacked_bytes,), and return the number of bytes.
 
     Raises:
         DamagedBlockError: it is implausibly large, cannot be unpacked, has another size than it
