@@ -328,7 +328,7 @@ def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float
 
 @compiled_ahead
 def _number_levels_from_begins(before: Ints) -> Ints:
-    """Number the levels from the begin of the level that ends at each unit."""
+    """Level number of each unit (n,), from the first unit of the level that ends there."""
     end = before.size - 1
     begins = np.zeros(end, np.int64)
     while end > 0:

@@ -280,7 +280,7 @@ def solve_with_priors(
 def _solve_for_white_noise(
     turned: WeightedNormalEquations, priors: tuple[Floats, Floats], variance: float
 ) -> Floats:
-    """Estimates (wide,) by S = σ² G, to begin with."""
+    """Estimates (wide,) for white noise, S = σ² G: where the iteration begins."""
     precision, believed = priors
     wanted = turned.bare / variance + believed
     if has_many_levels(turned.clean):

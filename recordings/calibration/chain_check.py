@@ -58,7 +58,7 @@ def check_chain(
             BundleOutcome.TAMPERED,
             f"{item}.counter",
             f"is {chain.counter}, and that before it {last.chain.counter}: the counter only "
-            "grows, so this is older",
+            "grows, so this evidence is older",
         )
     elif link is None:
         bundle.add_finding(
@@ -66,7 +66,9 @@ def check_chain(
         )
     elif link.id != last.id or link.sums_sha256 != digest_chain_link(before):
         bundle.add_finding(
-            BundleOutcome.TAMPERED, f"{item}.previous", "is other evidence than that given"
+            BundleOutcome.TAMPERED,
+            f"{item}.previous",
+            "is other evidence than the previous evidence given",
         )
     else:
         if creation_time(document) < creation_time(last) - dt.timedelta(seconds=CLOCK_S):

@@ -104,7 +104,7 @@ def evaluate_previous_line(
     estimator: Estimator,
     points: pl.DataFrame,
 ) -> AsFound | None:
-    """The previous line with its errors on these points; None without one.
+    """The previous line with its r.m.s. error on these points; None without a previous line.
 
     Args:
         previous: previous evidence.

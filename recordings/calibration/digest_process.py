@@ -22,7 +22,7 @@ _COUNTER: Final = re.compile(r"\d+\s*/\s*\d+\s*\Z")
 
 
 def main() -> None:
-    """Read the files that the command line names, as its first word says."""
+    """Digest recordings or extract words of PDFs, by the first argument; the others are files."""
     _limit_memory_and_time_of_process()
     kind, *files = sys.argv[1:]
     read = {"recording": _digest_recording, "pdf": _extract_pdf_words}[kind]

@@ -227,7 +227,7 @@ class EvidenceDocument(BaseModel):
 
     @property
     def settings_at_default(self) -> dict[str, Any]:
-        """Settings that came after it was made, and the default that each is taken at: dotted."""
+        """Settings newer than the evidence: dotted names with the default each is read with."""
         return {
             **find_absent_settings(self.machine, "machine."),
             **find_absent_settings(self.campaign, "campaign."),
@@ -251,7 +251,7 @@ class EvidenceDocument(BaseModel):
 
     @property
     def with_all_settings(self) -> "EvidenceDocument":
-        """Write down every setting of this version, also those left at default."""
+        """The evidence with every setting of this version written out, also those at default."""
         return EvidenceDocument.model_validate_json(
             canonical_json_bytes(self.model_dump(mode="json"))
         )
@@ -266,12 +266,12 @@ class EvidenceDocument(BaseModel):
 
     @property
     def procedure_rules(self) -> Procedure:
-        """Rules of its procedure."""
+        """Rules of the calibration procedure that the evidence names."""
         return PROCEDURES[self.procedure]
 
     @property
     def weighing_machine(self) -> Machine:
-        """The machine as its mass is found: with the priors that were learnt."""
+        """The machine settings that weigh: those of the evidence, with the learnt priors."""
         return (
             self.machine
             if self.learnt is None

@@ -181,7 +181,7 @@ def _labels_without_run_name(
 def difference_panel_or_none(
     view: View, difference: _OverlaidRun, overlaid_panel: Panel | None
 ) -> Panel | None:
-    """Panel of B less A; None if no number differs, or for states."""
+    """Panel of B less A; None for states, or if no number differs."""
     if view.kind is ViewKind.STATES:
         return None
     plain = replace(

@@ -72,7 +72,7 @@ def markdown_by_text_name(run: Run) -> dict[str, str]:
 
 
 def recording_name_in_viewer(provenance: Provenance) -> str:
-    """Name of a recording in the viewer, from its machine and logs."""
+    """Name of a recording in the viewer: its machine and logs."""
     logs = ", ".join(each.name for each in provenance.inputs)
     return ": ".join(filter(None, (machine_name(provenance), logs))) or "payscope"
 

@@ -281,7 +281,7 @@ def calibrate_recorded_loads(
     request: CalibrationRequest,
     recording: Path,
 ) -> pl.DataFrame:
-    """The frame `loads` of a recording with calibrated masses.
+    """The frame `loads` of a recording with its masses calibrated.
 
     Args:
         frames: `FRAMES`, as far as the recording has them.

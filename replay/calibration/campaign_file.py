@@ -154,7 +154,7 @@ def _trusted_certificate_keys(source: Path, content: dict[str, Any]) -> list[str
 
     named = content.get("dcc_keys", [])
     if not isinstance(named, list) or not all(isinstance(each, str) for each in named):
-        raise CampaignError(f"{source}: dcc_keys: is a list of files with keys in PEM")
+        raise CampaignError(f"{source}: dcc_keys: must be a list of files with keys in PEM")
     try:
         return [read_trusted_key_id(source.parent / each) for each in named]
     except EvidenceError as fault:

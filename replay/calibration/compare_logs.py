@@ -114,7 +114,8 @@ def _compare_replayed_log(
             continue
         words = name in _IN_WORDS and document.other_version_text
         outcome = BundleOutcome.OTHER_VERSION if words else BundleOutcome.IRREPRODUCIBLE
-        said = f"{what}: {_format_compared_value(there)} there, {_format_compared_value(here)} here"
+        stored, found = _format_compared_value(there), _format_compared_value(here)
+        said = f"{what}: {stored} in the evidence, {found} in the replay"
         bundle.add_finding(outcome, f"{item}: {name}", said)
 
 

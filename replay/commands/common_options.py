@@ -113,7 +113,9 @@ def time_axis_from_options(
         content["log"]["time_unit"] = unit
     for key in keys or ():
         if not key.startswith("log."):
-            raise typer.BadParameter(f"--set {key}: here it takes keys of [log]: log.separator=;")
+            raise typer.BadParameter(
+                f"--set {key}: takes only keys of [log] here, such as log.separator=;"
+            )
         set_dotted_key(content, key, MachineError)
     return time_axis_of_log_section(
         validate_toml_content(Path("--set log"), content["log"], LogSection, MachineError)

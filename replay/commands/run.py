@@ -285,7 +285,7 @@ def first_lines_and_count_of_rest(
 
 
 def _omitted_count_line(count: int, singular: str, plural: str) -> "Iterator[str]":
-    """Yield a line on how many are not printed; none if all are."""
+    """Yield one line with the number of lines that -v would add; nothing if it is 0."""
     if count > 0:
         yield f"{count} more {singular if count == 1 else plural} (-v)"
 

@@ -228,7 +228,7 @@ def add_calibration_line_of_evidence(
 def replay_campaign(
     logs: Sequence[Path], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
-    """Replay simulated logs on one time line, with a calibration line by truth for each method."""
+    """Replay simulated logs on one time line; each method is calibrated against the true masses."""
     with ExitStack() as stack:
         opened = [
             stack.enter_context(open_log(path, time=time_axis_of_machine(machine))) for path in logs

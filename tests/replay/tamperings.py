@@ -322,7 +322,7 @@ TAMPERINGS: dict[str, Tampering] = {
         "evidence.json: chain.counter: does not follow that of the previous link"),
     "the link": Tampering(
         in_evidence("chain", "previous", "sums_sha256", to="0" * 64), TAMPERED, None, "chain",
-        "evidence.json: chain.previous: is other evidence than that given"),
+        "evidence.json: chain.previous: is other evidence than the previous evidence given"),
     "no link": Tampering(
         lambda b: b.evidence.update(chain={"counter": 1, "previous": None}),
         TAMPERED, None, "chain", "evidence.json: chain.counter: is 1, and that before it 1"),
