@@ -327,11 +327,11 @@ def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float
 
 
 @compiled_ahead
-def _number_levels_from_begins(before: Ints) -> Ints:
+def _number_levels_from_begins(first_unit_of_level: Ints) -> Ints:
     """Level number of each unit (n,), from the first unit of the level that ends there."""
-    end = before.size - 1
+    end = first_unit_of_level.size - 1
     begins = np.zeros(end, np.int64)
     while end > 0:
-        end = before[end]
+        end = first_unit_of_level[end]
         begins[end] = 1
     return np.cumsum(begins) - 1

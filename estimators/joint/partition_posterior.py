@@ -182,7 +182,7 @@ def _sum_by_level(values: Floats, level: Ints) -> Floats:
     return sums
 
 
-def _solve_with_log_determinant(whole: Floats, right: Floats) -> tuple[Floats, float]:
+def _solve_with_log_determinant(normal_matrix: Floats, right: Floats) -> tuple[Floats, float]:
     """Solution of normal equations, and log determinant.
 
     If rounding makes them singular, both are of the determined subspace.
@@ -190,9 +190,9 @@ def _solve_with_log_determinant(whole: Floats, right: Floats) -> tuple[Floats, f
     if not right.size:
         return right, 0.0
     # once factored, both are at hand; numpy's own pair takes three times as long
-    factor, solution, fault = dposv(whole, right)
+    factor, solution, fault = dposv(normal_matrix, right)
     if fault:
-        values, vectors = np.linalg.eigh(whole)
+        values, vectors = np.linalg.eigh(normal_matrix)
         kept = values > np.finfo(np.float64).eps * values.size * values[-1]
         values, vectors = values[kept], vectors[:, kept]
         return vectors @ (vectors.T @ right / values), float(np.log(values).sum())

@@ -134,14 +134,14 @@ def read_bundle_file(folder: Path, name: str) -> BundleFile:
     return BundleFile(digest.hexdigest(), b"".join(parts) if keep else None)
 
 
-def copy_bundle_file_and_digest(folder: Path, name: str, to: Path) -> str:
+def copy_bundle_file_and_digest(folder: Path, name: str, target: Path) -> str:
     """Copy a file from `list_bundle_entries`; returns the SHA-256 of the copy.
 
     Raises:
         EvidenceError: it cannot be read.
     """
     digest = hashlib.sha256()
-    with to.open("xb") as copy:
+    with target.open("xb") as copy:
         for part in iter_bundle_file_parts(folder, name):
             digest.update(part)
             copy.write(part)

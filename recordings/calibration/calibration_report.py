@@ -154,12 +154,13 @@ def kilograms_text(value: float | None, digits: int = 1) -> str:
 
 
 def _format_with_interval(
-    value: float, interval: tuple[float | None, float | None], shape: str
+    value: float, interval: tuple[float | None, float | None], number_format: str
 ) -> str:
     low, high = interval
     if low is None or high is None:
-        return f"{shape.format(value)} (no bounded interval)"
-    return f"{shape.format(value)} ({shape.format(low)} to {shape.format(high)})"
+        return f"{number_format.format(value)} (no bounded interval)"
+    shown, least, most = (number_format.format(each) for each in (value, low, high))
+    return f"{shown} ({least} to {most})"
 
 
 def estimate_as_mass_text(kg: float | None, calibration: Calibration) -> str:

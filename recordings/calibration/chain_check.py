@@ -24,31 +24,31 @@ def check_chain_counter(bundle: CheckedBundle, document: EvidenceDocument) -> No
 
 
 def check_chain(
-    bundle: CheckedBundle, document: EvidenceDocument, before: CheckedBundle | None
+    bundle: CheckedBundle, document: EvidenceDocument, previous: CheckedBundle | None
 ) -> None:
     """Check that evidence follows its previous evidence.
 
     Args:
         bundle: receives the findings.
         document: the evidence.
-        before: the previous evidence, checked; None if not given.
+        previous: the previous evidence, checked; None if not given.
     """
     chain, item = document.chain, f"{EVIDENCE}: chain"
     link = chain.previous
-    if before is None:
+    if previous is None:
         if link is not None:
             bundle.notes.append(
                 f"chained to evidence {link.id} (number {link.counter}), which was not given; "
                 "give it with --previous to check it"
             )
         return
-    last = before.document
-    for each in before.faults:
+    last = previous.document
+    for each in previous.faults:
         bundle.add_finding(each.outcome, f"the evidence before: {each.item}", each.what)
     if last is None:
         bundle.add_finding(BundleOutcome.INCOMPLETE, "the evidence before", "cannot be read")
         return
-    bundle.notes.append(f"the evidence before, number {last.chain.counter}: {before.signed_by}")
+    bundle.notes.append(f"the evidence before, number {last.chain.counter}: {previous.signed_by}")
     if last.campaign.machine.id != document.campaign.machine.id:
         bundle.add_finding(
             BundleOutcome.TAMPERED, item, "the previous evidence belongs to another machine"
@@ -64,7 +64,7 @@ def check_chain(
         bundle.add_finding(
             BundleOutcome.TAMPERED, item, "names no previous evidence, although there is some"
         )
-    elif link.id != last.id or link.sums_sha256 != digest_chain_link(before):
+    elif link.id != last.id or link.sums_sha256 != digest_chain_link(previous):
         bundle.add_finding(
             BundleOutcome.TAMPERED,
             f"{item}.previous",
@@ -148,21 +148,21 @@ def _describe_chain_signers(
 
 
 def _check_parts_copied_by_mass_check(
-    bundle: CheckedBundle, document: EvidenceDocument, last: EvidenceDocument
+    bundle: CheckedBundle, document: EvidenceDocument, previous: EvidenceDocument
 ) -> None:
     """Check the parts that a single-mass check copies from the calibration."""
     for name in ("calibration", "expires", "machine", "learnt", "options"):
-        if getattr(document, name) != getattr(last, name):
+        if getattr(document, name) != getattr(previous, name):
             what = "is not that of the previous evidence, which it checks"
             bundle.add_finding(BundleOutcome.TAMPERED, f"{EVIDENCE}: {name}", what)
 
 
 def _check_as_found(
-    bundle: CheckedBundle, document: EvidenceDocument, last: EvidenceDocument
+    bundle: CheckedBundle, document: EvidenceDocument, previous: EvidenceDocument
 ) -> None:
     """Check that the as-found line is that of the previous evidence."""
-    found, line = document.as_found, last.calibration
-    wanted = None if line is None else (last.id, line.alpha_1, line.beta_kg)
+    found, line = document.as_found, previous.calibration
+    wanted = None if line is None else (previous.id, line.alpha_1, line.beta_kg)
     if (None if found is None else (found.evidence_id, found.alpha_1, found.beta_kg)) != wanted:
         bundle.add_finding(
             BundleOutcome.IRREPRODUCIBLE,

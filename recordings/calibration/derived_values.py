@@ -30,24 +30,24 @@ _WHOLE_FORMATS: Final = tuple(f"payscope-calibration-evidence/{number}" for numb
 def estimator_with_digest(
     campaign: CalibrationCampaign,
     machine: Machine,
-    absent: Container[str] = (),
-    form: str = FORMAT,
+    absent_settings: Container[str] = (),
+    evidence_format: str = FORMAT,
 ) -> Estimator:
     """Estimator with the digest of its definition: channels, settings, priors.
 
     Args:
         campaign: campaign with its method.
         machine: machine with the learnt priors. When it was empty is not part of the definition.
-        absent: dotted names of settings newer than the evidence.
-        form: format of the evidence; earlier ones digest more.
+        absent_settings: dotted names of settings newer than the evidence.
+        evidence_format: format of the evidence; earlier ones digest more.
     """
     own = (
         _mass_definition_up_to_format_3(machine)
-        if form in _WHOLE_FORMATS
+        if evidence_format in _WHOLE_FORMATS
         else settings_that_define_mass(machine)
     )
-    if absent:
-        own = remove_dotted_names(own, absent, "machine.")
+    if absent_settings:
+        own = remove_dotted_names(own, absent_settings, "machine.")
     defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,

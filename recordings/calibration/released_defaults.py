@@ -96,15 +96,15 @@ def _matches_pattern(pattern: str, name: str) -> bool:
     )
 
 
-def find_absent_settings(kept: BaseModel, prefix: str = "") -> dict[str, Any]:
+def find_absent_settings(evidence_part: BaseModel, prefix: str = "") -> dict[str, Any]:
     """Settings newer than the evidence: dotted names with their present values.
 
     Args:
-        kept: a part of the evidence.
+        evidence_part: a part of the evidence.
         prefix: prefix of the names.
     """
-    there = kept.model_dump(mode="json", exclude_unset=True)
-    return dict(_find_absent_values(kept.model_dump(mode="json"), there, prefix))
+    there = evidence_part.model_dump(mode="json", exclude_unset=True)
+    return dict(_find_absent_values(evidence_part.model_dump(mode="json"), there, prefix))
 
 
 def _find_absent_values(
@@ -124,35 +124,35 @@ def _find_absent_values(
 
 
 def first_defaults_of_absent_settings(
-    absent: Mapping[str, Any], kept: Mapping[str, Mapping[str, Any]]
+    absent: Mapping[str, Any], released: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Settings missing in evidence whose default has changed since their release.
 
     Args:
         absent: settings from `find_absent_settings`.
-        kept: `released_defaults`.
+        released: `released_defaults`.
 
     Returns:
         Value to read the evidence with, by dotted name.
     """
     found: dict[str, Any] = {}
     for name, default in absent.items():
-        first = _first_default_of_section(name, default, kept)
+        first = _first_default_of_section(name, default, released)
         if first != default:
             found[name] = first
     return found
 
 
 def _first_default_of_section(
-    name: str, default: Any, kept: Mapping[str, Mapping[str, Any]]
+    name: str, default: Any, released: Mapping[str, Mapping[str, Any]]
 ) -> Any:
     """First default of a setting, or of a section of settings."""
-    known, first = first_released_default(name, kept)
+    known, first = first_released_default(name, released)
     if known:
         return first
     if isinstance(default, dict):
         return {
-            key: _first_default_of_section(f"{name}.{key}", value, kept)
+            key: _first_default_of_section(f"{name}.{key}", value, released)
             for key, value in default.items()
         }
     return default

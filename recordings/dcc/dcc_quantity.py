@@ -51,15 +51,15 @@ class DsiValue:
         """Name of an element, with the suffix that lists have."""
         return f"{name}XMLList" if self.count else name
 
-    def entry_texts(self, inside: "_Element", name: str, what: str) -> list[str]:
+    def entry_texts(self, parent: "_Element", name: str, what: str) -> list[str]:
         """Texts of an element: one, or in lists one for all entries or one per entry.
 
         Raises:
             EvidenceError: none, or another number than that.
         """
         if not self.count:
-            return [required_text(inside, name, what)]
-        texts = list_texts(inside, self.element_name(name), what)
+            return [required_text(parent, name, what)]
+        texts = list_texts(parent, self.element_name(name), what)
         if len(texts) not in (1, self.count):
             raise EvidenceError(
                 f"{what}: its si:{self.element_name(name)} has {len(texts)} entries for "
@@ -67,9 +67,9 @@ class DsiValue:
             )
         return texts
 
-    def entry_number(self, inside: "_Element", name: str, what: str) -> float:
+    def entry_number(self, parent: "_Element", name: str, what: str) -> float:
         """Number of this entry; all numbers of a list must be valid."""
-        texts = self.entry_texts(inside, name, what)
+        texts = self.entry_texts(parent, name, what)
         numbers = [_parse_number(text, self.element_name(name), what) for text in texts]
         return numbers[self.place if len(numbers) > 1 else 0]
 
@@ -92,12 +92,14 @@ def list_length_or_none(quantity: "_Element", what: str) -> int | None:
     return count
 
 
-def read_value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> tuple[float, float]:
+def read_value_and_u_kg(
+    quantity: "_Element", list_index: int | None, what: str
+) -> tuple[float, float]:
     """Value and standard uncertainty of a mass.
 
     Args:
         quantity: quantity of the mass.
-        place: index of the value in the quantity's list; None for a single value.
+        list_index: index of the value in the quantity's list; None for a single value.
         what: names of certificate and item, for errors.
 
     Raises:
@@ -107,7 +109,7 @@ def read_value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> t
     name = "real" if count is None else "realListXMLList"
     element = quantity.find(f"{{{SI}}}{name}")
     assert element is not None
-    value = DsiValue(element, place or 0, count or 0)
+    value = DsiValue(element, list_index or 0, count or 0)
     units = value.entry_texts(element, "unit", what)
     strange = next((unit for unit in units if unit not in _UNITS_KG), None)
     if strange is not None:
@@ -148,26 +150,26 @@ def _standard_uncertainty(value: DsiValue, what: str, *, several_units: bool) ->
     return value.entry_number(inside, name, what) / k
 
 
-def required_text(inside: "_Element", name: str, what: str) -> str:
+def required_text(parent: "_Element", name: str, what: str) -> str:
     """Text of the only child with a name.
 
     Raises:
         EvidenceError: there is none, or several.
     """
-    found = inside.findall(f"{{{SI}}}{name}")
+    found = parent.findall(f"{{{SI}}}{name}")
     text = leaf_text_or_none(found[0]) if len(found) == 1 else None
     if not text:
-        raise EvidenceError(f"{what}: its {inside.tag.rpartition('}')[2]} has no single si:{name}")
+        raise EvidenceError(f"{what}: its {parent.tag.rpartition('}')[2]} has no single si:{name}")
     return text
 
 
-def list_texts(inside: "_Element", name: str, what: str) -> list[str]:
+def list_texts(parent: "_Element", name: str, what: str) -> list[str]:
     """Entries of the only child with a name.
 
     Raises:
         EvidenceError: there is no such child, or several.
     """
-    return required_text(inside, name, what).split()
+    return required_text(parent, name, what).split()
 
 
 def _parse_number(text: str, name: str, what: str) -> float:

@@ -110,8 +110,10 @@ def _add_contact(parent: "_Element", name: str, organisation: Organisation) -> N
     _add_element(place, "street", organisation.address)
 
 
-def _add_sha256_element(parent: "_Element", name: str, about: tuple[str, str, str]) -> None:
-    referral, referral_id, digest = about
+def _add_sha256_element(
+    parent: "_Element", name: str, referral_id_and_digest: tuple[str, str, str]
+) -> None:
+    referral, referral_id, digest = referral_id_and_digest
     made = _add_element(parent, name)
     _add_language_text(made, "referral", referral)
     _add_element(made, "referralID", referral_id)

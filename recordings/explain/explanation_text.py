@@ -110,22 +110,22 @@ def iter_gate_lines(explanation: Explanation) -> Iterator[str]:
         yield ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in shares)
 
 
-def determined_parameter_lines(found: DeterminedParameters | None) -> Iterator[str]:
+def determined_parameter_lines(identifiability: DeterminedParameters | None) -> Iterator[str]:
     """Yield lines on which parameters the motion determines and which it does not."""
-    if found is None:
+    if identifiability is None:
         return
-    alone = ", ".join(_PARAMETERS[name] for name in found.alone)
+    alone = ", ".join(_PARAMETERS[name] for name in identifiability.alone)
     if alone:
         yield f"determined separately: {alone}"
-    for text in found.combinations:
+    for text in identifiability.combinations:
         said = text
         for name, words in _PARAMETERS.items():
             said = said.replace(name, words.removeprefix("a "))
         yield f"determined together only: {said}"
-    if found.lost:
-        names = ", ".join(_PARAMETERS[name] for name in found.lost)
+    if identifiability.lost:
+        names = ", ".join(_PARAMETERS[name] for name in identifiability.lost)
         yield f"not determined: {names}; their estimates come from priors"
-    for a, b, correlation in found.trade_offs:
+    for a, b, correlation in identifiability.trade_offs:
         yield (
             f"{_PARAMETERS[a]} and {_PARAMETERS[b]} trade off: their estimates are correlated by "
             f"{correlation:+.2f}"

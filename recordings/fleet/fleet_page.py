@@ -254,14 +254,14 @@ def _make_calibration_rows(page: FleetPage) -> list[tuple[str, ...]]:
     return rows
 
 
-def _format_line_change(each: LineChange) -> tuple[str, ...]:
+def _format_line_change(change: LineChange) -> tuple[str, ...]:
     return (
-        each.after.machine,
-        str(each.before.first),
-        str(each.after.first),
-        f"{each.zero_kg:+,.1f} (± {each.zero_limit_kg:,.1f})",
-        f"{each.scale_1:+.2%} (± {each.scale_limit_1:.2%})",
-        "beyond its limit" if each.has_moved else "within",
+        change.after.machine,
+        str(change.before.first),
+        str(change.after.first),
+        f"{change.zero_kg:+,.1f} (± {change.zero_limit_kg:,.1f})",
+        f"{change.scale_1:+.2%} (± {change.scale_limit_1:.2%})",
+        "beyond its limit" if change.has_moved else "within",
     )
 
 

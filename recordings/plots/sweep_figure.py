@@ -142,10 +142,12 @@ def _values_of_method(
     return np.array([np.nan if (v := part.get(method)) is None else v for part in parts])
 
 
-def _draw_swept_masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+def _draw_swept_masses(
+    axes: "Axes", rows: Sequence[SweptRow], positions: NDArray[np.float64]
+) -> None:
     masses, stds = [row.mass_kg for row in rows], [row.mass_std_kg for row in rows]
     methods = _order_methods(masses)
-    steps = np.diff(np.unique(at))
+    steps = np.diff(np.unique(positions))
     # beside each other, or bars at one place would hide each other, but near their value
     apart = (float(steps.min()) if steps.size else 1.0) * _APART
     paper = [method for method in methods if method != _JOINT]
@@ -155,7 +157,7 @@ def _draw_swept_masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.fl
     for method in methods:
         values, std = _values_of_method(masses, method), _values_of_method(stds, method)
         if np.isfinite(values).any():
-            shifted = at + apart * places[method]
+            shifted = positions + apart * places[method]
             axes.errorbar(
                 shifted, values, yerr=std, fmt="o-", ms=3, label=method, **_line_style(method)
             )
@@ -168,29 +170,39 @@ def _label_axes_without_data(axes: "Axes") -> None:
         axes.set_yticks([])
 
 
-def _draw_swept_payloads(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+def _draw_swept_payloads(
+    axes: "Axes", rows: Sequence[SweptRow], positions: NDArray[np.float64]
+) -> None:
     pairs = np.array([row.payload_kg or (np.nan, np.nan) for row in rows])
-    axes.errorbar(at, pairs[:, 0], yerr=pairs[:, 1], fmt="o-", ms=3, **_line_style(_JOINT))
+    axes.errorbar(positions, pairs[:, 0], yerr=pairs[:, 1], fmt="o-", ms=3, **_line_style(_JOINT))
     axes.set_ylabel("largest payload (kg)")
 
 
 def _draw_by_method(
-    axes: "Axes", at: NDArray[np.float64], parts: Sequence[Mapping[str, float | None]]
+    axes: "Axes", positions: NDArray[np.float64], parts: Sequence[Mapping[str, float | None]]
 ) -> None:
     for method in _order_methods(parts):
         values = _values_of_method(parts, method)
         if np.isfinite(values).any():
-            axes.plot(at, values, "o-", ms=3, label=method, **_line_style(method))
+            axes.plot(positions, values, "o-", ms=3, label=method, **_line_style(method))
     _label_axes_without_data(axes)
 
 
-def _draw_used_share(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+def _draw_used_share(
+    axes: "Axes", rows: Sequence[SweptRow], positions: NDArray[np.float64]
+) -> None:
     share = 100.0 * np.array([row.accepted_share_1 for row in rows])
-    axes.plot(at, share, "o-", ms=3, lw=1.0, color="#2e9e5b", label="used")
+    axes.plot(positions, share, "o-", ms=3, lw=1.0, color="#2e9e5b", label="used")
     refused = np.array([not row.can_weigh for row in rows])
     if refused.any():
         axes.plot(
-            at[refused], share[refused], "x", ms=8, mew=2, color="#c0392b", label="cannot weigh"
+            positions[refused],
+            share[refused],
+            "x",
+            ms=8,
+            mew=2,
+            color="#c0392b",
+            label="cannot weigh",
         )
     axes.set_ylim(-5.0, 105.0)
     axes.set_ylabel("samples used (%)")

@@ -218,17 +218,17 @@ def read_review_state(folder: Path) -> ReviewState | None:
 
 
 def changed_settings_of_review(
-    before: ReviewState | None, resolved: dict[str, Any]
+    previous: ReviewState | None, resolved: dict[str, Any]
 ) -> list[tuple[str, str, str]]:
     """Settings that changed since the previous review: name, old and new value.
 
     Args:
-        before: state of the previous review.
+        previous: state of the previous review.
         resolved: settings of this review.
     """
-    if before is None:
+    if previous is None:
         return []
-    old, new = flatten_to_texts(before.resolved), flatten_to_texts(resolved)
+    old, new = flatten_to_texts(previous.resolved), flatten_to_texts(resolved)
     return [
         (name, old.get(name, "–"), new.get(name, "–"))
         for name in sorted(old.keys() | new.keys())

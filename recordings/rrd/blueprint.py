@@ -106,7 +106,7 @@ def lay_out_run(
     display_frames: Mapping[str, pl.DataFrame],
     texts: Collection[str],
     pictures: Mapping[str, PlanePicture],
-    under: str = "",
+    parent_entity: str = "",
 ) -> "rrb.Blueprint":
     """Lay out a run in tabs, the overview first, with the whole log in view and time paused.
 
@@ -115,7 +115,7 @@ def lay_out_run(
         display_frames: frames from `make_display_frames`.
         texts: names of its texts.
         pictures: pictures from `make_plane_pictures`.
-        under: parent entity; empty for none.
+        parent_entity: parent entity; empty for none.
     """
     pages = [
         Page(
@@ -131,7 +131,7 @@ def lay_out_run(
         # what is not there needs no signals beside it
         if not tab.events or findings_of_run(run)
     ]
-    return lay_out_tabs(pages, unix_span_of_grid_ns(run), under)
+    return lay_out_tabs(pages, unix_span_of_grid_ns(run), parent_entity)
 
 
 def tab_panels(
@@ -185,7 +185,7 @@ def unix_span_of_grid_ns(run: Run) -> tuple[int, int] | None:
 def lay_out_tabs(
     pages: Sequence[Page],
     span: tuple[int, int] | None,
-    under: str = "",
+    parent_entity: str = "",
     *,
     grows: bool = False,
 ) -> "rrb.Blueprint":
@@ -194,12 +194,12 @@ def lay_out_tabs(
     Args:
         pages: the pages.
         span: visible Unix times in ns; None for all.
-        under: parent entity; empty for none.
+        parent_entity: parent entity; empty for none.
         grows: whether the time cursor stays at the newest row.
     """
     import rerun.blueprint as rrb
 
-    tabs = [tab for page in pages if (tab := _make_tab(page, span, under)) is not None]
+    tabs = [tab for page in pages if (tab := _make_tab(page, span, parent_entity)) is not None]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0, name="payscope"),
         rrb.TimePanel(
@@ -212,39 +212,44 @@ def lay_out_tabs(
     )
 
 
-def text_entity_path(name: str, under: str = "") -> str:
+def text_entity_path(name: str, parent_entity: str = "") -> str:
     """Entity path of a text."""
-    return entity_path(f"{ROOT}/text/{name}", under)
+    return entity_path(f"{ROOT}/text/{name}", parent_entity)
 
 
-def picture_entity_path(name: str, under: str = "") -> str:
+def picture_entity_path(name: str, parent_entity: str = "") -> str:
     """Entity path of a picture."""
-    return entity_path(f"{ROOT}/picture/{name}", under)
+    return entity_path(f"{ROOT}/picture/{name}", parent_entity)
 
 
-def events_entity_path(under: str = "") -> str:
+def events_entity_path(parent_entity: str = "") -> str:
     """Entity path of the events."""
-    return entity_path(f"{ROOT}/events", under)
+    return entity_path(f"{ROOT}/events", parent_entity)
 
 
-def _make_tab(page: Page, span: tuple[int, int] | None, under: str) -> "rrb.Container | None":
+def _make_tab(
+    page: Page, span: tuple[int, int] | None, parent_entity: str
+) -> "rrb.Container | None":
     import rerun.blueprint as rrb
 
     has_legend = any(panel.has_legend for row in page.rows for panel in row)
     axis = _make_time_axis(span, (_BESIDE if page.texts else _ROOM) if has_legend else 0.0)
     plots = [
-        _place_side_by_side([_make_view(panel, axis, under) for panel in row]) for row in page.rows
+        _place_side_by_side([_make_view(panel, axis, parent_entity) for panel in row])
+        for row in page.rows
     ]
     if page.events:
-        plots.append(rrb.TextLogView(origin=events_entity_path(under), name="Events"))
+        plots.append(rrb.TextLogView(origin=events_entity_path(parent_entity), name="Events"))
     left, top, right, bottom = BOUNDS
     bounds = rrb.VisualBounds2D(x_range=[left, right], y_range=[top, bottom])
     pictures = [
-        rrb.Spatial2DView(origin=picture_entity_path(name, under), name=title, visual_bounds=bounds)
+        rrb.Spatial2DView(
+            origin=picture_entity_path(name, parent_entity), name=title, visual_bounds=bounds
+        )
         for name, title in page.pictures
     ]
     documents = [
-        rrb.TextDocumentView(origin=text_entity_path(name, under), name=name.capitalize())
+        rrb.TextDocumentView(origin=text_entity_path(name, parent_entity), name=name.capitalize())
         for name in page.texts
     ]
     column = [*plots, *pictures]
@@ -291,28 +296,28 @@ def divide_height(min_heights: Sequence[float], total_height: float) -> list[flo
     return [max(each, level) for each in min_heights]
 
 
-def _make_time_axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":
-    """Time axis of the whole log, plus a fraction `room` for legends."""
+def _make_time_axis(span: tuple[int, int] | None, legend_fraction: float) -> "rrb.TimeAxis":
+    """Time axis of the whole log, plus a fraction `legend_fraction` for legends."""
     import rerun.blueprint as rrb
     from rerun.encodings import TimeRange, TimeRangeBoundary
 
-    if span is None or not room:
+    if span is None or not legend_fraction:
         ends = TimeRangeBoundary.infinite(), TimeRangeBoundary.infinite()
     else:
         begin, end = span
         ends = (
             TimeRangeBoundary.absolute(nanos=begin),
-            TimeRangeBoundary.absolute(nanos=end + round(room * (end - begin))),
+            TimeRangeBoundary.absolute(nanos=end + round(legend_fraction * (end - begin))),
         )
     return rrb.TimeAxis(view_range=TimeRange(start=ends[0], end=ends[1]))
 
 
-def _make_view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
+def _make_view(panel: Panel, axis: "rrb.TimeAxis", parent_entity: str) -> "rrb.View":
     import rerun.blueprint as rrb
 
     overrides: dict[EntityPathLike, list[Visualizer]] = {}
     for each in panel.drawn:
-        overrides.setdefault(entity_path(each.frame, under), []).extend(
+        overrides.setdefault(entity_path(each.frame, parent_entity), []).extend(
             _view_visualizers(panel.kind, each)
         )
     contents = [str(entity) for entity in overrides]

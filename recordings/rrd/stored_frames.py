@@ -185,10 +185,10 @@ class Manifest(BaseModel):
         return next((frame for frame in self.frames if frame.name == name), None)
 
 
-def entity_path(frame: str, under: str = "") -> str:
+def entity_path(frame: str, parent_entity: str = "") -> str:
     """Entity path of a frame in Rerun's spelling, below an existing path."""
     import rerun as rr
 
-    prefix = under.strip("/")
+    prefix = parent_entity.strip("/")
     path = rr.new_entity_path(list(entity_parts(frame)))
     return f"/{prefix}{path}" if prefix else path

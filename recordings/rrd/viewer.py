@@ -91,22 +91,22 @@ def list_shown_recordings(address: str) -> tuple[str, ...]:
     return tuple(each.store_id for each in state.recordings)
 
 
-def replace_recording(address: str, before: Sequence[str]) -> None:
+def replace_recording(address: str, earlier_ids: Sequence[str]) -> None:
     """Put the newest recording in place of the previous one, and close older ones.
 
     A viewer that was closed is ignored.
 
     Args:
         address: address of the viewer.
-        before: ids in the viewer before the newest came (`list_shown_recordings`).
+        earlier_ids: ids in the viewer before the newest came (`list_shown_recordings`).
     """
     from rerun.experimental import ViewerClient
 
     try:
         client = ViewerClient.connect(address)
         held = {each.store_id: each for each in client.get_state().recordings}
-        new = [each for each in held if each not in before]
-        old = [each for each in before if each in held]
+        new = [each for each in held if each not in earlier_ids]
+        old = [each for each in earlier_ids if each in held]
         if not (new and old):
             return
         now_ns = held[old[-1]].current_time

@@ -107,7 +107,7 @@ class Scene:
     pictures: Mapping[str, PlanePicture] = field(default_factory=dict)
 
 
-def make_scene(run: Run, under: str = "") -> Scene:
+def make_scene(run: Run, parent_entity: str = "") -> Scene:
     """Scene of a run by the table of views, below an entity."""
     shown = make_display_frames(run)
     name = recording_name_in_viewer(run.provenance)
@@ -121,7 +121,7 @@ def make_scene(run: Run, under: str = "") -> Scene:
         for each in findings_of_run(run)
     )
     written, pictures = markdown_by_text_name(run), make_plane_pictures(run)
-    layout = lay_out_run(run, shown, written, pictures, under)
+    layout = lay_out_run(run, shown, written, pictures, parent_entity)
     return Scene(name, shown, layout, written, tuple(events), pictures)
 
 
@@ -213,23 +213,23 @@ def _send_run_through_pipe(
     recording.disconnect()
 
 
-def send_texts(recording: "RecordingStream", scene: Scene, under: str = "") -> None:
+def send_texts(recording: "RecordingStream", scene: Scene, parent_entity: str = "") -> None:
     """Send the static parts of a scene below an entity: texts and pictures."""
     import rerun as rr
 
     for name, text in scene.texts.items():
         document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-        recording.log(text_entity_path(name, under), document, static=True)
+        recording.log(text_entity_path(name, parent_entity), document, static=True)
     for name, picture in scene.pictures.items():
-        send_picture(recording, picture_entity_path(name, under), picture)
+        send_picture(recording, picture_entity_path(name, parent_entity), picture)
 
 
 def send_events(
     recording: "RecordingStream",
     scene: Scene,
     t0_unix_ns: int,
-    under: str = "",
-    at: "Mapping[str, pa.Scalar] | None" = None,
+    parent_entity: str = "",
+    extra_times: "Mapping[str, pa.Scalar] | None" = None,
 ) -> None:
     """Send the events of a scene below an entity, on both timelines and additional ones."""
     import numpy as np
@@ -241,11 +241,14 @@ def send_events(
     since_start = np.array(t_ns, np.int64)
     levels = [rr.TextLogLevel.WARN if each else rr.TextLogLevel.INFO for each in warn]
     recording.send_columns(
-        events_entity_path(under),
+        events_entity_path(parent_entity),
         indexes=[
             rr.TimeColumn(TIME, timestamp=(since_start + t0_unix_ns).view("datetime64[ns]")),
             rr.TimeColumn(SINCE_START, duration=since_start.view("timedelta64[ns]")),
-            *(make_constant_timeline(name, time, len(t_ns)) for name, time in (at or {}).items()),
+            *(
+                make_constant_timeline(name, time, len(t_ns))
+                for name, time in (extra_times or {}).items()
+            ),
         ],
         columns=rr.TextLog.columns(text=list(lines), level=levels),
     )

@@ -343,14 +343,14 @@ def _make_evidence_document(
     evidence: EvidenceParts,
     digests: EvidenceTables,
     key: SigningKey | None,
-    before: CheckedBundle | None,
+    previous: CheckedBundle | None,
 ) -> EvidenceDocument:
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
     loads, covariance = reference_loads_and_covariance(campaign, machine)
     learnt = evidence.learnt
     weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
     estimator = estimator_with_digest(campaign, weighing)
-    last = None if before is None else before.document
+    last = None if previous is None else previous.document
     document = EvidenceDocument(
         format=FORMAT,
         kind=evidence.kind,
@@ -377,16 +377,20 @@ def _make_evidence_document(
         ),
         replay_tolerance_kg=TOLERANCE_KG,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
-        chain=_make_next_link(before),
+        chain=_make_next_link(previous),
         signer=None if key is None else _make_signer(campaign, key),
         software=software_versions(),
     )
     return document.with_all_settings
 
 
-def estimator_digested_by_this_version(last: EvidenceDocument | None) -> Estimator | None:
+def estimator_digested_by_this_version(previous: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
-    return None if last is None else estimator_with_digest(last.campaign, last.weighing_machine)
+    return (
+        None
+        if previous is None
+        else estimator_with_digest(previous.campaign, previous.weighing_machine)
+    )
 
 
 def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
@@ -394,14 +398,14 @@ def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
     return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
 
 
-def _make_next_link(before: CheckedBundle | None) -> Chain:
+def _make_next_link(previous: CheckedBundle | None) -> Chain:
     """Place of new evidence in the machine's chain."""
-    if before is None or before.document is None:
+    if previous is None or previous.document is None:
         return Chain(counter=1, previous=None)
-    last = before.document
+    last = previous.document
     link = Link(
         id=last.id,
         counter=last.chain.counter,
-        sums_sha256=hashlib.sha256(before.sums).hexdigest(),
+        sums_sha256=hashlib.sha256(previous.sums).hexdigest(),
     )
     return Chain(counter=last.chain.counter + 1, previous=link)

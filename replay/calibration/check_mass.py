@@ -99,7 +99,7 @@ def check_mass(
 
 
 def _make_single_run_campaign(
-    last: EvidenceDocument, log: Path, mass_on_board: KnownMassOnBoard
+    calibration: EvidenceDocument, log: Path, mass_on_board: KnownMassOnBoard
 ) -> CalibrationCampaign:
     """Make a campaign with a single run."""
     if mass_on_board.value_kg < 0.0:
@@ -117,10 +117,10 @@ def _make_single_run_campaign(
             "id": "check",
             "log": log.name,
             "loads": (_MASS,) if mass_on_board.value_kg else (),
-            "day": _day_of_log(last, log, mass_on_board.day),
+            "day": _day_of_log(calibration, log, mass_on_board.day),
         }
     )
-    return last.campaign.model_copy(
+    return calibration.campaign.model_copy(
         update={
             "masses": (mass,) if mass_on_board.value_kg else (),
             "runs": (run,),
@@ -131,16 +131,16 @@ def _make_single_run_campaign(
     )
 
 
-def _day_of_log(last: EvidenceDocument, log: Path, day: str | None) -> dt.date:
+def _day_of_log(calibration: EvidenceDocument, log: Path, day: str | None) -> dt.date:
     """Given day, else the log's date in the machine's time zone."""
     if day is not None:
         try:
             return dt.date.fromisoformat(day)
         except ValueError:
             raise CampaignError(f"--day {day}: is not a date; write it as 2026-05-31") from None
-    with open_log(log, time=time_axis_of_machine(last.machine)) as opened:
+    with open_log(log, time=time_axis_of_machine(calibration.machine)) as opened:
         start_ns = opened.topics()["start_ns"].min()
     if not isinstance(start_ns, int) or start_ns < FIRST_DATE_NS:
         raise CampaignError(f"{log}: has no date; give it with --day")
-    zone = last.machine.machine.zone
+    zone = calibration.machine.machine.zone
     return dt.datetime.fromtimestamp(start_ns // 10**9, zone).date()

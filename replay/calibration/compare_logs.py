@@ -203,13 +203,13 @@ def _is_near_enough(stored: float | None, replayed: float | None, tolerance: flo
 
 
 def _find_log_path(
-    bundle: CheckedBundle, log: EvidenceLog, found: dict[str, list[Path]]
+    bundle: CheckedBundle, log: EvidenceLog, paths_by_name: dict[str, list[Path]]
 ) -> Path | None:
     """Path of a log whose files match by name and digest, all in one folder; None if absent."""
     item = f"logs: {log.log}"
     places: list[Path] | None = None
     for file in log.files:
-        named = found.get(file.name, [])
+        named = paths_by_name.get(file.name, [])
         same = [path.parent for path in named if file_sha256(path) == file.sha256]
         if not same:
             if named:

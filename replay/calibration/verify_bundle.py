@@ -262,16 +262,16 @@ def compare_with_fingerprints(
 
 
 def _compare_run_recording(
-    bundle: CheckedBundle, log: EvidenceLog, found: RecordingDigests | str
+    bundle: CheckedBundle, log: EvidenceLog, digests: RecordingDigests | str
 ) -> None:
     """Check that a recording matches the replay's fingerprint in the evidence."""
-    if isinstance(found, str):
-        bundle.add_finding(BundleOutcome.TAMPERED, log.recording, found)
+    if isinstance(digests, str):
+        bundle.add_finding(BundleOutcome.TAMPERED, log.recording, digests)
         return
     wanted = {
-        "files": (sorted(file.sha256 for file in log.files), sorted(found.inputs)),
-        "settings": (log.settings_fingerprint, found.settings),
-        "frames": (log.results_fingerprint, found.results),
+        "files": (sorted(file.sha256 for file in log.files), sorted(digests.inputs)),
+        "settings": (log.settings_fingerprint, digests.settings),
+        "frames": (log.results_fingerprint, digests.results),
     }
     for what, (there, here) in wanted.items():
         if there != here:
@@ -284,11 +284,11 @@ def _compare_run_recording(
 
 
 def _compare_calibration_recording(
-    bundle: CheckedBundle, document: EvidenceDocument, found: RecordingDigests | str
+    bundle: CheckedBundle, document: EvidenceDocument, digests: RecordingDigests | str
 ) -> None:
     """Check that the bundle's recording contains the frames of the evidence."""
-    if isinstance(found, str):
-        bundle.add_finding(BundleOutcome.TAMPERED, RECORDING, found)
+    if isinstance(digests, str):
+        bundle.add_finding(BundleOutcome.TAMPERED, RECORDING, digests)
         return
     if bundle.readings is None or bundle.points is None:
         return
@@ -297,10 +297,10 @@ def _compare_calibration_recording(
     assert taken is not None
     other = sorted(
         name
-        for name in {*taken.frames, *found.frames}
-        if taken.frames.get(name) != found.frames.get(name)
+        for name in {*taken.frames, *digests.frames}
+        if taken.frames.get(name) != digests.frames.get(name)
     )
-    same_words = document.other_version_text or made.notes == found.notes
+    same_words = document.other_version_text or made.notes == digests.notes
     if not other and same_words:
         return
     what = f"frames {', '.join(other)}" if other else "words"

@@ -161,10 +161,10 @@ _UNITS: Final = {
 }
 
 
-def _estimate_table(about: str, changes: Iterable["EstimateChange"]) -> "Table":
+def _estimate_table(first_heading: str, changes: Iterable["EstimateChange"]) -> "Table":
     from replay.commands.print_tables import make_plain_table
 
-    table = make_plain_table(about, "", "A", "B", "change", "in std")
+    table = make_plain_table(first_heading, "", "A", "B", "change", "in std")
     table.columns[1].justify = "left"
     for each in list(changes)[:_SHOWN]:
         table.add_row(

@@ -343,7 +343,7 @@ def _print_run(run: "FleetRun") -> None:
     print_line(screen, f"results: {run.destination}")
 
 
-def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
+def _print_comparison(comparison: "FleetComparison", a: str, max_recordings: int) -> None:
     from replay.commands.print_tables import (
         make_plain_table,
         print_line,
@@ -352,22 +352,26 @@ def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
     )
 
     screen = stdout_console()
-    whole = found.total_change
+    whole = comparison.total_change
     print_line(
         screen,
         f"{whole['payload_kg'] / 1e3:,.3f} t in A, {whole['payload_b_kg'] / 1e3:,.3f} t in B: "
         f"{whole['change_kg'] / 1e3:+,.3f} t ({_format_relative_difference(whole)}), by "
         f"{whole['changed']:,.0f} of {whole['logs']:,.0f} recordings",
     )
-    if found.only_a or found.only_b:
-        print_line(screen, f"not compared: {found.only_a} only in A, {found.only_b} only in B")
+    if comparison.only_a or comparison.only_b:
+        print_line(
+            screen, f"not compared: {comparison.only_a} only in A, {comparison.only_b} only in B"
+        )
     table = make_plain_table(
         "machine", "recordings", "t in A", "t in B", "change t", "loads A", "B"
     )
-    for row in found.machines.iter_rows(named=True):
+    for row in comparison.machines.iter_rows(named=True):
         table.add_row(row["machine"], f"{row['logs']:,}", *_make_change_cells(row))
     print_table(screen, table)
-    changed = found.logs.head(shown).filter(found.logs.head(shown)["change_kg"] != 0.0)
+    changed = comparison.logs.head(max_recordings).filter(
+        comparison.logs.head(max_recordings)["change_kg"] != 0.0
+    )
     if changed.is_empty():
         return
     print_line(screen, "")

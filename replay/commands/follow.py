@@ -147,12 +147,13 @@ def _format_count(count: int, what: str) -> str:
     return f"{count:,} {what}" + "s" * (count != 1)
 
 
-def _describe_agreement(each: "Agreement") -> str:
-    if each.differs_from_s is None:
-        return f"{each.name}: {each.rows:,} rows, as in the replay bit for bit"
-    if each.is_rounding:
-        return f"{each.name}: {each.rows:,} rows, as in the replay to nine digits"
+def _describe_agreement(agreement: "Agreement") -> str:
+    if agreement.differs_from_s is None:
+        return f"{agreement.name}: {agreement.rows:,} rows, as in the replay bit for bit"
+    if agreement.is_rounding:
+        return f"{agreement.name}: {agreement.rows:,} rows, as in the replay to nine digits"
     return (
-        f"{each.name}: {each.rows:,} rows, {each.replayed:,} in the replay; they differ "
-        f"from {each.differs_from_s:,.0f} s onwards"
+        f"{agreement.name}: {agreement.rows:,} rows, {agreement.replayed:,} in the replay; they "
+        "differ "
+        f"from {agreement.differs_from_s:,.0f} s onwards"
     )

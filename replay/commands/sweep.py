@@ -340,11 +340,11 @@ def shortest_distinct_names(keys: Iterable[str]) -> dict[str, str]:
     return {key: name if shared[name] == 1 else key for key, name in last.items()}
 
 
-def _format_shown_value(shown: RenderableType) -> str:
+def _format_shown_value(value: RenderableType) -> str:
     from io import StringIO
 
     from rich.console import Console
 
     text = StringIO()
-    Console(file=text, width=_FILE_WIDTH, highlight=False).print(shown)
+    Console(file=text, width=_FILE_WIDTH, highlight=False).print(value)
     return "".join(f"{line.rstrip()}\n" for line in text.getvalue().splitlines())

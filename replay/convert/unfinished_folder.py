@@ -168,14 +168,14 @@ class UnfinishedFolder:
             elif each.name != _LOCK:
                 each.unlink()
 
-    def remove_all_except(self, kept: set[str]) -> None:
+    def remove_all_except(self, kept_files: set[str]) -> None:
         """Remove everything except the parts of a finished conversion.
 
         Args:
-            kept: files below the folder.
+            kept_files: files below the folder.
         """
         for each in sorted(self.path.rglob("*"), reverse=True):
-            if each.is_file() and each.relative_to(self.path).as_posix() not in kept:
+            if each.is_file() and each.relative_to(self.path).as_posix() not in kept_files:
                 each.unlink()
 
 

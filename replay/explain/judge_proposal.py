@@ -98,20 +98,20 @@ class ProposalTrial:
 
 
 def held_out_objection_text(
-    finding: Finding, before: Run, span_ns: tuple[int, int], replay: Replay
+    finding: Finding, run_without_proposal: Run, span_ns: tuple[int, int], replay: Replay
 ) -> str:
     """Why the proposal fails on a held-out half of the log; empty if it holds.
 
     Args:
         finding: finding of the whole log with the proposal.
-        before: replay of the whole log.
+        run_without_proposal: replay of the whole log.
         span_ns: first and last log time.
         replay: replays a range of log times with additional proposals.
 
     Returns:
         Empty where it holds.
     """
-    middle_ns = _find_middle_ns(before, *span_ns)
+    middle_ns = _find_middle_ns(run_without_proposal, *span_ns)
     if middle_ns is None:
         return "the log is too short to test the correction on stretches that it was not fitted to"
     first, second = (None, middle_ns), (middle_ns + 1, None)

@@ -148,7 +148,7 @@ class ProposalProgress:
 def mend_machine_file(
     path: Path,
     source: MachineText,
-    before: Run,
+    run_without_proposals: Run,
     output: tuple[Path, bool],
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> MendedMachine:
@@ -157,7 +157,7 @@ def mend_machine_file(
     Args:
         path: log, or recording of it.
         source: machine file of the replay.
-        before: replay without proposals.
+        run_without_proposals: replay without proposals.
         output: file to write, and whether to replace an existing one.
         on_stage: called with each stage of a replay when it begins.
 
@@ -182,23 +182,24 @@ def mend_machine_file(
                 raise MachineError(str(error).removeprefix(f"{trial}: ")) from None
 
         progress = try_all_proposals(
-            before, ProposalReplays(CachedLog(opened), text, load_trial_machine, file, on_stage)
+            run_without_proposals,
+            ProposalReplays(CachedLog(opened), text, load_trial_machine, file, on_stage),
         )
     if not progress.changes:
-        return _make_mended_machine(None, progress, before)
+        return _make_mended_machine(None, progress, run_without_proposals)
     with atomic_file(output[0], force=output[1]) as partial:
         partial.write_text(insert_proposals(text, progress.changes, file), encoding="utf-8")
-    return _make_mended_machine(output[0], progress, before)
+    return _make_mended_machine(output[0], progress, run_without_proposals)
 
 
-def try_all_proposals(before: Run, replays: ProposalReplays) -> ProposalProgress:
+def try_all_proposals(run_without_proposals: Run, replays: ProposalReplays) -> ProposalProgress:
     """Try the proposals one by one, and accept those that help.
 
     Args:
-        before: replay without proposals.
+        run_without_proposals: replay without proposals.
         replays: replays of the log.
     """
-    tried = ProposalProgress(before)
+    tried = ProposalProgress(run_without_proposals)
     for _ in range(_MOST):
         finding = _find_next_proposal(tried)
         if finding is None:
@@ -218,7 +219,7 @@ def try_all_proposals(before: Run, replays: ProposalReplays) -> ProposalProgress
             RejectedProposal(each, "the mass remains withheld")
             for each in _first_proposal_of_each_cause(tried.changes)
         ]
-        return ProposalProgress(before, taken_back=tried.taken_back)
+        return ProposalProgress(run_without_proposals, taken_back=tried.taken_back)
     reject_unneeded_proposals(tried, replays)
     return tried
 
@@ -330,13 +331,13 @@ def try_proposal(progress: ProposalProgress, finding: Finding, replays: Proposal
 
 
 def _make_mended_machine(
-    path: Path | None, progress: ProposalProgress, before: Run
+    path: Path | None, progress: ProposalProgress, run_without_proposals: Run
 ) -> MendedMachine:
     return MendedMachine(
         path,
         tuple(progress.changes),
         tuple(progress.taken_back),
-        answer(before),
+        answer(run_without_proposals),
         answer(progress.run),
         findings_of_run(progress.run),
     )

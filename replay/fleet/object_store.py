@@ -124,11 +124,11 @@ class ObjectStore:
         """Write a file's content as an object."""
         self._run_operation(name, lambda: self._opened_store.put(name, path))
 
-    def fetch(self, name: str, to: Path) -> None:
+    def fetch(self, name: str, target: Path) -> None:
         """Copy an object to a file in parts."""
 
         def copy_parts() -> None:
-            with to.open("wb") as file:
+            with target.open("wb") as file:
                 for part in self._opened_store.get(name).stream(min_chunk_size=_CHUNK):
                     file.write(part)
 

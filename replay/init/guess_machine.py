@@ -282,34 +282,34 @@ def _iter_channel_guesses(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
                 yield ChannelGuess(column, row["topic"], field)
 
 
-def _derivations_of_missing_channels(found: set[str]) -> dict[str, str]:
+def _derivations_of_missing_channels(channels: set[str]) -> dict[str, str]:
     derived: dict[str, str] = {}
-    if "speed_x_m_s" not in found:
-        if {"speed_left_m_s", "speed_right_m_s"} <= found:
+    if "speed_x_m_s" not in channels:
+        if {"speed_left_m_s", "speed_right_m_s"} <= channels:
             derived["speed_x_m_s"] = "mean(speed_left_m_s, speed_right_m_s)"
-        elif "position_x_m" in found:
+        elif "position_x_m" in channels:
             derived["speed_x_m_s"] = "d/dt position_x_m"
-    has_speed = "speed_x_m_s" in found or "speed_x_m_s" in derived
-    if has_speed and not {"specific_force_x_m_s2", "acc_x_m_s2"} & found:
+    has_speed = "speed_x_m_s" in channels or "speed_x_m_s" in derived
+    if has_speed and not {"specific_force_x_m_s2", "acc_x_m_s2"} & channels:
         derived["acc_x_m_s2"] = "d/dt speed_x_m_s"
     # what spins need for an inertia
-    turns = "torque_z_N_m" in found or {"torque_left_N_m", "torque_right_N_m"} <= found
-    if turns and "yaw_rate_rad_s" in found and "yaw_acc_rad_s2" not in found:
+    turns = "torque_z_N_m" in channels or {"torque_left_N_m", "torque_right_N_m"} <= channels
+    if turns and "yaw_rate_rad_s" in channels and "yaw_acc_rad_s2" not in channels:
         derived["yaw_acc_rad_s2"] = "d/dt yaw_rate_rad_s"
     return derived
 
 
 def _describe_lacking_channels(
-    found: set[str], questions: list[str], *, kinematic: bool
+    channels: set[str], questions: list[str], *, kinematic: bool
 ) -> list[str]:
     lacking: list[str] = []
-    if "force_x_N" not in found and not {"torque_left_N_m", "torque_right_N_m"} <= found:
+    if "force_x_N" not in channels and not {"torque_left_N_m", "torque_right_N_m"} <= channels:
         lacking.append("a force: channels.force_x_N, or both wheel torques")
-    elif "force_x_N" not in found and not any("wheel_radius_m" in each for each in questions):
+    elif "force_x_N" not in channels and not any("wheel_radius_m" in each for each in questions):
         lacking.append("machine.wheel_radius_m, which turns wheel torques into a force")
-    if "speed_x_m_s" not in found:
+    if "speed_x_m_s" not in channels:
         lacking.append("a speed: channels.speed_x_m_s, if need be derived from a position")
-    if kinematic and "acc_x_m_s2" not in found:
+    if kinematic and "acc_x_m_s2" not in channels:
         lacking.append("an acceleration: channels.specific_force_x_m_s2 or channels.acc_x_m_s2")
     return lacking
 

@@ -259,10 +259,13 @@ class MessageLog(Log):
             self._compare_index(found)
         return LogCheck(sum(each.size for each in found.values()), message_bytes, crcs)
 
-    def _compare_index(self, found: Mapping[int, NDArray[np.int64]]) -> None:
+    def _compare_index(self, times_by_connection: Mapping[int, NDArray[np.int64]]) -> None:
         """Note where log times (n,) differ from those of the index, by connection."""
         for connection in self._container.connections:
-            there, said = found[connection.id], self._container.log_times(connection.id)
+            there, said = (
+                times_by_connection[connection.id],
+                self._container.log_times(connection.id),
+            )
             if not np.array_equal(np.sort(there), np.sort(said)):
                 self._read_losses.note(
                     self.path,

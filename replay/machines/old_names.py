@@ -184,7 +184,7 @@ def _rename_in_lines(lines: list[str], old: str, new: str) -> None:
             return
 
 
-def _move_key(lines: list[str], at: int, table: "_TableLines", home: "_TableLines") -> None:
+def _move_key(lines: list[str], at: int, table: "_TableLines", new_table: "_TableLines") -> None:
     """Move a key, with the comment lines directly above it, to the top of another table."""
     end = _end_of_value(lines, at, table.last)
     while at > table.first and lines[at - 1].lstrip().startswith("#"):
@@ -193,7 +193,7 @@ def _move_key(lines: list[str], at: int, table: "_TableLines", home: "_TableLine
     if not moved[-1].endswith("\n"):
         moved[-1] += "\n"
     del lines[at:end]
-    to = home.first - (len(moved) if home.first > at else 0)
+    to = new_table.first - (len(moved) if new_table.first > at else 0)
     lines[to:to] = moved
 
 

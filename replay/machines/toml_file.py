@@ -168,15 +168,15 @@ def keys_and_table(
     return keys, table_of_annotation(here)
 
 
-def table_of_annotation(here: Any, tag: int | str | None = None) -> type[BaseModel] | None:
+def table_of_annotation(annotation: Any, tag: int | str | None = None) -> type[BaseModel] | None:
     """Model that an annotation allows; among several, the one with this tag."""
-    if isinstance(here, type) and issubclass(here, BaseModel):
-        return here
-    if get_origin(here) is Annotated:
-        return table_of_annotation(get_args(here)[0], tag)
-    if get_origin(here) not in (Union, UnionType):
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    if get_origin(annotation) is Annotated:
+        return table_of_annotation(get_args(annotation)[0], tag)
+    if get_origin(annotation) not in (Union, UnionType):
         return None
-    tables = [table for table in map(table_of_annotation, get_args(here)) if table]
+    tables = [table for table in map(table_of_annotation, get_args(annotation)) if table]
     if len(tables) == 1:
         return tables[0]
     tagged = [t for t in tables if any(f.default == tag for f in t.model_fields.values())]

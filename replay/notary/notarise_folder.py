@@ -216,7 +216,7 @@ def _is_unchanged(entry: NotaryEntry, log: FoundLog) -> bool:
 
 
 def make_entry_of_unchanging_log(
-    open_list: OpenList, log: FoundLog, before: NotaryEntry | None
+    open_list: OpenList, log: FoundLog, previous_entry: NotaryEntry | None
 ) -> NotaryEntry | None:
     """Line of the list for a log; None if the log changes meanwhile."""
     inside = log.path if log.path.is_dir() else log.path.parent
@@ -241,7 +241,7 @@ def make_entry_of_unchanging_log(
         ends=ends,
         listed=_format_now(),
         machine_id=machine,
-        replaces=None if before is None else before.counter,
+        replaces=None if previous_entry is None else previous_entry.counter,
     )
 
 

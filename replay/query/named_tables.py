@@ -122,16 +122,16 @@ def _scan_ledger(ledger: Path) -> pl.LazyFrame:
     return rename_stored_checks("cycles", _PLAIN[ledger.name](ledger))
 
 
-def _add_frames_of_recordings(found: NamedTables) -> int | None:
+def _add_frames_of_recordings(tables: NamedTables) -> int | None:
     """Add the frames of all recordings; return the start of the run if there is only one."""
     by_name: dict[str, list[RecordingFrame]] = {}
-    for path in found.recordings:
-        for name, frame in recording_frames(path, with_source=len(found.recordings) > 1).items():
+    for path in tables.recordings:
+        for name, frame in recording_frames(path, with_source=len(tables.recordings) > 1).items():
             by_name.setdefault(name, []).append(frame)
     for name, frames in by_name.items():
-        found.add(name, partial(_concatenate_lazily, frames), str(frames[0].recording))
+        tables.add(name, partial(_concatenate_lazily, frames), str(frames[0].recording))
     starts = {frame.t0_unix_ns for frames in by_name.values() for frame in frames}
-    return starts.pop() if len(found.recordings) == 1 else None
+    return starts.pop() if len(tables.recordings) == 1 else None
 
 
 def _concatenate_lazily(frames: Sequence[RecordingFrame]) -> pl.LazyFrame:
@@ -165,7 +165,7 @@ class _TopicOptions:
         return [*whole, *picked] if picked else None
 
 
-def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
+def _add_topics(tables: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
     named = logs[0] if len(logs) == 1 else logs
     paths, _ = log_paths_and_is_pattern(named)
     topics: dict[str, list[Path]] = {}
@@ -183,9 +183,9 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
             topic,
             fields=options.choose_fields(first, topic),
             time=options.time,
-            losses=found.losses,
+            losses=tables.losses,
         )
-        found.sources.append(source)
+        tables.sources.append(source)
         rows = lazy_frame(source)
         if options.t0_unix_ns is None:
             return rows
@@ -193,10 +193,10 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
         return rows.select((since_start / 1e9).alias(AT_S), pl.all())
 
     for topic, of_logs in topics.items():
-        found.add(topic, partial(rows_of_topic, topic, of_logs), str(of_logs[0]))
+        tables.add(topic, partial(rows_of_topic, topic, of_logs), str(of_logs[0]))
     for path in topics.get(TABLE, ()):
         # tables go by their own names as well, alike or not
-        found.add(path.stem, partial(rows_of_topic, TABLE, [path]), str(path))
+        tables.add(path.stem, partial(rows_of_topic, TABLE, [path]), str(path))
 
 
 def add_opening_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:

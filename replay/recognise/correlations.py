@@ -234,37 +234,39 @@ _SI: Final = {
 }
 
 
-def ask_about_wrapped_sign(log: Log, each: ChannelProposal, recognition: Recognition) -> None:
+def ask_about_wrapped_sign(log: Log, proposal: ChannelProposal, recognition: Recognition) -> None:
     """Ask which values are negative if integers jump between the ends of their range."""
-    x = read_series_of_proposal(log, each)[1]
+    x = read_series_of_proposal(log, proposal)[1]
     if x.size < _FEWEST or x.min() < 0 or (x != np.rint(x)).any():
         return
     largest, jump = float(x.max()), float(np.abs(np.diff(x)).max())
     for bits in _BITS:
         half = 2 ** (bits - 1)
         if half < jump and half < largest < 2 * half:
-            recognition.ask_question("sign", _WRAPPED.format(each.field, bits, half - 1, 2 * half))
+            recognition.ask_question(
+                "sign", _WRAPPED.format(proposal.field, bits, half - 1, 2 * half)
+            )
 
 
 def _ask_about_unsigned_force(
-    log: Log, each: ChannelProposal, speed: ChannelProposal, recognition: Recognition
+    log: Log, proposal: ChannelProposal, speed: ChannelProposal, recognition: Recognition
 ) -> None:
     """Ask for the sign of a force that is never negative although the machine brakes with it."""
-    (t, x), (at, y) = read_series_of_proposal(log, each), read_series_of_proposal(log, speed)
+    (t, x), (at, y) = read_series_of_proposal(log, proposal), read_series_of_proposal(log, speed)
     if min(t.size, at.size) < _FEWEST or x.min() < -_NOISE * x.max():
         return
     slope = _slope_at_times(t, at, y)
     starts, stops = x[slope > slope.max() / 2], x[slope < slope.min() / 2]
     if slope.min() < 0 < slope.max() and stops.mean() > _BRAKING * starts.mean() > 0:
-        recognition.ask_question("sign", _WITHOUT_SIGN.format(each.field))
+        recognition.ask_question("sign", _WITHOUT_SIGN.format(proposal.field))
 
 
-def read_series_of_proposal(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]:
+def read_series_of_proposal(log: Log, proposal: ChannelProposal) -> tuple[Floats, Floats]:
     """Times in seconds and readings of a proposal; empty if it has none."""
-    if each.field is None:
+    if proposal.field is None:
         return np.empty(0), np.empty(0)
     try:
-        return read_series(log, each.topic, each.field)
+        return read_series(log, proposal.topic, proposal.field)
     except (LogError, pl.exceptions.PolarsError):
         return np.empty(0), np.empty(0)
 
@@ -275,9 +277,9 @@ def _slope_at_times(t: Floats, at: Floats, y: Floats) -> Floats:
     return np.interp(t + half, at, y) - np.interp(t - half, at, y)
 
 
-def slope_correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> float | None:
+def slope_correlation(log: Log, proposal: ChannelProposal, sloped: ChannelProposal) -> float | None:
     """Correlation of a column with the slope of another; None if undefined."""
-    (t, x), (at, y) = read_series_of_proposal(log, one), read_series_of_proposal(log, other)
+    (t, x), (at, y) = read_series_of_proposal(log, proposal), read_series_of_proposal(log, sloped)
     return (
         _correlation_or_none(x, _slope_at_times(t, at, y))
         if min(t.size, at.size) >= _FEWEST

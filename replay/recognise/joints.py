@@ -107,12 +107,12 @@ def _fill_side_channels(
 
 
 def fill_channel_or_numbered_parts(
-    recognition: Recognition, topic: str, fields: Sequence[str], whole: str
+    recognition: Recognition, topic: str, fields: Sequence[str], channel: str
 ) -> list[str]:
     """Fill a channel with one field, or numbered channels with several; return their names."""
-    quantity, _, behind = whole.partition("_")
+    quantity, _, behind = channel.partition("_")
     many = len(fields) > 1
-    names = [f"{quantity}_{k}_{behind}" if many else whole for k in range(1, len(fields) + 1)]
+    names = [f"{quantity}_{k}_{behind}" if many else channel for k in range(1, len(fields) + 1)]
     for name, field in zip(names, fields, strict=True):
         _propose_field(recognition, name, topic, field)
     return names

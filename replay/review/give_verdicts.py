@@ -110,21 +110,21 @@ class GivenVerdicts:
             raise ReviewError(f"--{first['loc'][0]}: {first['msg']}") from None
 
     def list_changes_to(
-        self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
+        self, earlier: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
         """Verdicts that change something compared with the earlier ones.
 
         Args:
-            before: earlier verdicts.
+            earlier: earlier verdicts.
             rows: the ledger.
             state: state of the review.
             folder: folder of the review.
         """
-        logged = [each for each in self.spans if each not in before.shift]
-        return [*logged, *self._select_verdicts_by_person(before, rows, state, folder)]
+        logged = [each for each in self.spans if each not in earlier.shift]
+        return [*logged, *self._select_verdicts_by_person(earlier, rows, state, folder)]
 
     def _select_verdicts_by_person(
-        self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
+        self, earlier: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
         """Verdicts by a person rather than from a log; arguments as for `list_changes_to`."""
         now = _current_second()
@@ -148,14 +148,14 @@ class GivenVerdicts:
             return [said]
         if not self.named_cycles:
             # labels of a part of the shift may say otherwise: the later one counts
-            in_parts = any(each.begin or each.end for each in before.shift)
+            in_parts = any(each.begin or each.end for each in earlier.shift)
             said = {
                 name: text
                 for name, text in self._labels.items()
-                if in_parts or getattr(before.shift_labels, name) != text
+                if in_parts or getattr(earlier.shift_labels, name) != text
             }
             return [ShiftVerdict.model_validate(said | signed)] if said else []
-        standing = verdicts_by_row(before, rows["id"], folder)
+        standing = verdicts_by_row(earlier, rows["id"], folder)
         found: dict[int, CycleVerdict] = {}
         for when, reject in self.named_cycles:
             row = find_cycle_row(when, rows, state.clock)

@@ -301,12 +301,12 @@ def _make_review_inputs(
     }
 
 
-def _list_changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
+def _list_changes_since(earlier: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
     """Settings, options and logs that differ from the earlier review."""
-    was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (before, state))
+    was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (earlier, state))
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
-    return [*logs, *changed_settings_of_review(before, state.resolved)]
+    return [*logs, *changed_settings_of_review(earlier, state.resolved)]
 
 
 def find_torn_logs(

@@ -125,13 +125,13 @@ def _replay_combination(
     machine: Machine,
     paths: Sequence[Path],
     machine_file: Path,
-    over: Sequence[str],
+    overrides: Sequence[str],
 ) -> Run:
     try:
         return run(logs, machine)
     except DataError as error:
         names = ", ".join(map(str, paths))
-        raise DataError(f"{names} with {machine_file}, {', '.join(over)}: {error}") from None
+        raise DataError(f"{names} with {machine_file}, {', '.join(overrides)}: {error}") from None
 
 
 def _rms_errors_by_truth(
@@ -191,30 +191,32 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     return list(product(*axes))
 
 
-def _parse_swept_key(over: str) -> list[str]:
+def _parse_swept_key(option: str) -> list[str]:
     """Overrides of one --over option."""
-    key, equals, text = (part.strip() for part in over.partition("="))
+    key, equals, text = (part.strip() for part in option.partition("="))
     if not (key and equals and text):
-        raise MachineError(f"--over {over}: {_HOW}")
-    values = _parse_range(over, text) if ":" in text else _split_values(text)
+        raise MachineError(f"--over {option}: {_HOW}")
+    values = _parse_range(option, text) if ":" in text else _split_values(text)
     if not all(values):
-        raise MachineError(f"--over {over}: a value is missing; {_HOW}")
+        raise MachineError(f"--over {option}: a value is missing; {_HOW}")
     return [f"{key}={value}" for value in values]
 
 
-def _parse_range(over: str, text: str) -> list[str]:
+def _parse_range(option: str, text: str) -> list[str]:
     """Decimal numbers of the range `from:to:step`, as text."""
     try:
         first, last, step = (Decimal(part.strip()) for part in text.split(":"))
         steps = (last - first) / step
     except (ArithmeticError, ValueError):
-        raise MachineError(f"--over {over}: {_HOW}") from None
+        raise MachineError(f"--over {option}: {_HOW}") from None
     if not steps.is_finite() or steps < 0:
         raise MachineError(
-            f"--over {over}: no whole number of steps of {step} leads from {first} to {last}"
+            f"--over {option}: no whole number of steps of {step} leads from {first} to {last}"
         )
     if steps >= _LARGEST:
-        raise MachineError(f"--over {over}: makes more than {_LARGEST:,} values; use a larger step")
+        raise MachineError(
+            f"--over {option}: makes more than {_LARGEST:,} values; use a larger step"
+        )
     return [f"{first + k * step:f}" for k in range(int(steps) + 1)]
 
 

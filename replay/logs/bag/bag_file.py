@@ -131,18 +131,20 @@ class BagFile(BlockFile):
             f"{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _process_record(self, op: int, content: bytes, at: int) -> None:
+    def _process_record(self, op: int, content: bytes, offset: int) -> None:
         """Process a connection record from its header and data."""
         del op
         size = int.from_bytes(content[:4], "little")
-        self._note_connection(parse_fields(content[4 : 4 + size]) or {}, content[8 + size :], at)
+        self._note_connection(
+            parse_fields(content[4 : 4 + size]) or {}, content[8 + size :], offset
+        )
 
-    def _note_connection(self, fields: dict[bytes, bytes], data: bytes, at: int) -> None:
+    def _note_connection(self, fields: dict[bytes, bytes], data: bytes, offset: int) -> None:
         connection = make_connection(fields, data)
         if connection is None:
             self._store.damage.note("the record of a connection is damaged")
-        elif at < self._connections_at.get(connection.id, self._file.size):
-            self._connections_at[connection.id] = at
+        elif offset < self._connections_at.get(connection.id, self._file.size):
+            self._connections_at[connection.id] = offset
             self._connections[connection.id] = connection
 
 

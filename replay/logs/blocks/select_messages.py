@@ -74,10 +74,10 @@ def fill_wanted_messages(
             ends[owner] = place + 1
 
 
-def indices_of_keys(found: Ints, keys: Ints) -> Ints:
-    """Index of each of `found` (n,) in the ascending `keys`; -1 if absent."""
-    places = np.empty(found.size, np.int64)
-    _fill_key_indices(found, keys, places)
+def indices_of_keys(values: Ints, keys: Ints) -> Ints:
+    """Index of each of `values` (n,) in the ascending `keys`; -1 if absent."""
+    places = np.empty(values.size, np.int64)
+    _fill_key_indices(values, keys, places)
     return places
 
 

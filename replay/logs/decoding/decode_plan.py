@@ -122,12 +122,12 @@ class BatchPass:
         return WalkedBatch(columns, whole, f"{FAULTS[self._outcome.faults[first]]} {where}")
 
 
-def _allocate_marks(program: DecodeProgram, room: Ints) -> WalkNotes:
+def _allocate_marks(program: DecodeProgram, elements_of_nodes: Ints) -> WalkNotes:
     """Allocate marks for the given numbers of elements of each node."""
     nodes = program.mark_nodes
-    ends = np.cumsum(room[nodes])
+    ends = np.cumsum(elements_of_nodes[nodes])
     return WalkNotes(
-        np.stack([nodes, ends - room[nodes], room[nodes]], axis=1),
+        np.stack([nodes, ends - elements_of_nodes[nodes], elements_of_nodes[nodes]], axis=1),
         marks=np.empty(int(ends[-1]) if ends.size else 0, np.int64),
         filled=np.zeros(program.nodes, np.int64),
         kept=np.empty(program.nodes, np.int64),

@@ -220,7 +220,7 @@ class McapFile(BlockFile):
             f"are read{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _process_record(self, op: int, content: bytes, at: int) -> None:
+    def _process_record(self, op: int, content: bytes, offset: int) -> None:
         """Keep the first channel or schema of each number, and the first summary counts."""
         stream = ReadDataStream(BytesIO(content))
         try:
@@ -230,10 +230,10 @@ class McapFile(BlockFile):
             self._store.damage.note(f"the record of a {kind} is damaged: {error}")
             return
         if isinstance(record, Channel):
-            if at < self._channels_at.get(record.id, self._file.size):
-                self._channels[record.id], self._channels_at[record.id] = record, at
-        elif at < self._schemas_at.get(record.id, self._file.size):
-            self._schemas[record.id], self._schemas_at[record.id] = record, at
+            if offset < self._channels_at.get(record.id, self._file.size):
+                self._channels[record.id], self._channels_at[record.id] = record, offset
+        elif offset < self._schemas_at.get(record.id, self._file.size):
+            self._schemas[record.id], self._schemas_at[record.id] = record, offset
 
 
 def _has_same_times(chunk: ChunkIndex, block: Block) -> bool:

@@ -328,14 +328,14 @@ def _decompress_file(unpacker: zstandard.ZstdDecompressor, packed: bytes) -> byt
     return _unpack_stepwise(unpacker, packed, room)
 
 
-def _unpack_stepwise(unpacker: zstandard.ZstdDecompressor, packed: bytes, room: int) -> bytes:
+def _unpack_stepwise(unpacker: zstandard.ZstdDecompressor, packed: bytes, max_bytes: int) -> bytes:
     """Unpack a frame of unknown size, in steps that a few bytes can hold."""
     stream = unpacker.decompressobj()
     parts: list[bytes] = []
     for at in range(0, len(packed), _FEW_BYTES):
         parts.append(stream.decompress(packed[at : at + _FEW_BYTES]))
-        room -= len(parts[-1])
-        if room < 0:
+        max_bytes -= len(parts[-1])
+        if max_bytes < 0:
             raise zstandard.ZstdError("implausibly large")
         if stream.eof:
             return b"".join(parts)

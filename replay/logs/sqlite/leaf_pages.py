@@ -141,18 +141,18 @@ class PageRanges(NamedTuple):
 
 
 def page_ranges(
-    pages: NDArray[np.uint32], page_bytes: int, room: int
+    pages: NDArray[np.uint32], page_bytes: int, max_bytes: int
 ) -> tuple[PageRanges, NDArray[np.int64]]:
     """Ranges that contain as many of `pages` as there is room for, at least one.
 
     Returns:
         The ranges, and (n,) begin of each of the first n pages.
     """
-    numbers = pages[: max(1, room // page_bytes)].astype(np.int64)
+    numbers = pages[: max(1, max_bytes // page_bytes)].astype(np.int64)
     step = np.diff(numbers)
     apart = (step < 1) | ((step - 1) * page_bytes > _MOST_BETWEEN)
     slot = np.concatenate([[0], np.cumsum(np.where(apart, 1, step))])
-    count = int(np.searchsorted(slot, room // page_bytes))
+    count = int(np.searchsorted(slot, max_bytes // page_bytes))
     numbers, slot = numbers[:count], slot[:count]
     starts = np.concatenate([[0], np.flatnonzero(apart[: count - 1]) + 1])
     ends = np.concatenate([starts[1:], [count]]) - 1

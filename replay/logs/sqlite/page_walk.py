@@ -170,18 +170,24 @@ class PageWalk:
             self._note(f"{odd:,} rows from row {first_odd} on hold no message")
 
 
-def _describe_lost_rows(before: int, until: int) -> str:
+def _describe_lost_rows(last_id_before: int, next_id: int) -> str:
     """Clause on the rows lost between two ids, as far as the ids show it."""
-    if until == MOST_ID:
-        return "all rows are" if before == LEAST_ID else f"rows from {before + 1} on are"
-    if before == LEAST_ID:
-        return f"rows before {until} are"
-    if until == before + 2:
-        return f"row {before + 1} is"
+    if next_id == MOST_ID:
+        return (
+            "all rows are"
+            if last_id_before == LEAST_ID
+            else f"rows from {last_id_before + 1} on are"
+        )
+    if last_id_before == LEAST_ID:
+        return f"rows before {next_id} are"
+    if next_id == last_id_before + 2:
+        return f"row {last_id_before + 1} is"
     # ids out of order are damaged themselves
-    in_order = until > before + 1
+    in_order = next_id > last_id_before + 1
     return (
-        f"rows from {before + 1} to {until - 1} are" if in_order else f"rows near row {before} are"
+        f"rows from {last_id_before + 1} to {next_id - 1} are"
+        if in_order
+        else f"rows near row {last_id_before} are"
     )
 
 
