@@ -2,7 +2,7 @@
 
 The window's own residuals give the scale: E[RSS] = s² (n - tr(G⁻¹ Aᵀ R A)), so that s² is right
 for correlated residuals as well. R = I gives the textbook formula. What few residuals leave open
-widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.widening`).
+widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.scale_widening`).
 """
 
 import numpy as np

@@ -46,8 +46,8 @@ class FleetPage:
     Attributes:
         name: name of the fleet.
         results: table `results`.
-        days: frame of `daily`.
-        weeks: frame of `weekly`.
+        days: frame of `make_daily_figures`.
+        weeks: frame of `weekly_tonnes`.
         charts: charts of `machine_charts`.
         calibrations: calibrations of all machines.
         changes: changes between successive calibrations.

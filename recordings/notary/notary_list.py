@@ -127,7 +127,7 @@ def sign_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
 
 
 def parse_line(data: bytes, what: str) -> NotaryLine:
-    """Read a line of a stranger; do not trust its contents before `NotaryLine.by` has verified it.
+    """Read a line of a stranger; trust its contents only after `is_signed_by` holds.
 
     Args:
         data: bytes without the newline.

@@ -257,7 +257,7 @@ class EnvelopeContent:
 
 
 def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
-    """Read an envelope of a stranger; do not trust its contents before `Signed.by` has verified it.
+    """Read an envelope of a stranger; trust its contents only after `is_signed_by` holds.
 
     Raises:
         EvidenceError: it is not an envelope as written by `make_signed_envelope_bytes`.

@@ -64,7 +64,7 @@ def sweep_settings(
         logs: logs; errors are given if the truth is next to each log.
         machine_file: the machine file.
         overrides: `key=value` for every combination.
-        grid: combinations of further overrides (`replay.runs.setting_grid.combinations`).
+        grid: combinations of further overrides (`value_combinations`).
         reference_kg: true mass, if known.
         calibration: evidence that calibrates the masses of the combinations that it is of; the
             others give the reason why they have none.

@@ -130,7 +130,7 @@ def feed_streams(groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicSt
 def feed_and_drain_streams(
     groups: Iterable[tuple[list[RawBatch], int]], streams: Mapping[int, TopicStream]
 ) -> Iterator[tuple[TopicStream, pl.DataFrame]]:
-    """Decode like `take_all`, and yield rows of each stream once their order is final.
+    """Decode like `feed_streams`, and yield rows of each stream once their order is final.
 
     Args:
         groups: lists of batches, each with the lower bound of later log times.
