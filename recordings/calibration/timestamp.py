@@ -33,7 +33,7 @@ _MOST_BYTES: Final = 1 << 20
 _LONGEST: Final = 200
 
 
-def refuse_without_timestamp_library() -> None:
+def refuse_without_rfc3161() -> None:
     """Raise an error before the work begins if rfc3161-client is missing.
 
     Raises:
@@ -54,7 +54,7 @@ def make_timestamp_request(statement: bytes) -> bytes:
     Raises:
         EvidenceError: rfc3161-client is not installed.
     """
-    refuse_without_timestamp_library()
+    refuse_without_rfc3161()
     from rfc3161_client import HashAlgorithm, TimestampRequestBuilder
 
     return (
@@ -74,7 +74,7 @@ def read_authority_certificates(path: Path) -> "tuple[Certificate, ...]":
     """
     from cryptography.x509 import load_pem_x509_certificates
 
-    refuse_without_timestamp_library()
+    refuse_without_rfc3161()
     try:
         with path.open("rb") as file:
             data = file.read(_MOST_BYTES)

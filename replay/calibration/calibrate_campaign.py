@@ -45,10 +45,7 @@ from recordings.calibration.evidence_document import (
     Link,
     Signer,
 )
-from recordings.calibration.timestamp import (
-    make_timestamp_request,
-    refuse_without_timestamp_library,
-)
+from recordings.calibration.timestamp import make_timestamp_request, refuse_without_rfc3161
 from recordings.calibration.write_bundle import encode_tables, write_bundle
 from recordings.report.atomic_output import (
     atomic_file,
@@ -67,7 +64,7 @@ from replay.calibration.campaign_runs import (
     replay_logs_of_campaign,
     software_versions,
 )
-from replay.calibration.dcc_output import DccOutput, refuse_impossible_dcc, write_and_verify_dcc
+from replay.calibration.dcc_output import DccOutput, require_dcc_ready, write_and_verify_dcc
 from replay.calibration.refuse_campaign import (
     load_notary_stretch,
     refuse_contradicted_days,
@@ -181,9 +178,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
     machine = Machine.model_validate_json(canonical_json_bytes(machine.model_dump(mode="json")))
     key = read_signing_key(key_file)
-    xml_key = (
-        None if dcc is None else refuse_impossible_dcc(campaign_file, campaign, dcc, force=force)
-    )
+    xml_key = None if dcc is None else require_dcc_ready(campaign_file, campaign, dcc, force=force)
     before = (
         None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
     )
@@ -224,9 +219,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         evidence = EvidenceParts(
             "calibration", campaign, machine, learnt, replayed, options, fitted
         )
-        calibrated = write_verify_and_move_evidence(
-            evidence, made, folder, key, before, previous, stretch
-        )
+        calibrated = write_verified_evidence(evidence, made, folder, key, before, previous, stretch)
     if timestamp_request_file is not None:
         write_timestamp_request(folder, timestamp_request_file, force=force)
     if dcc is None:
@@ -244,7 +237,7 @@ def refuse_impossible_timestamp_request(file: Path, key: SigningKey | None, *, f
     """
     if key is None:
         raise EvidenceError("--timestamp-request needs a signature; give --key")
-    refuse_without_timestamp_library()
+    refuse_without_rfc3161()
     require_writable_output(file, force=force)
 
 
@@ -295,7 +288,7 @@ def read_previous_evidence(
     return checked
 
 
-def write_verify_and_move_evidence(
+def write_verified_evidence(
     evidence: EvidenceParts,
     staging: Path,
     folder: Path,
@@ -372,9 +365,7 @@ def _make_evidence_document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=evaluate_previous_line(
-            last, estimator_digested_by_this_version(last), estimator, fitted.frame
-        ),
+        as_found=evaluate_previous_line(last, redigested_estimator(last), estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
         chain=_make_next_link(previous),
@@ -384,13 +375,11 @@ def _make_evidence_document(
     return document.with_all_settings
 
 
-def estimator_digested_by_this_version(previous: EvidenceDocument | None) -> Estimator | None:
+def redigested_estimator(previous: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
-    return (
-        None
-        if previous is None
-        else estimator_with_digest(previous.campaign, previous.weighing_machine)
-    )
+    if previous is None:
+        return None
+    return estimator_with_digest(previous.campaign, previous.weighing_machine)
 
 
 def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:

@@ -18,7 +18,7 @@ from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
     EvidenceParts,
     read_previous_evidence,
-    write_verify_and_move_evidence,
+    write_verified_evidence,
 )
 from replay.calibration.campaign_runs import replay_logs_of_campaign
 from replay.calibration.refuse_campaign import refuse_contradicted_days, refuse_contradicted_machine
@@ -95,7 +95,7 @@ def check_mass(
         evidence = EvidenceParts(
             "check", campaign, last.machine, last.learnt, replayed, last.options, fitted, drift
         )
-        return write_verify_and_move_evidence(evidence, made, folder, key, before, previous)
+        return write_verified_evidence(evidence, made, folder, key, before, previous)
 
 
 def _make_single_run_campaign(

@@ -30,7 +30,7 @@ class DccOutput:
     certificate_file: Path | None = None
 
 
-def refuse_impossible_dcc(
+def require_dcc_ready(
     source: Path, campaign: CalibrationCampaign, dcc: DccOutput, *, force: bool
 ) -> "DccKey | None":
     """Raise an error before the work begins if no certificate can be made.

@@ -369,9 +369,8 @@ def _print_comparison(comparison: "FleetComparison", a: str, max_recordings: int
     for row in comparison.machines.iter_rows(named=True):
         table.add_row(row["machine"], f"{row['logs']:,}", *_make_change_cells(row))
     print_table(screen, table)
-    changed = comparison.logs.head(max_recordings).filter(
-        comparison.logs.head(max_recordings)["change_kg"] != 0.0
-    )
+    listed = comparison.logs.head(max_recordings)
+    changed = listed.filter(listed["change_kg"] != 0.0)
     if changed.is_empty():
         return
     print_line(screen, "")

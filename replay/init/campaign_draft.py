@@ -14,7 +14,7 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, PayscopeError
 from replay.logs import Log, open_log
 from replay.machines.machine_file import load_machine, time_axis_of_machine
-from replay.machines.toml_file import format_toml_value
+from replay.machines.toml_file import toml_text
 from replay.pipeline import run
 
 _HEAD = """\
@@ -138,9 +138,9 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
     count = f"{len(blocks)} run{'' if len(blocks) == 1 else 's'}"
     head = _HEAD.format(
         count=count,
-        name=format_toml_value(output.name)[1:-1],
-        machine=format_toml_value(file),
-        id=format_toml_value(ids or "machine-1"),
+        name=toml_text(output.name)[1:-1],
+        machine=toml_text(file),
+        id=toml_text(ids or "machine-1"),
     )
     return "\n".join([head, *blocks]), said
 
@@ -159,7 +159,7 @@ def _make_run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[s
     for stretch, said in _find_stretches_of_load_states(log, machine):
         lines = [
             "[[runs]]",
-            f"log = {format_toml_value(name)}",
+            f"log = {toml_text(name)}",
             *stretch,
             f'loads = ["TODO"]               # ids of the masses on board; [] without load{said}',
             f"day = {day}",

@@ -19,7 +19,7 @@ from estimators.arrays import Floats, Ints
 from estimators.errors import LogError
 from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
-from replay.machines.toml_file import format_toml_value
+from replay.machines.toml_file import toml_text
 from replay.recognise.joints import recognise_joints
 from replay.recognise.profile import FieldProfile, ask_about_efforts, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
@@ -119,12 +119,8 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         '# A field in another unit than its comment states needs its unit: unit = "km/h".',
         "",
         "[machine]",
-        f"name = {format_toml_value(log.path.stem)}",
-        *(
-            f"id = {format_toml_value(each)}"
-            for each in log.machine_ids()[:1]
-            if is_serial_number(each)
-        ),
+        f"name = {toml_text(log.path.stem)}",
+        *(f"id = {toml_text(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
         "# wheel_radius_m = 0.42        # needed if the force comes from wheel torques",
         "# track_width_m = 1.5          # for the yaw torque",
@@ -142,20 +138,19 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
-            lines.append(f"topic = {format_toml_value(guess.topic)}")
+            lines.append(f"topic = {toml_text(guess.topic)}")
         unit = unit_of_name(guess.column).replace("*", "·")
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:
             lines += [
-                f"field = {format_toml_value(guess.field)}",
+                f"field = {toml_text(guess.field)}",
                 f'unit = "{guess.unit}"  # {why[2:]}',
                 "",
             ]
             continue
         lines += [
-            f"field = {format_toml_value(guess.field)}  "
-            f"# in {unit}{why}{_note_on_wheel_speed(guess)}",
+            f"field = {toml_text(guess.field)}  # in {unit}{why}{_note_on_wheel_speed(guess)}",
             "",
         ]
     for proposal in told.channels:
@@ -183,9 +178,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
 def _make_log_lines(time: TimeAxis) -> list[str]:
     """Lines of `[log]` for the given time column."""
     keys: dict[str, object] = {"time": time.column, "time_unit": time.unit, **asdict(time.table)}
-    return [
-        f"{key} = {format_toml_value(value)}" for key, value in keys.items() if value is not None
-    ]
+    return [f"{key} = {toml_text(value)}" for key, value in keys.items() if value is not None]
 
 
 def _guesses_of_recognised_channels(recognition: Recognition) -> list[ChannelGuess]:
@@ -200,9 +193,9 @@ def _make_comment_lines(proposal: ChannelProposal) -> list[str]:
     """Commented lines of a channel that the user must complete."""
     lines = [f"[channels.{proposal.column}]"]
     if proposal.topic:
-        lines.append(f"topic = {format_toml_value(proposal.topic)}")
+        lines.append(f"topic = {toml_text(proposal.topic)}")
     if proposal.field:
-        lines.append(f"field = {format_toml_value(proposal.field)}")
+        lines.append(f"field = {toml_text(proposal.field)}")
     if proposal.unit:
         lines.append(f'unit = "{proposal.unit}"')
     if proposal.derive:

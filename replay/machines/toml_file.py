@@ -67,10 +67,10 @@ def parse_toml_value(text: str) -> Any:
         return text.strip()
 
 
-def format_toml_value(value: object) -> str:
+def toml_text(value: object) -> str:
     """Format a value in TOML; numbers, texts and lists of them are the same in JSON."""
     if isinstance(value, Mapping):
-        inside = ", ".join(f"{key} = {format_toml_value(each)}" for key, each in value.items())
+        inside = ", ".join(f"{key} = {toml_text(each)}" for key, each in value.items())
         return f"{{ {inside} }}"
     return json.dumps(value, ensure_ascii=False)
 

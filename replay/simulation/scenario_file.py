@@ -9,9 +9,9 @@ from analysis.simulation.trials.trial_limits import check_limits, check_shift_li
 from estimators.errors import ScenarioError
 from recordings.report.atomic_output import atomic_file
 from replay.machines.toml_file import (
-    format_toml_value,
     read_toml,
     set_dotted_key,
+    toml_text,
     validate_toml_content,
 )
 
@@ -70,5 +70,5 @@ def write_scenario(scenario: Scenario, path: Path, *, force: bool = False) -> No
 
 def _format_toml_block(title: str, values: Mapping[str, Any]) -> str:
     return "".join(
-        [f"{title}\n", *(f"{key} = {format_toml_value(value)}\n" for key, value in values.items())]
+        [f"{title}\n", *(f"{key} = {toml_text(value)}\n" for key, value in values.items())]
     )

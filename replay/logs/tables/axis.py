@@ -16,7 +16,7 @@ from replay.logs.tables.header import (
     column_named_by_last_part,
     has_multiple_of_unit,
     split_unit,
-    zone_offset_in_name_s,
+    zone_offset_s,
 )
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.only_time import only_time_column_or_empty
@@ -25,7 +25,7 @@ from replay.logs.tables.time_parts import (
     fraction_column_or_none,
     fractions_ns_and_unit,
     keep_letters,
-    times_from_calendar_columns,
+    times_of_calendar,
 )
 from replay.logs.tables.times import (
     NS_PER_UNIT,
@@ -134,9 +134,7 @@ class TableTimes:
         if self.calendar:
             names = ", ".join(self.calendar)
             note = f"its times are composed of {names}" + ", as UTC" * (len(self.calendar) > 3)
-            whole = RowTimes(
-                times_from_calendar_columns([cells[name] for name in self.calendar]), (note,)
-            )
+            whole = RowTimes(times_of_calendar([cells[name] for name in self.calendar]), (note,))
             return self._add_fractions(whole, cells)
         if self.time is None:
             assert self.rate_hz is not None
@@ -147,24 +145,22 @@ class TableTimes:
             return RowTimes(stamps.alias("log_time_ns"), (note,))
         return self._add_fractions(self._read_one_column(cells), cells)
 
-    def _add_fractions(self, whole_seconds: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
+    def _add_fractions(self, seconds: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
         """Add fractions of a second from another column."""
         if self.fraction is None:
-            return whole_seconds
+            return seconds
         fractions, unit = fractions_ns_and_unit(cells[self.fraction])
         note = f"the fractions of its seconds are those of '{self.fraction}', in {unit}"
-        return RowTimes(
-            (whole_seconds.stamps + fractions).alias("log_time_ns"), (*whole_seconds.notes, note)
-        )
+        return RowTimes((seconds.stamps + fractions).alias("log_time_ns"), (*seconds.notes, note))
 
     def _read_one_column(self, cells: Mapping[str, pl.Series]) -> RowTimes:
         assert self.time is not None
         text = cells[self.time]
         if self.date is not None:
             zone = (
-                zone_offset_in_name_s(self.date)
-                if zone_offset_in_name_s(self.time) is None
-                else zone_offset_in_name_s(self.time)
+                zone_offset_s(self.date)
+                if zone_offset_s(self.time) is None
+                else zone_offset_s(self.time)
             )
             return RowTimes(*stamps_of_clock_times(cells[self.date], text, self.day_first, zone))
         if text.dtype == pl.String:
@@ -172,9 +168,7 @@ class TableTimes:
             words = sample.filter(sample != "").head(50).to_list()
             if words and sum(map(is_time_of_day, words)) * 2 > len(words):
                 return RowTimes(
-                    *stamps_of_clock_times(
-                        None, text, self.day_first, zone_offset_in_name_s(self.time)
-                    )
+                    *stamps_of_clock_times(None, text, self.day_first, zone_offset_s(self.time))
                 )
             if words and sum(is_date(word) for word in words) * 2 > len(words):
                 raise TimeError("it holds dates without a time of day; name a column with times")

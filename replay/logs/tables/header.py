@@ -132,7 +132,7 @@ def has_multiple_of_unit(name: str) -> bool:
     return match is not None and spelt_unit(match["unit"]) is not None
 
 
-def zone_offset_in_name_s(name: str) -> int | None:
+def zone_offset_s(name: str) -> int | None:
     """Offset of the time zone in a column's name in s; None without one."""
     match = _ZONE.search(name)
     if match is None:

@@ -50,7 +50,7 @@ def find_calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
     return tuple(each for each in parts if each is not None)
 
 
-def times_from_calendar_columns(parts: Sequence[pl.Series]) -> pl.Series:
+def times_of_calendar(parts: Sequence[pl.Series]) -> pl.Series:
     """Log times from columns of year to second, or hour to second; null if one is missing."""
     numbers = [part.cast(pl.Float64, strict=False).alias(str(k)) for k, part in enumerate(parts)]
     frame = pl.DataFrame(numbers)
