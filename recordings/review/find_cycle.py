@@ -50,12 +50,12 @@ def find_cycle_row(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
         )
     if len(found) > 1:
         choices = ", ".join(
-            f"{rows['cycle'][k]} (dumped {rows['local_time_text'][k]})" for k in found
+            f"{rows['cycle'][k]} (dumped {rows['local_time'][k]})" for k in found
         )
         raise ReviewError(f"'{when}' may be cycle {choices}; give the number, or the UTC offset")
     if not found:
         span = (
-            f" from {rows['local_time_text'][0]} to {rows['local_time_text'][-1]}"
+            f" from {rows['local_time'][0]} to {rows['local_time'][-1]}"
             if rows.height
             else ""
         )
