@@ -49,16 +49,10 @@ def find_cycle_row(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
             f"'{when}' names no cycle; give its number (14), its id, or a local time (14:32:10)"
         )
     if len(found) > 1:
-        choices = ", ".join(
-            f"{rows['cycle'][k]} (dumped {rows['local_time'][k]})" for k in found
-        )
+        choices = ", ".join(f"{rows['cycle'][k]} (dumped {rows['local_time'][k]})" for k in found)
         raise ReviewError(f"'{when}' may be cycle {choices}; give the number, or the UTC offset")
     if not found:
-        span = (
-            f" from {rows['local_time'][0]} to {rows['local_time'][-1]}"
-            if rows.height
-            else ""
-        )
+        span = f" from {rows['local_time'][0]} to {rows['local_time'][-1]}" if rows.height else ""
         raise ReviewError(f"no cycle '{when}' among {counted(rows.height, 'cycle')}{span}")
     return found[0]
 
